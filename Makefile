@@ -7,6 +7,7 @@
 #   make coverage    lines and branches that make test reaches; fails below COVERAGE_MIN percent
 #   make check       lint, docs, test
 #   make lint        ruff, mypy --strict, the import order
+#   make interface  the functions in mrdamper/__init__.py, from the declarations of the jobs
 #   make docs        the documentation, into build/docs; a warning is an error
 #   make bench       the benchmarks; NAME=peers for one
 #   make fuzz        20,000 executions of each fuzzing target; NAME=card for one, RUNS=1000 for fewer
@@ -36,7 +37,7 @@ export PYTHONDONTWRITEBYTECODE :=
 COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
 
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-fast test-system test-nightly release-check coverage check lint docs fuzz audit bench lock \
+.PHONY: help install demo test test-fast test-system test-nightly release-check coverage check lint docs fuzz audit bench interface lock \
   wheel clean FORCE
 
 help:
@@ -131,6 +132,9 @@ build/demo/summary.json: | install
 
 docs: install $(VENV)/.tested build/demo/summary.json
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs 2 --builder html docs build/docs
+
+interface: install $(VENV)/.tested
+	$(RUN) -m tests.support.interface
 
 lint: install $(VENV)/.tested
 	$(BIN)/ruff check .

@@ -1,6 +1,6 @@
 """A card's damper with its controller as one FMU, followed through two seconds of a sine by FMPy.
 
-python examples/fmu_in_fmpy.py card.json    (needs a C compiler and `pip install mrdamper[fmi]`)
+python examples/fmu_in_fmpy.py card.json    (needs a C compiler and `pip install fmpy`)
 """
 
 import sys

@@ -1,6 +1,6 @@
-"""What the whole package promises of its public names: described, with units, no unknown word taken.
+"""Public names of the package have docstrings and units, and functions reject unknown keywords.
 
-Public is what has no leading underscore, in a module that has none.
+A name is public if neither it nor its module has a leading underscore.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from types import ModuleType
 
 import mrdamper
 
-# Names of parameters that are quantities with a unit wherever they stand.
+# Parameter names of quantities with a unit.
 QUANTITIES = {
     "amplitude", "acceleration", "command", "corner", "current", "damping", "displacement", "duration",
     "force", "gap", "largest", "least_gap", "least_thickness", "length", "longest_step", "mass", "period",
@@ -31,7 +31,7 @@ def modules() -> Iterator[ModuleType]:
 
 
 def public() -> Iterator[tuple[str, object]]:
-    """Yield every public function and class, each in the module that it is written in."""
+    """Yield every public function and class from the module that defines it."""
     for module in modules():
         for name, thing in vars(module).items():
             if (
@@ -67,7 +67,7 @@ def test_public_name_has_docstring():
 
 
 def test_public_quantity_has_unit():
-    """In the parameter's name (``rate_Hz``), or in brackets in the docstring."""
+    """The unit is in the name of the parameter (``rate_Hz``) or in brackets in the docstring."""
     bare = [
         f"{name}: {', '.join(found)}"
         for name, signature, said in functions()
@@ -86,7 +86,7 @@ def test_public_quantity_has_unit():
 
 
 def test_public_function_rejects_unknown_keywords():
-    """A misspelt option is an error, not an option that is silently left out."""
+    """A misspelt option is an error. It is not ignored."""
     greedy = [
         name
         for name, signature, _ in functions()

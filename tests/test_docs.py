@@ -46,7 +46,7 @@ _FENCE = re.compile(
     r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)\s*$", re.MULTILINE | re.DOTALL
 )
 _NUMBER = re.compile(r"[-+−]?\d+\.?\d*(?:e[-+]?\d+)?")
-_CPU = re.compile(r"[\d.]+ s of CPU")
+_TIME = re.compile(r"\([\d.]+ s\)")
 Tool = Callable[[str], Path]
 
 _LAST_OF_START = "% the other pages start here"
@@ -112,7 +112,7 @@ def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
 
 def words_of(line: str) -> list[str]:
     """Return the words of a line without the frames of tables."""
-    return re.sub(r"[\u2500-\u257f]", " ", _CPU.sub("CPU", line)).split()
+    return re.sub(r"[\u2500-\u257f]", " ", _TIME.sub("TIME", line)).split()
 
 
 def is_same(wanted: str, seen: str, tolerance: float) -> bool:

@@ -1,4 +1,4 @@
-"""Errors as data: the parts make the message."""
+"""Errors store the parts of their messages."""
 
 from __future__ import annotations
 

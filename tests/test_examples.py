@@ -1,4 +1,4 @@
-"""The examples run as they stand, and say what they say here."""
+"""The examples run unchanged and print the expected values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def said_by(script: str, *arguments: str | Path) -> str:
 
 
 def number(pattern: str, said: str) -> float:
-    """Return the one number that a pattern's group finds in what was printed."""
+    """Return the only number that matches a pattern in the output."""
     found = re.findall(pattern, said)
     assert len(found) == 1, said
     return float(found[0])
@@ -40,7 +40,7 @@ def number(pattern: str, said: str) -> float:
 
 @pytest.fixture(scope="module")
 def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the file of a card from a small campaign."""
+    """Return the file of a card that was fitted to a small campaign."""
     tests = Campaign(
         motions=("sine15mm1Hz", "sine5mm1Hz", "nonperiodic"),
         currents_A=(0.0, 1.0, 2.0),
@@ -67,12 +67,12 @@ def test_real_damper_example_is_accurate(real_data):
 
 @pytest.mark.nightly
 def test_custom_law_example_is_fitted():
-    """Measured: 4.8 %, in 10 s of CPU: a law in Python is slow."""
+    """The measured error is 4.8 %. The fit takes 10 s of CPU time because a law in Python is slow."""
     assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
 
 
 def test_rheometer_example_follows_arrhenius():
-    """The fall that docs/fluid.md prints."""
+    """The decrease agrees with docs/fluid.md."""
     said = said_by("rheometer_fit.py")
     assert said.startswith("arrhenius")
     assert number(r"arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
@@ -98,7 +98,7 @@ def test_controller_example_gains_when_hot(card):
 
 @pytest.mark.nightly
 def test_controlled_quarter_car_improves_comfort_and_load():
-    """Body acceleration and tyre load fall by more than a tenth against the damper without current."""
+    """Body acceleration and tyre load decrease by more than 10 % compared with zero current."""
     said = said_by("quarter_car.py")
     comfort, load = (
         [float(found) for found in re.findall(pattern, said)] for pattern in (r"body ([\d.]+)", r"tyre (\d+)")
@@ -108,16 +108,16 @@ def test_controlled_quarter_car_improves_comfort_and_load():
 
 
 def test_quarter_car_with_a_card_is_controlled(card):
-    """A bench card drives too; current makes the damper stronger, so that the rattle space falls."""
+    """A card of a bench test can be used. A larger current reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
     rattle = [float(found) for found in re.findall(r"rattle space ([\d.]+) mm", said)]
     assert rattle[1] < rattle[0]
 
 
 def test_mean_damper_power_depends_on_tyre_alone():
-    """A linear damper takes up k_t S / 4 on average; S is the one-sided spectrum of a white road speed.
+    """A linear damper dissipates k_t S / 4 on average. S is the one-sided spectrum of a white road velocity.
 
-    Any internal damper does: the work enters through the tyre alone, so that the car drops out.
+    The power does not depend on the car because the road excites it only through the tyre.
     """
     names = runpy.run_path(str(FOLDER / "quarter_car.py"))
     step = names["STEP_S"]

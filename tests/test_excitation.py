@@ -1,4 +1,4 @@
-"""Motions against calculus: each velocity is the slope of its displacement, and known extremes."""
+"""Motions compared with calculus: each velocity is the derivative of the displacement; known extremes."""
 
 import numpy as np
 import pytest
@@ -36,8 +36,8 @@ motions = st.one_of(
 
 @given(motion=motions, t=st.floats(0.0, 10.0))
 def test_velocity_and_acceleration_are_slopes(motion, t):
-    """Central differences over a hundredth of the fastest period, to their second-order error."""
-    fastest = 2 * np.pi * 80.0  # a chirp runs on beyond its end
+    """Central differences with 1 % of the shortest period agree within their second-order error."""
+    fastest = 2 * np.pi * 80.0  # A chirp continues after its end.
     h = 0.01 / fastest
     slope = (motion.displacement(t + h) - motion.displacement(t - h)) / (2 * h)
     bend = (motion.velocity(t + h) - motion.velocity(t - h)) / (2 * h)
@@ -145,7 +145,7 @@ def test_current_steps_hold_levels():
 
 @given(samples=st.integers(1, 400), rate=st.sampled_from([500.0, 1000.0, 10_000.0]), count=st.integers(1, 30))
 def test_sample_at_switch_has_next_level(samples, rate, count):
-    """However the time of a sample is rounded: here levels of whole samples, counted."""
+    """Rounded sample times give the same level. Here the levels are whole numbers of samples."""
     steps = CurrentSteps(tuple(range(count)), hold=samples / rate)
     expected = np.repeat(np.arange(count), samples)
     assert np.array_equal(steps.current(np.arange(count * samples) / rate), expected)
@@ -156,7 +156,7 @@ def test_sample_at_switch_has_next_level(samples, rate, count):
 
 @pytest.mark.system
 def test_road_has_spectrum_of_class():
-    """Octave by octave, a periodogram's power against Gd(n0) (n / n0)^-2, far above the corner."""
+    """In each octave, the power of a periodogram agrees with Gd(n0) (n / n0)^-2 far above the corner."""
     from scipy.signal import periodogram
 
     road = Road("C", speed=20.0, seed=5)
@@ -192,7 +192,7 @@ def test_random_current_is_independent_of_duration():
     t = np.arange(-0.5, 400.0, 1e-3)
     current = random.current(t)
     changes = np.flatnonzero(np.diff(current)) * 1e-3
-    # a level may come twice in a row at either end
+    # A level can occur twice in succession at either end.
     assert np.diff(changes).min() >= 0.02 - 1.5e-3
     assert np.median(np.diff(changes)) == pytest.approx(np.sqrt(0.02 * 0.3), rel=0.1)
     assert np.all(current[t <= 0.0] == current[0])

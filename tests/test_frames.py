@@ -1,4 +1,4 @@
-"""Runs from memory: frames and arrays give what files give, faults are told as those of files."""
+"""Runs from frames and arrays equal runs from files, and have the same error messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def runs() -> list[RigRun]:
 
 
 def columns(run: RigRun, **changes: object) -> dict[str, object]:
-    """Return a run's columns under names with units; None takes one away."""
+    """Return the columns of a run under names with units. None removes a column."""
     given = {
         "time_ms": 1e3 * run.time,
         "displacement_mm": 1e3 * run.displacement,
@@ -81,13 +81,23 @@ def test_second_column_level_is_the_unit(runs):
         np.testing.assert_allclose(read.force, runs[0].force, rtol=1e-9)
 
 
-def test_keywords_assign_columns_or_values(runs):
+def test_columns_are_named_or_given(runs):
     run = runs[0]
     bare = pd.DataFrame({"t": run.time, "Pos": 1e3 * run.displacement, "Load": 1e-3 * run.force})
-    named = mrdamper.read(bare, time_s="t", displacement_mm="Pos", force_kN="Load", current_A=0.5)
-    held = mrdamper.read(time_s=run.time, displacement_m=run.displacement, force_N=run.force, current_A=0.5)
+    named = mrdamper.read(
+        bare, {"time_s": "t", "displacement_mm": "Pos", "force_kN": "Load", "current_A": 0.5}
+    )
+    held = mrdamper.read(
+        columns={
+            "time_s": run.time,
+            "displacement_m": run.displacement,
+            "force_N": run.force,
+            "current_A": 0.5,
+        }
+    )
     sampled = mrdamper.read(
-        bare.drop(columns="t"), displacement_mm="Pos", force_kN="Load", current_A=0.5, rate_Hz=500.0
+        bare.drop(columns="t"),
+        {"displacement_mm": "Pos", "force_kN": "Load", "current_A": 0.5, "rate_Hz": 500.0},
     )
     for each in (named, held, sampled):
         np.testing.assert_allclose(each.runs[0].force, run.force)

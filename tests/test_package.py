@@ -1,4 +1,4 @@
-"""The package's own face: what it names, and how little it costs to import."""
+"""The package's public names, and the time of its import."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def cpu_ms(*command: str, repeats: int = 5) -> float:
-    """Return the least CPU time of a command over some runs [ms]: what it needs, without the noise."""
+    """Return the minimum CPU time of a command in several runs [ms], which excludes noise."""
 
     def once() -> float:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -66,7 +66,7 @@ def test_public_name_resolves(name):
 
 
 def test_version_follows_tag(tmp_path):
-    """Beyond a tag the version says how far; CITATION.cff and Zenodo name what a tree without history is."""
+    """After a tag, the version contains the number of commits. CITATION.cff has the version of the tag."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     without = _version_of(tmp_path)
     assert re.search(
@@ -90,7 +90,7 @@ def test_version_follows_tag(tmp_path):
 
 
 def _version_of(root: Path) -> str:
-    """Return the version that a build of ``root`` gets."""
+    """Return the version of a build of ``root``."""
     found = subprocess.run(
         [sys.executable, "-m", "setuptools_scm", "--root", "."],
         cwd=root, env=os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)}, check=True,
@@ -101,7 +101,7 @@ def _version_of(root: Path) -> str:
 
 @pytest.mark.nightly
 def test_source_archive_builds_working_wheel(tmp_path):
-    """The wheel has its types and templates, and its program answers from where it was installed."""
+    """The wheel contains types and templates, and the installed program runs."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 
     def run(*command: str, folder: Path) -> None:
@@ -119,7 +119,7 @@ def test_source_archive_builds_working_wheel(tmp_path):
     run(*pip, "install", "--no-deps", "--target", str(tmp_path / "there"), str(wheel), folder=tmp_path)
     assert (tmp_path / "there" / "mrdamper" / "py.typed").is_file()
     code = "import mrdamper; print(mrdamper.__file__); mrdamper.rig(campaign='short').dataset.plot()"
-    # Without .pth files (-S): an editable installation would be found first.
+    # The option -S ignores .pth files. Otherwise an editable installation would be imported.
     where = os.pathsep.join((str(tmp_path / "there"), sysconfig.get_path("purelib")))
     ran = subprocess.run(
         [sys.executable, "-S", "-c", code],

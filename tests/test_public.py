@@ -1,10 +1,13 @@
-"""The public face: every job is a function, and its result shows itself."""
+"""The public interface: every job is a function, and its result has a summary and a figure."""
 
 from __future__ import annotations
 
 import ast
 import inspect
+import json
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -16,27 +19,15 @@ import pytest
 import mrdamper
 from mrdamper.cli import cli
 from mrdamper.registry import JOBS, public_names
-from mrdamper.registry.public import function_of
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
 from tests.support.campaigns import paper_card
+from tests.support.interface import FILE, interface
 
 pytestmark = pytest.mark.system
 
-
-@pytest.mark.parametrize("name", sorted(public_names()))
-def test_job_function_matches_registry(name):
-    job = public_names()[name]
-    known = inspect.signature(function_of(job)).parameters
-    assert [*known] == [
-        *(each.name for each in sorted(job.inputs, key=lambda each: not each.required)),
-        *(field.name for field in (*job.reading, *job.fields)),
-        *(each.name for each in job.outputs),
-        "on_progress",
-    ]
-    for field in job.fields:
-        assert field.option.help, field.name
+SCRIPT = Path(__file__).parent / "support" / "typed_script.py"
 
 
 @pytest.mark.parametrize("name", sorted(JOBS))
@@ -53,7 +44,7 @@ def test_command_has_option_per_field(name):
 def test_result_has_summary_and_figure(tmp_path):
     hot = mrdamper.heat(paper_card(), "paper", ambient_degC=35.0, model="lumped")
     assert hot.rise.fluid_degC[0] == pytest.approx(35.0)
-    assert "limit of the fluid, 130 degC" in hot.summary()
+    assert "Limit of the fluid (130 degC" in hot.summary()
     assert len(repr(hot).splitlines()) <= 10
     assert "<svg" in hot._repr_html_()
     assert hot.plot().axes
@@ -62,25 +53,43 @@ def test_result_has_summary_and_figure(tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"heat.html", "heat.json", "heat.csv"}
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+def test_type_checker_reports_wrong_calls(checker, tmp_path, tool):
+    """It accepts the correct calls of the script and finds an error in every marked line."""
+    if checker == "mypy":
+        command = [sys.executable, "-m", "mypy", str(SCRIPT)]
+    else:
+        settings = {
+            "include": [str(SCRIPT)],
+            "extraPaths": [str(SOURCE.parent)],
+            "reportUnnecessaryTypeIgnoreComment": "error",
+        }
+        (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings), encoding="utf-8")
+        command = [str(tool("pyright")), "--project", str(tmp_path), "--pythonpath", sys.executable]
+    run = subprocess.run(command, cwd=SOURCE.parents[1], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout
+
+
 # ------------------------------------------------------------------------------- as people use it (figures)
 
 FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # at most 4 lines
+"""  # At most 4 lines.
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
-runs = mrdamper.read("logger.csv", displacement_mm="Pos", force_kN="Load", current_A="Coil")
+runs = mrdamper.read("logger.csv", {"displacement_mm": "Pos", "force_kN": "Load", "current_A": "Coil"})
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # at most 6 lines
+"""  # At most 6 lines.
 
 
 @pytest.fixture(scope="module")
 def logged():
-    """Return runs at two currents and one whose current steps, as frames."""
+    """Return runs at two currents and a run with current steps, as frames."""
     campaign = Campaign(motions=("sine5mm1Hz",), currents_A=(0.5, 2.0), temperatures_degC=(20.0,))
     frames = [
         pd.DataFrame(
@@ -101,7 +110,7 @@ def test_two_frames_give_plotted_loops(logged):
     exec(FRAMES_TO_LOOPS, names)
     assert len(FRAMES_TO_LOOPS.strip().splitlines()) <= 4
     figure = names["fit"].plot()
-    assert len(figure.axes) == 4  # two runs, over displacement and over velocity
+    assert len(figure.axes) == 4  # Two runs, each versus displacement and velocity.
     titles = [text.get_text() for text in figure.texts]
     for title, error in zip(titles, names["fit"].assessment.runs, strict=True):
         assert f"{error.rmse_N:.0f} N" in title
@@ -124,13 +133,24 @@ def test_logger_file_gives_compiled_controller(logged, tmp_path, monkeypatch):
 
 def test_card_has_method_per_job():
     begins = {job.name for job in JOBS.values() if job.inputs and job.inputs[0].kind.startswith("card")}
-    assert {"evaluate", "simulate", "heat", "heatsink", "track", "export"} <= begins
-    for name in (*begins, "plot", "save", "summary"):
-        assert callable(getattr(mrdamper.ModelCard, name))
+    assert begins <= {*vars(mrdamper.ModelCard)}
 
 
-def test_every_job_is_public():
+def test_interface_matches_declarations():
+    """`make interface` writes the functions again after a change of a declaration."""
+    assert FILE.read_text(encoding="utf-8").endswith(interface())
     assert {*public_names(), "read"} <= {*mrdamper.__all__}
+
+
+@pytest.mark.parametrize("name", [name for name in mrdamper.__all__ if name[0].islower()])
+def test_function_has_explicit_signature(name):
+    """Every parameter has a name, a type and a line of documentation."""
+    function = getattr(mrdamper, name)
+    for parameter in inspect.signature(function).parameters.values():
+        assert parameter.kind not in {parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL}
+        assert parameter.annotation not in {parameter.empty, "Any"}
+        if name in public_names() and parameter.name != "on_progress":
+            assert f"\n{parameter.name} : " in (inspect.getdoc(function) or "")
 
 
 # ------------------------------------------------------------------------------- remedies that messages name
@@ -149,6 +169,7 @@ COMMANDS_OF = {
     "report/identification": ("fit",),
     "jobs/sweep": ("sweep",),
 }
+OTHER_TEXTS = ("registry/__init__.py", "cli/help_texts.py", "report/base.py")  # They name no command.
 
 
 def message_texts(path: Path) -> Iterator[str]:
@@ -175,8 +196,8 @@ def printed_texts() -> Iterator[tuple[tuple[str, ...], str]]:
         packages = [package for package in COMMANDS_OF if module.startswith(f"{package}/")]
         own = (path.stem,) if path.stem in JOBS else ()
         for text in message_texts(path):
-            # The help of a job is checked above. Declarations of options and module paths are no messages.
-            if not (re.fullmatch(r"--[\w-]+|[\w.:]+", text) or module == "registry/__init__.py"):
+            # Declarations of options and module paths are not messages. Other tests check the help.
+            if not (re.fullmatch(r"--[\w-]+|[\w.:]+", text) or module in OTHER_TEXTS):
                 yield COMMANDS_OF[packages[0]] if packages else own, text
 
 
@@ -198,7 +219,7 @@ def test_messages_name_existing_options():
                 assert option in options_of(name), f"{text!r}: mrdamper {name} has no {option}"
                 if name in JOBS and option not in CLI_ONLY:
                     keyword = options_of(name)[option]
-                    assert keyword in inspect.signature(function_of(JOBS[name])).parameters, (
+                    assert keyword in inspect.signature(getattr(mrdamper, JOBS[name].attribute)).parameters, (
                         f"{text!r}: {keyword}"
                     )
                 checked.add((name, option))

@@ -1,4 +1,4 @@
-"""Units at the door, against the constants that SciPy prints (CODATA and the definitions of the units)."""
+"""Conversion of units, compared with the constants of SciPy (CODATA and definitions of the units)."""
 
 import numpy as np
 import pytest

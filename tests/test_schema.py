@@ -1,4 +1,4 @@
-"""Records: what is written is read again, and what is wrong is said with place, found, expected."""
+"""A written record is read again, and an error message has location, value and expectation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from mrdamper.errors import InputError
 from mrdamper.schema import (
     Option,
-    json_schema,
     read_record,
     toml_text,
     write_record,
@@ -110,16 +109,6 @@ def test_fault_has_location_and_expectation(document, said):
     assert len(lines) == len(said)
     for line, start in zip(lines, said, strict=True):
         assert line.startswith(start)
-
-
-def test_json_schema_has_file_units():
-    schema = json_schema(Whole)
-    part = schema["$defs"]["Part"]["properties"]
-    assert part["length_mm"]["description"] == "its length [mm]"
-    assert part["length_mm"]["exclusiveMinimum"] == 0.0
-    assert part["ambient_degC"]["default"] == 20.0
-    assert schema["required"] == ["part"]
-    assert schema["additionalProperties"] is False
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.text())

@@ -1,6 +1,6 @@
-"""No code is run that a file brings: facts about the package's source, read as syntax and not as text.
+"""The package executes no code from files. The tests analyse the syntax of the source.
 
-SECURITY.md says what is promised, and names these tests.
+SECURITY.md lists the guarantees and names these tests.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mrdamper"
 
-# What builds objects or runs text that somebody else wrote.
+# Functions that create objects or execute text from others.
 MODULES = {
     *("pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "code", "codeop"),
     *("yaml", "ruamel", "jsonpickle", "xmlrpc", "numexpr", "sympy", "pandas", "torch"),
@@ -41,7 +41,7 @@ NETWORK = {
 }
 KEYWORDS = {"allow_pickle", "shell"}
 
-# The only places that load a module by a name that is not in the source, or run a file: and why.
+# The only modules that import by a computed name or execute a file, with the reason.
 ALLOWED = {
     "__init__.py: import_module": "the package's own rooms, by the names in its table",
     "data/formats/mdf.py: import_module": "modules of asammdf, by a name in the source",
@@ -58,7 +58,7 @@ ALLOWED = {
 
 @cache
 def sources() -> dict[str, list[ast.AST]]:
-    """Return the nodes of each module, by its path in the package."""
+    """Return the syntax nodes of each module by its path in the package."""
     return {
         path.relative_to(PACKAGE).as_posix(): [*ast.walk(ast.parse(path.read_bytes()))]
         for path in PACKAGE.rglob("*.py")
@@ -73,7 +73,7 @@ def module_of(node: ast.AST) -> Iterator[str]:
 
 
 def findings(nodes: Iterable[ast.AST]) -> Iterator[str]:
-    """Give what a piece of source does that it should not."""
+    """Yield the forbidden calls in a piece of source."""
     for node in nodes:
         yield from (f"import {name}" for name in module_of(node) if name.split(".")[0] in MODULES)
         if isinstance(node, ast.ImportFrom):
@@ -89,7 +89,7 @@ def findings(nodes: Iterable[ast.AST]) -> Iterator[str]:
             yield f"{node.arg}="
 
 
-def test_the_source_runs_no_code_that_it_is_given():
+def test_source_executes_no_foreign_code():
     assert len(sources()) > 100
     found = {f"{name}: {what}" for name, nodes in sources().items() for what in findings(nodes)}
     assert found == set(ALLOWED)
@@ -104,15 +104,15 @@ def test_only_these_modules_can_open_a_connection():
         if any(module == each or module.startswith(f"{each}.") for each in NETWORK)
     }
     assert found == {
-        "jobs/public_data/catalog.py",  # data fetch: https, pinned
+        "jobs/public_data/catalog.py",  # data fetch: HTTPS with a fixed commit
         "jobs/sweep/executors.py",  # sweep --scheduler
         "web/server.py",  # serve
-        "web/security.py",  # the name of this machine
+        "web/security.py",  # the name of this computer
     }
 
 
-def test_every_test_that_the_promises_name_is_there():
-    """SECURITY.md names a test for each promise as path::name."""
+def test_named_security_tests_exist():
+    """SECURITY.md names a test for each guarantee as path::name."""
     text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text)
     assert len(named) > 20

@@ -11,7 +11,6 @@ beside it says unit, range, help and, where the file's key is not the field's na
 
     body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06, ...): SI inside
     table = write_record(body)                                      # {"length_mm": 60.0, ...}
-    schema = json_schema(Body)
 
 A field with a ``key`` holds SI (kelvin) and its file holds ``unit``; a field without one holds what the file
 holds. A table may have a short form: an ``Option`` with ``short`` says which table a bare value stands for
@@ -203,7 +202,7 @@ class Field:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The texts that the field takes; empty where any will do."""
+        """The texts that the field accepts; empty if it accepts any text."""
         item = self.item
         if get_origin(item) is Literal:
             return tuple(str(each) for each in get_args(item))
@@ -545,29 +544,3 @@ def _toml_value(value: object) -> str:
         short = f"{value + 0.0:.12g}"  # "-0" would be read as the whole number 0
         return short if float(short) == value else repr(value)  # the same number is read again
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML allows no bare delete
-
-
-# ------------------------------------------------------------------------------------------- describing
-
-
-def json_schema(record: type) -> Json:
-    """Return the JSON schema of a record, with help and units as descriptions."""
-    schema: Json = _adapter(record).json_schema(by_alias=True)
-    _describe(schema, record)
-    return schema
-
-
-def _describe(schema: Json, record: type) -> None:
-    properties = schema.get("properties", {})
-    for field in fields_of(record):
-        if field.key in properties:
-            unit = f" [{field.option.unit}]" if field.option.unit else ""
-            said = f"{field.option.help}{unit}".strip()
-            if said:
-                properties[field.key]["description"] = said
-            if field.option.key and isinstance(field.default, float):
-                properties[field.key]["default"] = field.option.from_si(field.default)
-    for name, inner in schema.get("$defs", {}).items():
-        for each in _records_in(record):
-            if each.__name__ == name and each is not record:
-                _describe(inner, each)

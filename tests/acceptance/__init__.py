@@ -1,1 +1,1 @@
-"""Whole jobs on real runs."""
+"""Tests of complete jobs with measured runs."""

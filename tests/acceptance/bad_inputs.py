@@ -1,4 +1,4 @@
-"""Bad inputs: each case writes its files into a folder and has a pattern of the message.
+"""Invalid inputs: each case writes its files to a folder and has a pattern of the message.
 
 A case is a name, a function that writes the files and returns the arguments of the command line, and the
 pattern. The folder also holds ``good.csv`` (a valid run) and ``card.json`` (a valid card).
@@ -36,8 +36,8 @@ class Case:
     """One bad input."""
 
     name: str
-    make: Callable[[Path], Arguments]  # writes into the folder; the arguments of the command line
-    message: str  # pattern
+    make: Callable[[Path], Arguments]  # Writes the files and returns the arguments of the command line.
+    message: str  # Regular expression.
 
 
 # ------------------------------------------------------------------------------------------- text
@@ -64,7 +64,7 @@ def identify(*paths: object) -> Arguments:
 
 
 def raw(content: bytes, name: str = "bad.csv") -> Callable[[Path], Arguments]:
-    """Return what writes these bytes to a file, to be identified."""
+    """Return a function that writes these bytes to a file for a fit."""
 
     def make(folder: Path) -> Arguments:
         (folder / name).write_bytes(content)
@@ -80,7 +80,7 @@ def text(content: str, name: str = "bad.csv") -> Callable[[Path], Arguments]:
 def spoilt(
     spoil: Callable[[dict[str, np.ndarray]], object], header: str = HEADER
 ) -> Callable[[Path], Arguments]:
-    """Return what writes the good run with its columns altered."""
+    """Return a function that writes the valid run with changed columns."""
 
     def make(folder: Path) -> Arguments:
         given = columns()
@@ -114,7 +114,7 @@ def header(line: str) -> Callable[[Path], Arguments]:
 
 
 def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], Arguments]:
-    """Return what makes a file of gigabytes that takes no room: a beginning, then nothing but zeros."""
+    """Return a function that writes a sparse file of gigabytes: a valid beginning, then zeros."""
 
     def make(folder: Path) -> Arguments:
         with (folder / name).open("wb") as stream:
@@ -132,7 +132,7 @@ def loop(folder: Path) -> Arguments:
 
 
 def twins(folder: Path) -> Arguments:
-    """Write two files whose runs no folder tells apart."""
+    """Write two files with the same name of the run."""
     for name in ("run.csv", "run.txt"):
         (folder / name).write_text(GOOD)
     return identify("run.csv", "run.txt")
@@ -168,7 +168,7 @@ def signature_alone(content: bytes) -> bytes:
 
 
 def pipe(name: str, *arguments: object) -> Callable[[Path], Arguments]:
-    """Return a function that makes a named pipe and returns the arguments."""
+    """Return a function that creates a named pipe and returns the arguments."""
 
     def make(folder: Path) -> Arguments:
         os.mkfifo(folder / name)
@@ -238,7 +238,7 @@ BOOK = {
 
 
 def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
-    """Return a workbook of one sheet; ``stated`` is the unpacked size that its directory claims."""
+    """Return a workbook with one sheet. ``stated`` is the unpacked size in its directory."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, part in BOOK.items():
@@ -251,7 +251,7 @@ def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
 
 
 def bomb(stated: int) -> Callable[[Path], Arguments]:
-    """Return what writes a workbook of 40 kB whose sheet unpacks to 40 MB, and states ``stated`` bytes."""
+    """Return a function that writes a workbook of 40 kB. It unpacks to 40 MB, not ``stated`` bytes."""
 
     def make(folder: Path) -> Arguments:
         row = b'<row r="1">' + b"<c><v>0</v></c>" * 4 + b"</row>"
@@ -262,7 +262,7 @@ def bomb(stated: int) -> Callable[[Path], Arguments]:
 
 
 def entity(declared: str) -> bytes:
-    """Return a workbook whose sheet declares the entity ``e`` and uses it as a text beside two numbers."""
+    """Return a workbook that declares the entity ``e`` and uses it as a text next to two numbers."""
     cells = '<c t="str"><v>&e;</v></c><c><v>1</v></c><c><v>2</v></c>'
     rows = "".join(f'<row r="{k}">{cells}</row>' for k in range(1, 9))
     return workbook(f"<!DOCTYPE s [{declared}]>{SHEET.replace('@', rows)}".encode())
@@ -306,7 +306,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
     def make(folder: Path) -> Arguments:
         document = json.loads(card_text(card_of(DAMPERS["bouc-wen"])))
         change(document)
-        # The signature is renewed, so that the checks behind it are reached.
+        # A valid signature is written so that the following checks are reached.
         (folder / "bad.json").write_text(json.dumps(signed(document)))
         return [*EVALUATE]
 
@@ -351,7 +351,7 @@ def objects_in_archive(folder: Path) -> Arguments:
 
 
 CASES: tuple[Case, ...] = (
-    # text that is none, or is not there
+    # Missing files and files that are not text
     Case("empty", raw(b""), r"bad\.csv: the file is empty"),
     Case("header only", text(HEADER + "\n"), r"no rows of numbers in the first 1 lines"),
     Case("missing", lambda folder: identify("nowhere.csv"), r"nowhere\.csv: no such file or folder"),
@@ -364,12 +364,12 @@ CASES: tuple[Case, ...] = (
     Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv"), r"holds zero bytes after about line"),
     Case("name of markup", text("", "[red]<b>$(x).csv"), r"\[red\]<b>\$\(x\)\.csv: the file is empty"),
     Case("same name twice", twins, r"run name 'run' is used more than once"),
-    # encodings
+    # Encodings
     Case("UTF-16", raw(GOOD.encode("utf-16") + b"\0"), r"the text is UTF-16 and damaged"),
     Case("CR line ends", raw(GOOD.replace("\n", "\r").encode()), r"lines end in CR alone"),
     Case("noise", raw(np.random.default_rng(0).bytes(5000)), r"not a format that is read here|not UTF-8"),
     Case("web page", text("<!DOCTYPE html><html><body>Log in</body></html>\n" * 9), r"is a web page or XML"),
-    # columns and units
+    # Columns and units
     Case("markup in names", header("<script>,<b>x</b>,&amp;,current_A"), r"no displacement column.*<script>"),
     Case("no force", header("time_s,displacement_mm,CH1,current_A"), r"no force column; the columns are"),
     Case(
@@ -403,7 +403,7 @@ CASES: tuple[Case, ...] = (
         text(f"{HEADER}\n" + "".join(f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5\n" for k in range(200))),
         r"commas seem to separate both columns and decimals",
     ),
-    # numbers
+    # Numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
     Case("cut in a row", text(GOOD[:-30]), r"is nan at sample"),
     Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at sample 77 \(1 such"),
@@ -423,9 +423,9 @@ CASES: tuple[Case, ...] = (
     Case("dead load cell", spoilt(edit("force", lambda f: 0.0 * f)), r"force never changes"),
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
     Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
-    # what is given instead of a run
+    # Paths that are not runs
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
-    # binary formats
+    # Binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
     Case("Parquet without rows", parquet_without_rows, r"no columns of numbers found"),
     Case("MAT, cut", cut("v5.mat", 0.6), r"not a readable MAT file"),
@@ -454,7 +454,7 @@ CASES: tuple[Case, ...] = (
         raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
         r"not a readable Excel file",
     ),
-    # loggers
+    # Data loggers
     Case(
         "logger, no size",
         damaged("logger.txt", lambda c: c.replace(b"Header Size", b"Header Length")),
@@ -466,7 +466,7 @@ CASES: tuple[Case, ...] = (
         damaged("mts.dat", lambda c: b"\n".join(c.splitlines()[:5])),
         r"no rows of numbers",
     ),
-    # every format: nothing in it, another's head, its own head and nothing else
+    # Every format: empty, with the signature of another format, or with only its signature.
     # An empty JSON file may be of any program and is omitted.
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 9} more"),
     *(
@@ -497,7 +497,7 @@ CASES: tuple[Case, ...] = (
         mdf_formula,
         r"bad\.mf4: channel 'displacement_mm' is scaled by the formula .*not run",
     ),
-    # channel maps
+    # Channel maps
     Case("map missing", channel_map(None), r"map\.toml: cannot read the channel map"),
     Case("map is no TOML", channel_map("[channel\n"), r"map\.toml: not a TOML file"),
     Case("map nested too deep", channel_map("x = " + "[" * 50_000), r"map\.toml: not a TOML file"),
@@ -519,7 +519,7 @@ CASES: tuple[Case, ...] = (
         pipe("map.toml", *identify("good.csv"), "--channels", "map.toml"),
         r"map\.toml: is a pipe or a device",
     ),
-    # cards
+    # Cards
     Case("card of another schema", card(lambda d: d.update(schema_version=999)), r"schema_version.*999"),
     Case(
         "card, edited",
@@ -532,7 +532,7 @@ CASES: tuple[Case, ...] = (
     Case("card, empty", card_bytes(b""), r"bad\.json: .*not a whole JSON file"),
     Case("card nested too deep", card_bytes(b"[" * 100_000), r"bad\.json: not a card"),
     Case("card is a pipe", pipe("bad.json", *EVALUATE), r"bad\.json: is a pipe or a device"),
-    # other files that people write
+    # Other files of users
     Case("drawing with an unknown table", toml("[bodyy]\nlength_mm = 1", *HEAT), r"bodyy"),
     Case(
         "campaign with an unknown key",
@@ -550,6 +550,6 @@ CASES: tuple[Case, ...] = (
 
 
 def cases(names: set[str]) -> list[Case]:
-    """Return the cases of these names, of which none may be missing."""
+    """Return the cases with these names. Raise if one is missing."""
     assert names <= {case.name for case in CASES}
     return [case for case in CASES if case.name in names]

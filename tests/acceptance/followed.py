@@ -1,4 +1,4 @@
-"""A controller followed on a damper of the rig, and the figures that were asked of it."""
+"""Controllers on a damper of the rig, and the required errors."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from mrdamper.virtual_rig.plant import STEP_S, Plant, VirtualDamper
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
-# Largest of all, largest feasible, RMSE feasible [N]. One of the first, over samples no damper could follow,
-# is as measured: 175.3 N where 175 were asked.
+# Largest error, largest feasible error, feasible RMS error [N]. One limit of the largest errors is 175.3 N
+# instead of 175 N because no damper can follow the target at its sample.
 MUST = {
     ("nominal", SLOW): (120.0, 62.5, 21.0),
     ("nominal", FAST): (176.0, 75.0, 25.0),
@@ -22,28 +22,28 @@ MUST = {
     ("hard", FAST): (265.0, 125.0, 48.0),
     ("hard", UNEVEN): (400.0, 225.0, 63.0),
 }
-OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # of its controller's RMSE
+OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # Fractions of the RMS error of the paper's controller.
 
 _REACHES: dict[tuple[VirtualDamper, str, float, float], AttainableRange] = {}
 
 
 def reach(damper: VirtualDamper, scenario: Scenario) -> AttainableRange:
-    """Return the reach of the damper, its force's gain included; kept, as controllers share it."""
+    """Return the attainable force of the damper. It is cached because controllers share it."""
     key = damper, scenario.name, scenario.temperature_degC, scenario.duration_s
     if key not in _REACHES:
         course = reference_trajectory(scenario, STEP_S)
         _REACHES[key] = attainable_range(Plant(damper), course, scenario.temperature_degC, scenario.highest_A)
-    gain = scenario.disturbance.force_gain  # is the damper's, and so of its reach
+    gain = scenario.disturbance.force_gain  # The attainable force scales with the gain of the damper.
     return AttainableRange(gain * _REACHES[key].low, gain * _REACHES[key].high)
 
 
 def forget_reaches() -> None:
-    """Let go of what is kept, before other dampers fill the memory."""
+    """Delete the cached forces before other dampers are tested, to limit the memory."""
     _REACHES.clear()
 
 
 def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> dict[float, Score]:
-    """Return the worse of the seeds by temperature [degC]."""
+    """Return the worse score of the seeds by temperature [degC]."""
     found = {}
     for degrees in TEMPERATURES:
         warm = replace(scenario, temperature_degC=degrees)
@@ -54,5 +54,5 @@ def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenari
 
 
 def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
-    """Return the worst of each score over temperatures and seeds."""
+    """Return the worst value of each score for all temperatures and seeds."""
     return worst(list(scores(damper, controller, scenario).values()))

@@ -1,7 +1,7 @@
-"""An asymmetric damper, stronger one way as a car's: it is followed by default.
+"""An asymmetric damper, whose force is larger in one direction as in a car, is fitted by default.
 
-The damper is no law of ours: a valve of tanh, linear and square terms, each with an asymmetry, behind a
-spring, with friction and gas; it is integrated by itself, by steps of 50 us.
+The damper has other equations than the laws: a valve with tanh, linear and square terms, each asymmetric, in
+series with a spring, plus friction and gas. It is integrated with steps of 50 us.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mrdamper.data.records import Dataset, RigRun
 pytestmark = pytest.mark.nightly
 
 RATE_Hz, STEPS = 500.0, 40
-YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44  # extending 2.2 and 2.6 times as strong
+YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44  # The extension force is 2.2 and 2.6 times as large.
 SPEEDS = np.concatenate([-np.logspace(0.5, -9.0, 4000), [0.0], np.logspace(-9.0, 0.5, 4000)])
 
 
@@ -43,7 +43,7 @@ def run(amplitude: float, frequency: float, current: float) -> RigRun:
     )
 
 
-def test_an_asymmetric_damper_is_followed_by_default():
+def test_asymmetric_damper_is_fitted_by_default():
     motions = ((8e-3, 1.0), (8e-3, 3.0), (20e-3, 1.5))
     runs = Dataset(tuple(run(*motion, current) for motion in motions for current in (0.0, 1.0, 2.0, 3.5)))
     card = mrdamper.fit(runs).card()

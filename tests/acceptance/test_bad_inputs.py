@@ -1,7 +1,7 @@
-"""Bad inputs end in a message and exit code 3, without a traceback, a hang or partial output.
+"""Invalid inputs end with a message and exit code 3, without a traceback, a hang or partial files.
 
-The real command line runs in this process. ``check`` prints the same message for files that cannot be read,
-and reports runs that cannot be fitted as faults.
+The command line runs in this process. ``check`` prints the same message for files that cannot be read, and
+reports runs that cannot be fitted as faults.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HANG_s = 60
 
 @pytest.fixture(scope="module", autouse=True)
 def _loaded():
-    """Load the libraries of the formats once, because their import takes CPU time."""
+    """Load the libraries of the formats once because their import takes CPU time."""
     for module in (
         "asammdf",
         "h5py",
@@ -51,7 +51,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _awake():
-    """End a test that waits forever, for example on a pipe."""
+    """End a test that waits indefinitely, for example for a pipe."""
 
     def ring(*_):
         raise TimeoutError
@@ -89,7 +89,7 @@ def test_bad_input_ends_in_message(case: Case, folder, monkeypatch, capfd):
     assert re.search(case.message, err), err
     assert "Traceback" not in err
     assert "panicked" not in err
-    assert "internal fault" not in err
+    assert "Internal error" not in err
     assert not re.search(r"(^|[:\n] )([^:\n]+): \2: ", err)  # A location is printed once.
     assert len(err) < 4000
     assert names_in(folder) == before
@@ -118,7 +118,7 @@ def test_check_reports_unreadable_file(case: Case, folder, monkeypatch, capfd):
     before = names_in(folder)
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments), "--json")
     assert code == 3, err
-    if out:  # what can be answered is asked
+    if out:  # Open questions are printed as JSON.
         asked = json.loads(out)
         assert asked["questions"]
         assert (asked["runs"], asked["usable"]) == ([], False)
@@ -133,7 +133,7 @@ def test_check_reports_unusable_run_as_fault(case: Case, folder, monkeypatch, ca
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments))
     assert code == 5, err
     assert "fault" in out
-    assert "not to be fitted as they are" in out
+    assert "cannot be fitted" in out
     assert "bad: bad: " not in out
     assert err == ""
 

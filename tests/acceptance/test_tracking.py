@@ -1,8 +1,7 @@
-"""Force tracking on the virtual rig: the figures that the project promises, the rig's damper being the truth.
+"""Force tracking on the virtual rig, whose damper is known.
 
-A card is identified on the rig's default campaign and never told the truth; controllers made from it follow
-the three targets at 20, 60, 100 and 123 degC with two seeds of the sensors' noise. A figure is the worst of
-these eight runs. A bar that could be read in two ways is read the stricter way.
+A card is fitted to the default campaign of the rig. Its controllers track the three targets at 20, 60, 100
+and 123 degC with two seeds of the sensor noise. A value is the worst of these eight simulations.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ def card_of(preset: str) -> ModelCard:
 
 @cache
 def blind_card(known: str) -> ModelCard:
-    """Return a card of ``nominal`` that does not know temperature: from the runs at 20 degC, or from all."""
+    """Return a card of ``nominal`` without temperature dependence, from runs at 20 degC or from all runs."""
     training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if known == "pooled" or "_020C_" in run.name]
     assert len(runs) == (64 if known == "pooled" else 16)
@@ -68,7 +67,7 @@ def controllers_of(preset: str) -> Mapping[str, ForceController]:
 
 @cache
 def of_the_paper(preset: str) -> Mapping[str, ForceController]:
-    """Return controllers that a chain card does not have: the paper's bank is one of Bouc-Wen models."""
+    """Return controllers of the paper, which need a Bouc-Wen model instead of a chain."""
     return controllers_for(default_fit(preset, "double-bouc-wen").card())
 
 
@@ -93,7 +92,7 @@ def greatest(score: Score) -> float:
 
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
 def test_magnetic_hysteresis_is_identified(preset):
-    """It lies behind a driver that overshoots: twice the damper's half width times its share of the field."""
+    """The hysteresis is twice the half width times the field ratio, although the driver overshoots."""
     actuation, damper = card_of(preset).damper.actuation, LUMPED[preset]
     assert actuation is not None
     known = 2.0 * damper.play_share * damper.play_A
@@ -110,7 +109,7 @@ def test_largest_error_of_all_samples(preset, target):
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_largest_feasible_error(preset, target):
-    """The paper reports 62.5 N at 900 N, on its own damper."""
+    """The paper reports 62.5 N at 900 N for its damper."""
     assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
 
 
@@ -121,7 +120,7 @@ def test_feasible_rms_error(preset, target):
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_targets_are_mostly_feasible(preset, target):
-    """A figure on the feasible samples is worth as much as there are of them."""
+    """Errors on the feasible samples are meaningful only if there are many of them."""
     assert score_of(preset, target).feasible_share > 0.5
 
 
@@ -130,7 +129,7 @@ def test_targets_are_mostly_feasible(preset, target):
 
 @pytest.mark.parametrize(("known", "times"), [("at 20 degC", 4.6), ("pooled", 2.5)])
 def test_unknown_temperature_costs_at_900_N(known, times):
-    """Of the greatest feasible error; the paper's own ratio is 4.6."""
+    """The ratio of the largest feasible errors in the paper is 4.6."""
     blind = controllers_for(blind_card(known))["recommended"]
     unaware = followed(LUMPED["nominal"], blind, SCENARIOS[SLOW])
     assert greatest(unaware) >= times * greatest(score_of("nominal", SLOW))
@@ -147,8 +146,8 @@ def test_error_is_below_the_paper_controller(preset, target):
     assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
 
 
-# Of the paper's. 1.2 is asked; on ``hard``, whose chain card is followed by prediction, 1.27 to 1.31 are
-# measured: not met, at a seventh to a fourteenth of the paper's error.
+# The limit is 1.2 times the value of the paper. ``hard`` with predictive control reaches 1.27 to 1.31, which
+# does not meet the limit. Its error is 7 to 14 times smaller than that of the paper's controller.
 CHATTER = {"nominal": 1.2, "stiff": 1.2, "hard": 1.35}
 
 
@@ -164,7 +163,7 @@ def test_coil_power_and_chatter_match_paper(preset, target):
 
 
 def test_paper_controller_gives_paper_values():
-    """The paper: 62.5 N with temperature, 289.7 N without."""
+    """The paper reports 62.5 N with temperature and 289.7 N without."""
     assert score_of("stiff", SLOW, "paper").max_N <= 85.0
     assert score_of("stiff", SLOW, "paper-unaware").max_N >= 270.0
 
@@ -181,7 +180,7 @@ def test_stiff_damper_is_tracked_as_well(target):
 
 
 def added(controller: ForceController, scenario: Scenario) -> float:
-    """Return what a disturbance adds [N] to the undisturbed RMSE where the damper can follow."""
+    """Return the additional feasible RMS error [N] due to a disturbance."""
     return rmse(followed(LUMPED["nominal"], controller, scenario)) - rmse(score_of("nominal", SLOW))
 
 
@@ -194,10 +193,10 @@ def test_thermocouple_is_5_kelvin_off(off_K):
 
 @pytest.mark.parametrize("gain", [0.9, 1.1])
 def test_damper_is_a_tenth_off(gain):
-    """No controller can see a gain without a force sensor: a tenth of the target's 678 N rms is 68 N.
+    """A controller without a force sensor cannot detect a gain. 10 % of the target is 68 N RMS.
 
-    The requirement is 60 N more than the undisturbed error. It is not met: a weaker damper adds 64.5 N, a
-    stronger one 60.03 N.
+    The limit is 60 N more than the undisturbed error. It is not met: a weaker damper adds 64.5 N, a stronger
+    one 60.03 N.
     """
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, force_gain=gain))
@@ -220,7 +219,7 @@ def test_sampling_at_100_Hz():
 
 
 def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
-    """Return the CPU time [s] of a step: the best of rounds, as a slow or loaded machine is not a fault."""
+    """Return the CPU time [s] of a step, the best of several rounds because the machine can be loaded."""
     best = float("inf")
     for _ in range(20):
         best = min(best, taken(job) / steps)
@@ -230,7 +229,7 @@ def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
 
 
 def test_step_takes_a_microsecond_in_c():
-    """A chain card's, by prediction, on average: 0.7 and 1.1 us."""
+    """The mean time of predictive control with a chain card is 0.7 to 1.1 us."""
     controller, steps = controllers_of("nominal")["recommended"], 5000
     scenario, at = SCENARIOS[UNEVEN], 1e-3 * np.arange(steps)
     kelvin = np.full(steps, 333.15)
@@ -253,7 +252,7 @@ def test_step_takes_a_microsecond_in_c():
 
 
 def drawn_damper(rng: np.random.Generator) -> LumpedDamper:
-    """Return a damper with every parameter within 30 % of those of a preset, itself drawn."""
+    """Return a damper whose parameters are within 30 % of those of a random preset."""
     preset = LUMPED[("nominal", "hard", "stiff")[int(rng.integers(3))]]
     no_properties = {"name", "full_current_A", "copper_per_K"}
     names = [each.name for each in fields(LumpedDamper) if each.name not in no_properties]
@@ -265,7 +264,7 @@ def drawn_damper(rng: np.random.Generator) -> LumpedDamper:
 
 @pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.release)])
 def test_random_dampers_are_tracked(count):
-    """Each identified at the trained temperatures; of the RMS error the median and the worst, printed."""
+    """Each damper is fitted at the training temperatures. The median and worst RMS errors are limited."""
     rng, usual = np.random.default_rng(5), Campaign()
     held = usual.held_out_temperatures_degC
     campaign = Campaign(

@@ -1,4 +1,4 @@
-"""The virtual rig against its printed check values: a softer plant would make every later figure too easy."""
+"""The virtual rig reproduces its documented values because an easier plant would improve all results."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_forc
     ("current", "degrees", "expected"),
     [(2.0, 20.0, 1655.0), (2.0, 123.0, 1257.0), (0.0, 20.0, 307.0), (0.0, 123.0, 124.0)],
 )
-def test_the_nominal_damper_has_its_printed_peak_forces(current, degrees, expected):
-    """On 5 mm, 1 Hz: within 1 %."""
+def test_nominal_damper_has_documented_peak_forces(current, degrees, expected):
+    """The peak forces of 5 mm, 1 Hz agree within 1 %."""
     force = peak_force(LUMPED["nominal"], MOTIONS["sine5mm1Hz"], current, degrees)
     assert force == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 2.0), (0.0, 1.0), (1.0, 2.0)])
-def test_a_current_step_has_63_percent_of_the_force_after_13_5_ms(start, end):
-    """At 30 mm/s, where the steps come in the campaign: within 1 ms."""
+def test_step_response_takes_13_ms(start, end):
+    """The time at 30 mm/s, the speed of the campaign, agrees within 1 ms."""
     plant = Plant(LUMPED["nominal"])
     n = 5000
-    still, speed = np.zeros(n), np.full(n, 0.030)  # the spring, which the way would load, is left out
+    still, speed = np.zeros(n), np.full(n, 0.030)  # Constant displacement removes the spring force.
     before = plant.advance_many(still, speed, start, 20.0)[-1]
     after = plant.advance_many(still, speed, end, 20.0)
     risen = (after - before) / (after[-1] - before)
     assert 1e3 * STEP_S * (np.argmax(risen >= 1.0 - np.exp(-1.0)) + 1) == pytest.approx(13.5, abs=1.0)
 
 
-def test_the_paper_s_thermal_motion_loses_force_as_the_paper_says():
-    """15 mm, 1 Hz, 2 A: 1300 N at 20 C, 15.7 % less at 76.9 C, 25.9 % less at 129.9 C, within 0.05 points."""
+def test_preset_paper_loses_force_as_stated():
+    """15 mm, 1 Hz, 2 A: 1300 N at 20 degC, 15.7 % less at 76.9 degC, 25.9 % less at 129.9 degC."""
     damper = LUMPED["paper"]
     cold = peak_force(damper, THERMAL_MOTION, 2.0, 20.0)
     assert cold == pytest.approx(1300.0, rel=0.0005)

@@ -1,4 +1,4 @@
-"""A tempered campaign through the command line: rig, identify, predict; what is refused, and how."""
+"""Commands for runs at several temperatures: rig and fit, and rejected inputs."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ held_out_motions = []
 duration_s = 2.0
 """
 TEMPERED = ("viscosity", "yield_force")
-"""What follows temperature in any law that is fitted to such runs."""
-LAW = ("--law", "double-bouc-wen")  # how one is chosen is told elsewhere, and takes ten times as long
+"""Coefficients that depend on temperature in each law fitted to such runs."""
+LAW = ("--law", "double-bouc-wen")  # The selection of a law takes ten times as long and has its own tests.
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +47,13 @@ def measured(folder) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def identified(folder, measured) -> dict[str, Any]:
-    """Identify what the rig wrote, held out as the rig says."""
+    """Fit the runs of the rig, with the held-out runs that the rig proposes."""
     hold_out = [word for pattern in measured["hold_out"] for word in ("--hold-out", pattern)]
     return answer_of(mrdamper("fit", folder / "runs", *hold_out, *LAW, "--out", folder / "out", "--json"))
 
 
 def changed(folder: Path, into: Path, change: Callable[[dict[str, str]], None], glob: str = "*.csv") -> Path:
-    """Write the runs again, the rows of those that match changed; columns may go or be renamed."""
+    """Write the runs again with changed rows. Columns can be removed or renamed."""
     into.mkdir()
     for path in sorted((folder / "runs").glob("*.csv")):
         if not path.match(glob):
@@ -88,14 +88,14 @@ def without_temperature(row: dict[str, str]) -> None:
 
 
 @pytest.mark.nightly
-def test_what_the_rig_holds_out_is_what_identify_holds_out(measured, identified):
+def test_fit_holds_out_runs_of_rig(measured, identified):
     held = {run["name"] for run in measured["runs"] if run["held_out"]}
     assert {run["name"] for run in identified["runs"] if run["split"] == "held_out"} == held
     assert held
     assert all("_090C_" in name for name in held)
 
 
-def test_every_run_has_its_error_and_the_temperature_it_was_soaked_at(measured, identified):
+def test_every_run_has_error_and_temperature(measured, identified):
     soaked = {run["name"]: run["temperature_degC"] for run in measured["runs"]}
     assert len(identified["runs"]) == len(soaked) == 28
     for run in identified["runs"]:
@@ -103,7 +103,7 @@ def test_every_run_has_its_error_and_the_temperature_it_was_soaked_at(measured, 
         assert 0.0 < run["rmse_N"] < 100.0
 
 
-def test_a_temperature_between_the_trained_ones_is_predicted_as_well_as_they_are(identified):
+def test_intermediate_temperature_is_predicted_accurately(identified):
     def rmse(split: str) -> float:
         rows = [run for run in identified["runs"] if run["split"] == split and run["current_A"] is not None]
         return float(np.sqrt(np.mean([run["rmse_N"] ** 2 for run in rows])))
@@ -111,7 +111,7 @@ def test_a_temperature_between_the_trained_ones_is_predicted_as_well_as_they_are
     assert rmse("held_out") <= 1.15 * rmse("training")
 
 
-def test_the_card_says_at_which_temperatures_it_holds_and_how_coefficients_follow_them(identified):
+def test_card_has_temperature_range_and_dependence(identified):
     card = json.loads(Path(identified["card"]).read_text(encoding="utf-8"))
     low, high = card["envelope"]["temperature_K"]
     assert (low - 273.15, high - 273.15) == pytest.approx((20.0, 120.0), abs=0.1)
@@ -122,8 +122,8 @@ def test_the_card_says_at_which_temperatures_it_holds_and_how_coefficients_follo
     assert "assumed" not in card["notes"]
 
 
-def test_the_card_carries_the_actuation_that_the_steps_told(identified):
-    """The rig's driver, eddy currents and fluid take 13.5 ms to 63 %; a lag can only be late."""
+def test_card_has_actuation_from_current_steps(identified):
+    """Driver, eddy currents and fluid of the rig need 13.5 ms to reach 63 %."""
     card = read_card(Path(identified["card"]))
     actuation = card.damper.actuation
     assert actuation is not None
@@ -134,13 +134,13 @@ def test_the_card_carries_the_actuation_that_the_steps_told(identified):
 # -------------------------------------------------------------------------------- without temperature
 
 
-def test_one_temperature_is_enough_when_temperature_is_left_out(folder, identified, tmp_path):
+def test_single_temperature_is_fitted_without_temperature_model(folder, identified, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
     ended = mrdamper("fit", place, "--temperature", "none", "--law", "bouc-wen", "--out", tmp_path / "out")
     assert ended.returncode == 0, ended.stderr
 
 
-def test_a_fluid_s_laws_are_marked_as_assumed_wherever_they_are(folder, identified, tmp_path):
+def test_temperature_dependence_of_fluid_is_marked_assumed(folder, identified, tmp_path):
     place = changed(folder, tmp_path / "plain", without_temperature)
     for path in place.iterdir():
         if "_020C_" not in path.name:
@@ -163,7 +163,7 @@ def test_a_fluid_s_laws_are_marked_as_assumed_wherever_they_are(folder, identifi
 
 
 def refused(ended: CompletedProcess[str], *parts: str) -> None:
-    """One message, exit code 3, nothing on standard output, and each part of it said."""
+    """Check that there is one message with all parts, exit code 3, and no standard output."""
     assert ended.returncode == 3, ended.stdout + ended.stderr
     assert ended.stdout == ""
     assert ended.stderr.startswith("mrdamper: ")
@@ -171,7 +171,7 @@ def refused(ended: CompletedProcess[str], *parts: str) -> None:
         assert part in ended.stderr
 
 
-def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path):
+def test_single_temperature_message_names_missing_tests(folder, measured, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
     refused(
         mrdamper("fit", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
@@ -180,9 +180,7 @@ def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, me
     assert not (tmp_path / "out").exists()
 
 
-def test_runs_at_one_temperature_are_fitted_without_temperature_laws_and_it_is_said(
-    folder, measured, tmp_path
-):
+def test_single_temperature_fit_has_note(folder, measured, tmp_path):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
     ended = mrdamper("fit", place, *LAW, "--out", tmp_path / "out", "--json")
     assert ended.returncode == 0, ended.stderr

@@ -1,1 +1,1 @@
-"""Tests of identification."""
+"""Tests of the fit."""

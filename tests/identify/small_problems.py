@@ -1,4 +1,4 @@
-"""Fit problems with a known solution: linear regression, and default models fitted to their own force."""
+"""Fit problems with known solutions: linear regression, and default models fitted to their own force."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
 def fitted(
     truth: Damper, free: Sequence[FreeParameter], *, noise: float = 0.02, seed: int = 0
 ) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of some numbers of a damper to its own noisy force, all others known."""
+    """Return the fit of some parameters of a damper to its own noisy force. All others are fixed."""
     problem = FitProblem(
         truth,
         tuple(free),
@@ -33,14 +33,14 @@ def fitted(
 
 
 def fitted_default(law: str, runs: Sequence[PreparedRun]) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of a law with its usual free numbers, from the truth."""
+    """Return the fit of a law with its default free parameters, starting from the true values."""
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, tuple(runs))
     return problem, fit_variable_projection(problem, dampers=[REFERENCE_DAMPERS[law]])
 
 
 def linear_problem(seed: int = 0) -> tuple[FitProblem, SearchResult]:
-    """Viscosity, spring and offset beside a known plastic force: plain linear regression on v, x, 1."""
+    """Return a problem that is linear in viscosity, spring and offset. The plastic force is known."""
     known = {"yield_force": Constant(300.0), "yield_velocity": Constant(0.006)}
     searched = {"viscosity": Constant(900.0), "stiffness": Constant(1500.0), "offset": Constant(40.0)}
     free = [
@@ -52,7 +52,7 @@ def linear_problem(seed: int = 0) -> tuple[FitProblem, SearchResult]:
 
 
 def normal_matrix(problem: FitProblem) -> np.ndarray:
-    """Return the curvature of the squared cost from the runs' own velocity and displacement."""
+    """Return the Hessian matrix of the squared cost from the velocity and displacement of the runs."""
     total = np.zeros((3, 3))
     for run in problem.runs:
         kept = slice(run.scored_from, None)

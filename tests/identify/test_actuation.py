@@ -39,7 +39,7 @@ from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
 NOISE_N = 5.0
 RATE_Hz = 1000.0
-OVERSAMPLING = 16  # of the simulated measurement
+OVERSAMPLING = 16  # Ratio of simulated to measured samples.
 LAW = REFERENCE_DAMPERS["bouc-wen"]
 KNOWN = {
     "slow rise": Actuation(0.009, 0.006, 0.003, 0.002),
@@ -109,7 +109,7 @@ def errors_of(result: ActuationFit) -> FloatArray:
 
 @pytest.mark.system
 def test_known_lags_are_within_standard_errors():
-    """For four seeds, at most one of 16 is beyond three standard errors and none beyond four."""
+    """In four seeds, at most one of 16 values is beyond three standard errors, and none beyond four."""
     deviations = []
     for seed in range(4):
         result = fit_known("slow fall", seed=seed)
@@ -121,13 +121,13 @@ def test_known_lags_are_within_standard_errors():
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_lags_are_exact_without_noise(name):
-    """The force error vanishes, too."""
+    """The force error vanishes as well."""
     result = fit_known(name, noise_N=0.0)
     assert lags_of(result.actuation) == pytest.approx(lags_of(KNOWN[name]), rel=0.02, abs=2e-5)
     assert result.rmse_N < 0.05 * result.unlagged_rmse_N
 
 
-def test_rise_and_fall_are_told_apart():
+def test_rise_and_fall_are_distinguished():
     """The difference of rise and fall is significant only if they differ."""
     significance = {}
     for name in KNOWN:
@@ -177,14 +177,14 @@ def test_response_time_solves_closed_form():
 
 
 def test_own_lag_of_damper_is_removed():
-    """The lag that the law brings along is not counted twice."""
+    """The lag inside the law is not counted twice."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]))
     lagged = fit(run, damper=replace(LAW, command_lag_s=0.02))
     assert lags_of(lagged.actuation) == pytest.approx(lags_of(fit_known("slow rise").actuation))
 
 
 def test_response_times_are_found_from_random_current():
-    """Without held currents the response times come from the force over whole runs."""
+    """Without constant currents, the response times follow from the force of whole runs."""
     run = simulate_runs(with_actuation(KNOWN["slow fall"]), current=random_current(), noise_N=0.0)
     result = fit(run)
     for time_s, ends in ((result.t63_s, (0.0, 1.0)), (result.t63_fall_s, (1.0, 0.0))):
@@ -193,8 +193,8 @@ def test_response_times_are_found_from_random_current():
 
 
 @pytest.mark.system
-def test_follow_share_of_bristles_is_found():
-    """The fraction that follows the current at once is found from any start."""
+def test_follow_ratio_of_bristles_is_found():
+    """The fraction that follows the current immediately is found from any start."""
     bristles = {"bristle_share": 0.9, "bristle_stiffness": 4e5, "friction_force": 60.0}
     chain = with_constants(REFERENCE_DAMPERS["chain"], **bristles, friction_stiffness=2e5)
     truth = with_actuation(KNOWN["slow rise"], with_constants(chain, follow_share=0.5))
@@ -228,7 +228,7 @@ def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count)
 @pytest.mark.nightly
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
 def test_known_hysteresis_is_within_standard_error(play):
-    """For eight seeds; a damper without hysteresis gets no more than the standard error."""
+    """All eight seeds agree. A damper without hysteresis gets at most the standard error."""
     damper = with_actuation(KNOWN["slow rise"], play=play)
     results = [fit(simulate_runs(damper, seed=seed)) for seed in range(8)]
     errors = np.array([result.standard_errors["play"] for result in results])
@@ -254,7 +254,7 @@ def test_runs_without_steps_are_rejected():
 
 
 def test_driver_with_one_quadrant_is_detected():
-    """A current that free-wheels falls as exp(-t / 25 ms), to zero or until it meets its level."""
+    """A free-wheeling current decays as exp(-t / 25 ms) to zero or to its next level."""
     run = simulate_runs(with_actuation(Actuation(0.005, 0.005, 0.001, 0.001)), seed=4)
     path, step_s = run.trajectory, run.trajectory.step
     applied, current = [], 0.0
@@ -270,7 +270,7 @@ def test_driver_with_one_quadrant_is_detected():
 
 
 def test_known_free_wheeling_time_is_found():
-    """Within 2 %, from steps and a random current; a driver with two quadrants stays as it is."""
+    """The error is at most 2 % with steps and a random current. A two-quadrant driver is unchanged."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.025)
     damper = with_actuation(known)
     runs = [simulate_runs(damper, seed=6), simulate_runs(damper, current=random_current())]
@@ -285,7 +285,7 @@ def test_known_free_wheeling_time_is_found():
 
 @pytest.mark.system
 def test_two_loops_of_saturating_core_are_found():
-    """Saturation and the wide loop within 10 %; a core without saturation gets neither."""
+    """Saturation and wide loop are within 10 %. A core without saturation gets neither."""
     known = Actuation(0.004, 0.005, 0.002, 0.001, play=0.04, wide_play=0.2, saturation=1.5)
 
     def refined(actuation: Actuation, count: int) -> ActuationFit:
@@ -304,7 +304,7 @@ def test_two_loops_of_saturating_core_are_found():
 
 @pytest.mark.system
 def test_saturation_with_free_wheeling_is_found():
-    """Within 5 and 10 %; cross-validation detects the driver even if the steps did not."""
+    """The errors are at most 5 and 10 %. Cross-validation detects the driver even without steps."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.05, saturation=0.8)
     damper = with_actuation(known)
     runs = [

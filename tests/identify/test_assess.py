@@ -25,7 +25,7 @@ LAW = "bouc-wen"
 
 
 def remarks(result: SearchResult, runs: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return the remarks on a fit to runs."""
+    """Return the notes on a fit to runs."""
     fitted: Any = SimpleNamespace(result=result, damper=result.damper, training=runs, held_out=())
     return assess(fitted).words
 
@@ -47,7 +47,7 @@ def test_offset_free_score_ignores_constant_offset() -> None:
 
 
 def test_score_of_doubled_force_is_half() -> None:
-    """Every score is a share of the spread of what was measured: of the scored part, or of the whole run."""
+    """Every score is relative to the standard deviation of the measured force in the same samples."""
     run = simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.0, seed=0)[2]
     force = np.asarray(run.force)
     error = score_run(REFERENCE_DAMPERS[LAW], replace(run, force=2.0 * force))
@@ -60,7 +60,7 @@ def test_score_of_doubled_force_is_half() -> None:
 
 
 def test_energy_per_cycle_is_loop_area() -> None:
-    """Sine through the model of its own truth: model and measured energy agree, and both are work taken."""
+    """A sine is simulated with the true damper. Model and measured energy are equal and dissipated."""
     run = next(
         r
         for r in simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.0, seed=0)
@@ -83,7 +83,7 @@ def test_summary_separates_zero_current() -> None:
 
 
 def test_unidentifiable_parameters_are_named() -> None:
-    """Bouc-Wen data in which the yield displacement is passed within a sample: n and kappa show nowhere."""
+    """The yield displacement is passed within a sample, so the runs do not show n and kappa."""
     steep = replace(
         REFERENCE_DAMPERS[LAW], coefficients={**REFERENCE_DAMPERS[LAW].coefficients, "rho": Constant(5e5)}
     )
@@ -99,7 +99,7 @@ def test_unidentifiable_parameters_are_named() -> None:
 
 
 def bingham(**values: float | Polynomial) -> Damper:
-    """Return viscosity, friction and the like; friction turns round within a thousandth of the top speed."""
+    """Return a damper with viscosity and friction. Friction reverses within 0.1 % of the maximum speed."""
     forms = {
         name: value if isinstance(value, Polynomial) else Constant(value) for name, value in values.items()
     }
@@ -109,9 +109,9 @@ def bingham(**values: float | Polynomial) -> Damper:
 
 
 def test_passivity_matches_closed_forms() -> None:
-    """A dashpot's loop is an ellipse: pi/4 of the box. What adds force but no work is worst somewhere.
+    """The loop of a viscous damper is an ellipse with pi/4 of the area of its box.
 
-    A spring at the whole stroke, a mass at a hundredth of it and full speed, an offset at a fifth of that.
+    Forces without energy have worst cases: a spring at full stroke, a mass at 1 % of it, an offset at 20 %.
     """
     runs = simulate_runs(REFERENCE_DAMPERS["bingham"], noise=0.0, seed=0)
     stroke = max(np.abs(run.trajectory.displacement).max() for run in runs)
@@ -135,10 +135,7 @@ def test_passivity_matches_closed_forms() -> None:
         assert passivity(damper, runs) == pytest.approx(expected, rel=5e-3)
 
 
-# What is left out
-
-
-# Words
+# Messages
 
 
 def fitted(runs: Sequence[PreparedRun]) -> tuple[FitProblem, SearchResult]:

@@ -1,9 +1,9 @@
-"""The descent solves nonlinear regression problems whose solutions NIST has certified.
+"""The optimiser solves nonlinear regression problems with solutions certified by NIST.
 
-A fit is also independent of the kernel of the linear algebra library.
+A fit does not depend on the kernel of the linear algebra library.
 
-Data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a to Misra1d
-(D. Misra, NIST, 1978, dental research, monomolecular adsorption); in the public domain.
+Source of data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a
+to Misra1d (D. Misra, NIST, 1978, dental research, monomolecular adsorption), in the public domain.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ VOLUME = np.array(
 )
 Column = Callable[[float], FloatArray]
 
-# name: y / b1 and its derivative by b2, the starts of b1 and b2, certified b1, b2, residual sum of squares
+# name: y / b1 and its derivative with respect to b2, starts of b1 and b2, certified b1, b2, residual sum
 PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple[float, float, float]]] = {
     "Misra1a": (
         lambda b: 1.0 - np.exp(-b * PRESSURE),
@@ -62,7 +62,7 @@ PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple
 
 
 class Certified(Objective):
-    """The objective of one problem: b1 is eliminated, as a law's linear parameters are, b2 searched for."""
+    """The objective of one problem. b1 is eliminated as the linear parameters of a law, b2 is optimised."""
 
     def __init__(self, column: Column, slope: Column) -> None:
         free = FreeParameter("b2", 1e-6, 1e-2, scale="log")
@@ -73,7 +73,7 @@ class Certified(Objective):
         self.column, self.slope, self.evaluations = column, slope, 0
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the Gram matrices of b2's tangent, b1's, and the residual."""
+        """Return the Gram matrices of the b2 tangent, the b1 tangent, and the residual."""
         self.evaluations += len(nonlinear)
         sums = []
         for b2, b1 in zip(nonlinear[:, 0].tolist(), linear[:, 0].tolist(), strict=True):

@@ -1,6 +1,6 @@
-"""Sizes of causes in the residuals: compared with least squares, and recovered from changed runs.
+"""Sizes of error causes in the residuals: compared with least squares, and recovered from changed runs.
 
-The damper is not fitted: it is the damper that the runs were simulated with.
+The damper is the one that the runs were simulated with. It is not fitted.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def test_effect_of_changed_run_has_its_size(clean, kind, number):
     assert effect.size == pytest.approx(SIZES[kind], rel=0.1 if kind == "force_saturation" else 0.03)
     assert effect.fraction > 0.98
     left = (runs[number].force - clean[number].force)[runs[number].scored_from :]
-    if kind != "force_offset_of_run":  # The mean of the force only counts for an offset.
+    if kind != "force_offset_of_run":  # For an offset, only the mean force is relevant.
         left = left - left.mean()
     spread = np.std(runs[number].force[runs[number].scored_from :])
     assert effect.level == pytest.approx(np.sqrt(np.mean(left**2)) / spread, rel=0.03)

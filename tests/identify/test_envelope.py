@@ -1,4 +1,4 @@
-"""How far a card was identified, and what is said of runs beyond that; which of them it was identified on."""
+"""Range of validity of a card, notes on runs outside it, and recognition of the training runs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def run_of(
 
 
 def test_envelope_contains_all_runs() -> None:
-    """Of a sine of stroke a at f: a, a 2 pi f, a (2 pi f)^2, f."""
+    """The maxima of a sine with amplitude a and frequency f are a, a 2 pi f, a (2 pi f)^2 and f."""
     runs = [
         prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), NO_SMOOTHING),
         prepare_run(run_of(Sine(9e-3, 0.5), command=1.5), NO_SMOOTHING),

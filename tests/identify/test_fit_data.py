@@ -1,4 +1,4 @@
-"""All fits of one job share one problem: a parameter set has one meaning on any part of the runs."""
+"""All fits of one job share one problem, so that parameters have the same meaning in each fit."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ BAND = ForceBand(
 
 
 def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
-    """Return a motion with a force as a run of a rig."""
+    """Return a motion with a force as a measured run."""
     return RigRun(
         name=name,
         time=path.time,
@@ -48,7 +48,7 @@ def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
 
 
 def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of a law to the runs of a truth, which may be another one."""
+    """Return the fit of a law to the runs of a reference damper, which can have another law."""
     runs = simulate_runs(REFERENCE_DAMPERS[truth], noise=noise, seed=0)
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, runs)
@@ -65,7 +65,7 @@ def test_correct_model_expects_error_of_noise() -> None:
 
 
 def test_band_of_wrong_model_covers_new_motion() -> None:
-    """A truth with a bristle under a law with none: the errors are the law's, and the band says so."""
+    """The reference damper has a bristle, the law has none. The band contains the model error."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -78,7 +78,7 @@ def test_band_of_wrong_model_covers_new_motion() -> None:
 
 
 def test_standard_errors_of_wrong_model_cover_refits() -> None:
-    """Fits to two of the motions and to the third differ by their standard errors, and by more than those."""
+    """Fits to different motions differ by these standard errors, and by more than the uncorrected ones."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -96,7 +96,7 @@ def test_standard_errors_of_wrong_model_cover_refits() -> None:
 
 
 def test_band_widens_with_distance_from_motions() -> None:
-    """Half the amplitude is 0.69 from the nearest; a motion that was fitted has the usual band."""
+    """Half the amplitude is at a distance of 0.69 from a motion. A fitted motion has the basic band."""
     path, small = (
         drive(Sine(amplitude, 1.0), duration=2.0, rate_Hz=500.0, command=1.0) for amplitude in (8e-3, 4e-3)
     )
@@ -114,7 +114,7 @@ def test_band_widens_with_distance_from_motions() -> None:
 
 
 def test_fit_to_all_motions_expects_less_error() -> None:
-    """Of a law that is wrong each motion asks for other numbers; where it is right nothing is gained."""
+    """Each motion requires other parameters if the law is wrong. A correct law gains nothing."""
     shares = {}
     for law in ("bingham", "dahl"):
         left = refit_without_folds(*fitted(law, "dahl", noise=0.01))
@@ -134,7 +134,7 @@ def test_card_preserves_its_band() -> None:
 
 
 def test_expected_error_matches_burman_correction() -> None:
-    """Errors from plain simulations: of each fold's fit on the fold, and on all runs; of the fit on all."""
+    """The errors are computed by plain simulations of the fold fits and of the fit to all runs."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -184,7 +184,7 @@ def test_single_motion_is_split_in_time() -> None:
 
 
 def test_band_covers_runs_with_changing_current() -> None:
-    """A response to the current that is too fast adds errors, and the band contains 90 % of them."""
+    """A response that is too fast adds errors. The band contains 90 % of them."""
     model, path = REFERENCE_DAMPERS["dahl"], drive(Sine(0.01, 1.0), duration=6.0, rate_Hz=500.0, command=0.0)
     truth = replace(model, command_lag_s=0.03)
     rng = np.random.default_rng(4)

@@ -1,4 +1,4 @@
-"""Runs as laboratories write them: noise on the command, limits that rounding passes, extreme sizes."""
+"""Difficult data: noise on the current, limits that rounding exceeds, extreme sizes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def raw(*, force: float = 1.0, noise_A: float = 0.0) -> Dataset:
-    """Return the runs of a known damper, its forces scaled, with noise on the command."""
+    """Return the runs of a known damper with scaled forces and noise on the current."""
     rng = np.random.default_rng(5)
     return Dataset(
         tuple(
@@ -49,7 +49,7 @@ def damper(**forms: ParameterLaw) -> Damper:
 # Limits of a law
 
 
-# Noise on the command
+# Noise on the current
 
 
 def test_noisy_command_is_fitted_as_constant():
@@ -65,12 +65,12 @@ def test_noisy_command_is_fitted_as_constant():
 
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"], 2))
 def test_fit_error_is_independent_of_size(law):
-    """Bounds are measured in the runs: 200 kN are fitted as well as a kilonewton."""
+    """Bounds are relative to the runs. Forces of 200 kN are fitted as accurately as 1 kN."""
     usual, scaled = (fitting.fit_law(data_of(force=size), law).cost_percent for size in (1.0, 150.0))
     assert scaled == pytest.approx(usual, rel=0.02)
 
 
-# What a fit and a choice refuse
+# Rejected runs
 
 
 def test_constant_force_is_rejected():
@@ -80,7 +80,7 @@ def test_constant_force_is_rejected():
 
 
 def test_fit_damper_and_card_have_equal_errors():
-    """Fit and card know which runs they have seen; another force under a seen name is none of them."""
+    """Fit and card recognise their runs. A run with a known name and another force is not recognised."""
     found = fitting.fit_law(data_of(), find_law("dahl"))
     runs = list(raw())
     seen = evaluate(found, runs)

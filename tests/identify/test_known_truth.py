@@ -1,4 +1,4 @@
-"""A damper with known numbers is found again, as closely as its own standard errors say."""
+"""The known parameters of a damper are recovered within their standard errors."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ def identify(law: str, seed: int) -> SearchResult:
             free,
             runs,
             settings=FitSettings(rate_Hz=500.0 if law == "chain" else 200.0, samples_per_period=1e9),
-        ),  # fitted at its step
+        ),  # The step size of the fit.
         starts=3 if law in ("series-valve", "chain") else 1,
     )
 
 
 def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float64]]:
-    """Return, for each identifiable number, how far it is off in every seed, in its standard errors.
+    """Return the errors of each identifiable parameter in all seeds, in units of its standard error.
 
-    Identifiable is what is so in most of the seeds: judged draw by draw, a number on the edge would count
-    just where noise has made it large.
+    A parameter counts if it is identifiable in most seeds. A decision for each seed would prefer seeds in
+    which noise has made the parameter large.
     """
     truth: Damper = REFERENCE_DAMPERS[law]
     off: dict[str, list[float]] = {}
@@ -61,11 +61,11 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_twenty_noisy_campaigns_recover_parameters(law: str) -> None:
-    """One miss of twenty is 5 %: allowed for one draw, not for two."""
+    """One miss in twenty is 5 %, which is allowed for one sample but not for two."""
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     _, free = template(law, simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0))
-    assert len(shares) > len(free) // 3  # the chain has many more numbers, of groups that are off
+    assert len(shares) > len(free) // 3  # The chain has more parameters, in terms that are disabled.
     assert min(shares.values()) >= 0.95, shares
     assert np.mean(list(shares.values())) >= 0.97
 
@@ -73,7 +73,7 @@ def test_twenty_noisy_campaigns_recover_parameters(law: str) -> None:
 @pytest.mark.release
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_two_hundred_noisy_campaigns_recover_parameters(law: str) -> None:
-    """Each number within 3 of its standard errors, and these neither too small nor too large."""
+    """All parameters are within 3 standard errors, which are neither too small nor too large."""
     off = errors_from_the_truth(law, range(200))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     assert min(shares.values()) >= 0.97, shares
@@ -84,10 +84,10 @@ def test_two_hundred_noisy_campaigns_recover_parameters(law: str) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_parameters_are_exact_without_noise(law: str) -> None:
-    """Within 2 %, and what is nil within a thousandth, a force within 2e-5 of the greatest.
+    """Errors are at most 2 %, zero parameters below 0.1 %, and forces within 2e-5 of the maximum.
 
-    A friction that is not there comes back as the least that is searched, 1e-5 of the forces; its stiffness
-    is then that of nothing.
+    A missing friction is fitted as the smallest allowed value, 1e-5 of the forces. Its stiffness is then
+    arbitrary.
     """
     runs = simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0)
     greatest = max(float(np.abs(run.run.force).max()) for run in runs)
@@ -105,7 +105,7 @@ def test_parameters_are_exact_without_noise(law: str) -> None:
 
 
 def test_lag_is_recovered_from_changing_command() -> None:
-    """The lag between command and force is a number like any other, once the command moves."""
+    """The lag between current and force is a normal parameter if the current changes."""
     truth = replace(REFERENCE_DAMPERS["bouc-wen-saturating"], command_lag_s=0.012)
     time = np.arange(4001) * 0.002
     command = np.where((time % 1.3) < 0.6, 2.0, 0.5) * (time > 0.4)
@@ -148,7 +148,7 @@ def test_added_friction_and_mass_are_recovered() -> None:
 
 @pytest.mark.parametrize(("stroke", "force"), [(0.05, 4e-2), (20.0, 400.0)])
 def test_scaled_chain_is_fitted_equally_well(stroke: float, force: float) -> None:
-    """20 N on half a millimetre, 200 kN on 200 mm: bounds and starts go with the runs' stroke and force."""
+    """Bounds and starts scale with stroke and force, from 20 N at 0.5 mm to 200 kN at 200 mm."""
     truth = REFERENCE_DAMPERS["chain"]
     here = fit_chain(simulate_runs(truth, noise=NOISE, seed=1))
     there = fit_chain(resized(simulate_runs(truth, noise=NOISE, seed=1), stroke, force))
@@ -168,7 +168,7 @@ def fit_chain(runs: tuple[PreparedRun, ...]) -> SearchResult:
 
 
 def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple[PreparedRun, ...]:
-    """Return runs with other strokes and forces, at the same times."""
+    """Return runs with other strokes and forces at the same times."""
     return tuple(
         prepare_run(
             replace(r.run, displacement=stroke * r.run.displacement, force=force * r.run.force), NO_SMOOTHING
@@ -178,7 +178,7 @@ def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple
 
 
 def test_warm_gas_spring_is_recovered() -> None:
-    """Its force and stiffness at 20 degC and their slopes over temperature; the yield force keeps its own."""
+    """Force and stiffness at 20 degC, their temperature slopes, and the yield force are recovered."""
     gas = {"offset": Bipolynomial((-300.0, -1.02), 1), "stiffness": Bipolynomial((900.0, 3.1), 1)}
     gassy = replace(warm_damper(), coefficients={**warm_damper().coefficients, **gas})
     runs = [prepare_run(run, NO_SMOOTHING) for run in warm_runs(gassy, seed=3)]
@@ -192,9 +192,9 @@ def test_warm_gas_spring_is_recovered() -> None:
 
 @pytest.mark.parametrize("noise", [2e-5, 1e-4])
 def test_displacement_noise_does_not_bias_knee(noise: float) -> None:
-    """White noise makes false reversals; smoothed and with a dead band, n = 1.6 is found again.
+    """White noise causes false reversals. With smoothing and a dead band, n = 1.6 is recovered.
 
-    Without both, 0.1 mm takes n far off, and 0.02 mm leaves it loose.
+    Without them, 0.1 mm of noise biases n, and 0.02 mm makes it uncertain.
     """
     truth = replace(
         REFERENCE_DAMPERS["bouc-wen"],

@@ -1,4 +1,4 @@
-"""Folds of a cross-validation: whole motions, levels of the current, blocks of time."""
+"""Folds of a cross-validation: whole motions, levels of current, blocks of time."""
 
 from __future__ import annotations
 

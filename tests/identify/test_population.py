@@ -1,4 +1,4 @@
-"""Genetic algorithm: the same cost as the plain simulation, slower and no better than projection."""
+"""Genetic algorithm: same cost as a simulation, slower and not better than variable projection."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def problem() -> FitProblem:
 def test_candidate_cost_is_simulation_error(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
-    candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5  # no slope with the command
-    candidates[:, [f.name.endswith("c0") for f in problem.free]] = 0.7  # and positive
+    candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5  # The slope with current is 0.
+    candidates[:, [f.name.endswith("c0") for f in problem.free]] = 0.7  # The constant term is positive.
     costs = ensemble.costs(candidates)
     for candidate, cost in zip(candidates, costs, strict=True):
         errors = [score_run(ensemble.damper(candidate), run) for run in problem.runs]
@@ -39,7 +39,7 @@ def test_invalid_candidate_has_largest_cost(problem: FitProblem) -> None:
     two[:, [f.name == "yield_force.c0" for f in problem.free]] = 0.05
     two[:, [f.name == "yield_force.c1" for f in problem.free]] = [[0.1], [0.3]]
     worse, bad = ensemble.costs(two)
-    assert worse > bad > 1e5  # 1e4 is an error as large as the signal
+    assert worse > bad > 1e5  # A cost of 1e4 is an error as large as the signal.
 
 
 def test_genetic_algorithm_does_not_beat_projection(problem: FitProblem) -> None:

@@ -1,4 +1,4 @@
-"""Tests proposed by a fit: inside what the runs covered, and worth what they promise."""
+"""Tests proposed by a fit are within the range of the runs and reduce the uncertainty as predicted."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_proposed_tests_stay_inside_runs() -> None:
 
 
 def test_proposed_test_narrows_uncertain_parameter() -> None:
-    """From runs at one small stroke, errors after the proposed run are smaller than after any run again."""
+    """All runs have one small stroke. The proposed run reduces the errors more than a repeated run."""
     few = simulate_runs(TRUTH, noise=0.02, seed=0)[:4]
     damper, free = template("bouc-wen", few)
     problem = FitProblem(damper, free, few)

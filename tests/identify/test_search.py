@@ -1,4 +1,4 @@
-"""Parts of the search compared with independent computations: sums, conditions, steps in a box."""
+"""Parts of the search compared with independent computations: sums, conditions, bounded steps."""
 
 from __future__ import annotations
 

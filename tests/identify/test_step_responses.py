@@ -1,4 +1,4 @@
-"""Step responses of forces whose response is known at every sample."""
+"""Step responses of forces with a known response at every sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Temperature in a template: what runs must offer for it, which coefficients follow it, and how far."""
+"""Temperature dependence in a template: required runs, dependent coefficients, and their bounds."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def run_at(
     name: str = "",
     until: float | None = None,
 ) -> PreparedRun:
-    """Return a noiseless run at a temperature, or warming ``until`` another; None: no such channel."""
+    """Return a noiseless run at a temperature, or warming ``until`` another one; None omits the channel."""
     path = drive(motion, duration=2.0, rate_Hz=250.0, command=command)
     if celsius is not None:
         end = celsius if until is None else until
@@ -79,23 +79,17 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
     return [each.name.partition(".")[2] for each in free if each.name.partition(".")[0] == coefficient]
 
 
-# Levels
-
-
-# What runs must offer
-
-
-# What follows temperature
+# Coefficients that depend on temperature
 
 
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("kind", [kind for kind in TEMPERATURES if kind != "none"])
-def test_every_law_has_a_temperature_template(name, kind):
-    """Every free number is a number of the damper inside its bounds, and every factor's numbers are free."""
+def test_every_law_has_temperature_template(name, kind):
+    """The free parameters belong to the damper and are within their bounds. All factors are free."""
     damper, free = template(name, CAMPAIGN, temperature=kind)
     assert damper.temperature_dependent
     assert damper.assumed == ()
-    FitProblem(damper, free, CAMPAIGN)  # knows every name, each once
+    FitProblem(damper, free, CAMPAIGN)  # It raises for unknown or repeated names.
     values = damper.parameters
     assert all(each.lower <= values[each.name] <= each.upper for each in free), name
     for coefficient, form in damper.coefficients.items():
@@ -105,8 +99,8 @@ def test_every_law_has_a_temperature_template(name, kind):
         assert np.isfinite(simulate(damper, run.trajectory)).all()
 
 
-def test_paper_kind_is_a_separable_polynomial():
-    """Eq. (12) as reconstructed: each coefficient times 1 + t1 dT + t2 dT^2."""
+def test_paper_kind_is_separable_polynomial():
+    """Eq. (12) as reconstructed: each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
     for name in ("viscosity", "yield_force"):
         form = damper.coefficients[name]
@@ -119,7 +113,7 @@ def test_paper_kind_is_a_separable_polynomial():
 
 @pytest.mark.parametrize("kind", TEMPERATURES)
 def test_linear_parameters_are_jointly_linear(kind):
-    """The promise that least squares rests on: the force is affine in them."""
+    """Least squares requires that the force is affine in these parameters."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature=kind)
     run = CAMPAIGN[2].trajectory
     rng = np.random.default_rng(0)
@@ -130,7 +124,7 @@ def test_linear_parameters_are_jointly_linear(kind):
         return simulate(damper.with_parameters({n: start[n] + share * step[n] for n in linear}), run)
 
     start = {n: abs(v) + 1.0 for n, v in damper.parameters.items()}
-    # Small steps in what multiplies temperature, so that no coefficient falls below zero.
+    # The steps of the temperature factors are small so that no coefficient becomes negative.
     step = {n: start[n] * rng.uniform(0.0, 1e-3) for n in linear}
     left, middle, right = force(0.0), force(1.0), force(2.0)
     np.testing.assert_allclose(left + right, 2.0 * middle, atol=1e-9 * np.abs(middle).max())
@@ -149,7 +143,7 @@ class Oil:
     valid_K: tuple[float, float] = (263.15, 403.15)
 
 
-def test_an_assumption_is_marked_and_moves_nothing():
+def test_assumed_dependence_is_marked_and_constant():
     runs = campaign((None,))
     plain, free = template("bouc-wen", runs)
     damper, moved = template("bouc-wen", runs, fluid=Oil())
@@ -168,7 +162,7 @@ def test_an_assumption_is_marked_and_moves_nothing():
     "factor", [Arrhenius(1435.5), Reynolds(0.012), Vft(600.0, 150.0)], ids=lambda f: f.kind
 )
 def test_assumed_thinning_scales_with_viscosity_exponent(factor):
-    """|v|^m goes with the viscosity to the power m, whatever its law."""
+    """|v|^m scales with the viscosity to the power m for any temperature law."""
     forms = dict(REFERENCE_DAMPERS["series-valve"].coefficients)
     truth = Damper(LAWS["series-valve"], apply_fluid(forms, Oil(viscosity_factor=factor)))
     kelvin = np.array([273.15, 293.15, 350.0])
@@ -189,12 +183,12 @@ def test_assumed_thinning_scales_with_viscosity_exponent(factor):
     assert scale_thinning(identified) == identified
 
 
-# The truth
+# Known temperature dependence
 
 
 @pytest.mark.parametrize("kind", ["auto", "reynolds"])
-def test_a_tempered_truth_is_found_again(kind: Temperature) -> None:
-    """Without noise, at three temperatures: activation, rate and the yield force's fall come back."""
+def test_known_temperature_dependence_is_recovered(kind: Temperature) -> None:
+    """Activation, rate and decrease of the yield force are recovered without noise at three temperatures."""
     factor = Arrhenius(1435.5) if kind == "auto" else Reynolds(0.012)
     truth = Damper(
         LAWS["bouc-wen"],

@@ -1,6 +1,7 @@
-"""Errors of parameters and of predictions against textbook formulas, from the runs' own motion.
+"""Errors of parameters and predictions compared with textbook formulas.
 
-The problem is linear regression on velocity, displacement and one, so that every formula can be written down.
+The problem is a linear regression on velocity, displacement and a constant, so that all formulas are
+explicit.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def linear() -> tuple[FitProblem, SearchResult]:
 
 
 def regression(problem: FitProblem, result: SearchResult) -> list[tuple[float, FloatArray, FloatArray]]:
-    """Return weight, columns (n, 3) and residual of each run."""
+    """Return weight, columns (n, 3) and residual for each run."""
     found = []
     for run in problem.runs:
         kept, path = slice(run.scored_from, None), run.trajectory
@@ -48,7 +49,7 @@ def regression(problem: FitProblem, result: SearchResult) -> list[tuple[float, F
 
 
 def blocks_of(run: FitWindow) -> list[slice]:
-    """Return the scored samples between reversals of the motion, counted from the first scored one."""
+    """Return the scored samples between reversals, counted from the first scored sample."""
     velocity = run.drive.trajectory.velocity
     turns = np.flatnonzero(np.signbit(velocity[1:]) != np.signbit(velocity[:-1])) + 1
     cuts = [0, *(turns[turns > run.start] - run.start).tolist(), len(velocity) - run.start]
@@ -72,7 +73,7 @@ def test_covariances_match_weighted_regression(linear):
     )
     small_sample = len(scores) / (len(scores) - 3)
     expected = small_sample * bread @ scores.T @ scores @ bread
-    spread = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))  # a reversal is a sample early or late
+    spread = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))  # A reversal can shift by one sample.
     assert blocks / spread == pytest.approx(expected / spread, abs=0.05)
     clusters = [k // 4 for k in range(len(runs))]
     scores = np.array(
@@ -104,7 +105,7 @@ def test_inverse_is_independent_of_units(decades):
     right = matrix @ np.ones(5) * units
     assert solve_scaled(scaled, right[:, None])[:, 0] * units == pytest.approx(np.ones(5), rel=1e-8)
     nothing = np.zeros((6, 6))
-    nothing[:5, :5] = scaled  # a parameter that moves nothing
+    nothing[:5, :5] = scaled  # The last parameter has no effect.
     assert pseudoinverse(nothing)[:5, :5] / inverse == pytest.approx(np.ones((5, 5)), rel=1e-8)
     assert not pseudoinverse(nothing)[5].any()
 
@@ -119,7 +120,7 @@ def test_errors_between_motions_match_regression(linear):
     groups = motion_groups(problem.runs)
     number = {k: g for g, members in enumerate(groups) for k in members}
     rows = regression(problem, result)
-    # a linear fit without a motion is its regression without these runs
+    # The linear fit without a motion is the regression without its runs.
     for fold, damper in zip(sorted(groups), folds.dampers, strict=True):
         rest = [k for k in range(len(rows)) if k not in fold]
         if len(rest) == len(rows) - len(fold):
@@ -145,7 +146,7 @@ def test_errors_between_motions_match_regression(linear):
 
 
 def test_band_of_similar_folds_contains_90_percent():
-    """Errors that are uniform up to the width of the band's unit: 90 % of them lie within 0.9 of it."""
+    """The errors are uniform up to the band's unit width, so 90 % of them are within 0.9 of it."""
     rng = np.random.default_rng(0)
     folds = []
     for _ in range(4):
@@ -170,14 +171,14 @@ def test_band_of_similar_folds_contains_90_percent():
 
 
 def validated(squares: FloatArray) -> ValidatedCandidate:
-    """Return a candidate with a squared error [%^2] for each of as many folds."""
+    """Return a candidate with the given squared error [%^2] in each fold."""
     fitted = FittedCandidate(Candidate("dahl", ()), REFERENCE_DAMPERS["dahl"], 1, 1.0, 0.0)
     folds = np.arange(len(squares))
     return ValidatedCandidate(fitted, (), squares, np.full(len(folds), 1.0 / len(folds)), folds, folds, 0.0)
 
 
 def test_gain_is_paired_t_test_of_folds():
-    """The statistic is SciPy's Student's t of the differences of squared errors."""
+    """The statistic is Student's t of the differences of squared errors, computed with SciPy."""
     first, second = np.random.default_rng(0).uniform(1.0, 4.0, (2, 6))
     gain, statistic = validated(first).gain_relative_to(validated(second))
     assert statistic == pytest.approx(ttest_1samp(second - first, 0.0).statistic)
@@ -185,4 +186,4 @@ def test_gain_is_paired_t_test_of_folds():
     assert validated(first).cv_rms_percent == pytest.approx(np.sqrt(first.mean()))
 
 
-# Tests to run next
+# Proposed tests

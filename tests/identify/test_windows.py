@@ -56,7 +56,7 @@ def cost(damper: Damper, windows: Sequence[FitWindow]) -> float:
 
 
 def wrong(damper: Damper) -> Damper:
-    """Return a damper with a model error: 10 % less force, and more of it at small amplitudes."""
+    """Return a damper with a model error: 10 % less force, and a larger error at small amplitudes."""
     return damper.with_parameters(
         {name: 0.9 * value for name, value in damper.parameters.items() if name.startswith("yield_force.")}
     )
@@ -82,7 +82,7 @@ def test_window_fractions_sum_to_one(campaign, samples_max) -> None:
 
 
 def test_windows_ignore_order_of_runs() -> None:
-    """The same stretches are selected, with the same weights, in any order of the runs."""
+    """The same windows with the same weights are selected for any order of the runs."""
 
     def content(runs: Sequence[PreparedRun]) -> list[tuple[str, float, float, float]]:
         windows = representative_windows(runs, DEFAULT_SETTINGS, samples_max=2000)

@@ -1,4 +1,4 @@
-"""The Python API: the same words and the same numbers as the command line."""
+"""The Python interface has the same options and results as the command line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def fitted(runs):
     return mrdamper.fit(runs, "bouc-wen", hold_out=["*_0.75V_*"])
 
 
-def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
+def test_written_card_reproduces_errors_of_fit(fitted, runs):
     card = card_from_json(_as_read(card_to_json(fitted.card())))
     stated = {run["name"]: run for run in card.evidence.runs}
     for error in mrdamper.evaluate(card, runs):
@@ -34,19 +34,19 @@ def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
         assert error.split == stated[error.name]["split"]
 
 
-def test_held_out_runs_do_not_move_the_fit(fitted, runs):
+def test_held_out_runs_do_not_change_fit(fitted, runs):
     alone = mrdamper.fit([run for run in runs if "_0.75V_" not in run.name], "bouc-wen")
     assert alone.damper.parameters == fitted.damper.parameters
     assert alone.fingerprint == fitted.fingerprint
 
 
-def test_a_changed_run_of_a_training_run_s_name_counts_as_held_out(fitted, runs):
+def test_changed_run_counts_as_held_out(fitted, runs):
     other = replace(runs[0], force=1.01 * runs[0].force)
     assert mrdamper.evaluate(fitted.card(), [other])[0].split == "held_out"
 
 
 @pytest.mark.nightly
-def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
+def test_law_class_or_object_is_fitted(runs, tmp_path):
     path = tmp_path / "own_law.py"
     path.write_text(PYTHON_LAW, encoding="utf-8")
     spec = importlib.util.spec_from_file_location("own_law", path)
@@ -62,24 +62,19 @@ def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
 
 
 @pytest.mark.parametrize("option", [{"temperature": "guess"}, {"posterior": -1}, {"law": "bouc-when"}])
-def test_a_value_that_is_not_there_is_refused(runs, option):
+def test_missing_value_is_rejected(runs, option):
     with pytest.raises(mrdamper.InputError):
         mrdamper.fit(runs, **option)
 
 
-def test_an_option_that_is_not_there_is_a_type_error(runs):
-    with pytest.raises(TypeError, match="did you mean law"):
-        mrdamper.fit(runs, laws="dahl")
-
-
-def test_all_runs_that_are_unfit_are_named_at_once(runs):
+def test_message_names_all_invalid_runs(runs):
     wrong = [replace(run, force=-run.force) for run in runs[:2]]
     with pytest.raises(mrdamper.InputError) as fault:
         mrdamper.fit([*wrong, *runs[2:]], "dahl")
     assert all(run.name in str(fault.value) for run in wrong)
 
 
-def test_files_appear_together_or_not_at_all(tmp_path):
+def test_files_are_written_together_or_not(tmp_path):
     out = tmp_path / "new" / "out"
 
     def fail_half_way():
@@ -97,7 +92,7 @@ def test_files_appear_together_or_not_at_all(tmp_path):
 
 
 def _beginning(run, samples=1200):
-    """Cut a run short: a law in Python is slow."""
+    """Return the beginning of a run because a law in Python is slow."""
     return replace(
         run,
         **{name: getattr(run, name)[:samples] for name in ("time", "displacement", "force", "command")},
@@ -110,8 +105,8 @@ def _as_read(document):
     return json.loads(json.dumps(document, default=dict))
 
 
-def test_a_term_can_be_added_to_any_law(runs):
-    """The mass of a simulated damper without any is small against what its force would show."""
+def test_mass_term_is_added_to_law(runs):
+    """The fitted mass of a simulated damper without mass is negligible."""
     fitted = mrdamper.fit(runs, "bouc-wen", terms=["mass", "friction"])
     names = {estimate.name for estimate in fitted.result.estimates}
     assert {"mass.value", "coulomb_friction.value", "stribeck_velocity.value"} <= names

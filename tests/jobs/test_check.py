@@ -1,4 +1,4 @@
-"""``mrdamper check`` as scripts rely on it, and its findings in the report of a fit."""
+"""``mrdamper check`` in scripts, and its findings in the report of a fit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FINDING = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return a folder of sound runs, one with a clipped and a shifted run, and one with a broken file."""
+    """Return a folder of correct runs, a run with clipping and an offset, and a damaged file."""
     place = tmp_path_factory.mktemp("rig")
     runs = short_runs()
     write_runs(place / "runs", runs)
@@ -42,7 +42,7 @@ def spoilt(folder):
     return mrdamper("check", folder / "spoilt", "--out", folder / "out", "--json")
 
 
-def test_sound_runs_are_usable_and_exit_with_zero(folder):
+def test_correct_runs_exit_with_zero(folder):
     answer = answer_of(mrdamper("check", folder / "runs", "--json"))
     assert answer["usable"] is True
     assert answer["counts"]["fault"] == 0
@@ -55,7 +55,7 @@ def test_sound_runs_are_usable_and_exit_with_zero(folder):
 
 
 def test_file_named_by_two_paths_is_one_run(folder):
-    """A relative path, a path through its folder and a link name one file."""
+    """A relative path, a path through another folder and a link refer to the same file."""
     file = folder / "spoilt" / "shifted.csv"
     link = folder / "link.csv"
     link.symlink_to(file)
@@ -79,7 +79,7 @@ def test_file_named_by_two_paths_is_one_run(folder):
     ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
 )
 def test_faulty_time_is_the_only_finding(tmp_path, spoil):
-    """Two such runs are not compared with each other or with names, which needs sound times."""
+    """Such runs are not compared with each other or with names because this requires correct times."""
     columns = columns_of(short_runs()[0])
     columns["time_s"] = spoil(columns["time_s"])
     for name in ("sine 1 Hz.csv", "sine 2 Hz.csv"):
@@ -90,7 +90,7 @@ def test_faulty_time_is_the_only_finding(tmp_path, spoil):
     assert checked.groups == ()
 
 
-def test_a_fault_exits_with_five_and_one_json_object(spoilt):
+def test_fault_exits_with_five_and_json(spoilt):
     assert spoilt.returncode == 5
     assert spoilt.stderr == ""
     answer = json.loads(spoilt.stdout)
@@ -107,7 +107,7 @@ def test_a_fault_exits_with_five_and_one_json_object(spoilt):
     assert "clipped" in row["findings"]
 
 
-def test_files_hold_what_json_says(spoilt, folder):
+def test_files_agree_with_json(spoilt, folder):
     answer = json.loads(spoilt.stdout)
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "check.html", "check.json", "findings.csv",
@@ -117,11 +117,11 @@ def test_files_hold_what_json_says(spoilt, folder):
         rows = list(csv.DictReader(file))
     assert [row["kind"] for row in rows] == [finding["kind"] for finding in answer["findings"]]
     page = (folder / "out" / "check.html").read_text()
-    assert "not to be fitted as they are" in page
+    assert "have faults and cannot be fitted" in page
     assert "clipped" in page
 
 
-def test_a_file_that_cannot_be_read_is_told_beside_the_others(folder):
+def test_unreadable_file_is_reported_with_others(folder):
     run = mrdamper("check", folder / "mixed", "--json")
     assert run.returncode == 3
     answer = json.loads(run.stdout)
@@ -131,7 +131,7 @@ def test_a_file_that_cannot_be_read_is_told_beside_the_others(folder):
     assert "broken.csv: no rows of numbers" in run.stderr
 
 
-def test_a_channel_map_is_heeded(folder, tmp_path):
+def test_channel_map_is_used(folder, tmp_path):
     text = (folder / "spoilt" / "shifted.csv").read_text().replace("force_N", "CH1", 1)
     (tmp_path / "raw.csv").write_text(text)
     assert mrdamper("check", tmp_path / "raw.csv").returncode == 3

@@ -1,4 +1,4 @@
-"""The command ``compare``: page, JSON, and refused cards."""
+"""The command ``compare``: page, JSON, and rejected cards."""
 
 from __future__ import annotations
 

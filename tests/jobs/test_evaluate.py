@@ -1,4 +1,4 @@
-"""The job ``evaluate``: the errors that a card states next to its errors on runs."""
+"""The job ``evaluate``: errors stated in a card and errors of runs."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def card(tmp_path_factory) -> ModelCard:
 
 
 def run_of(card, amplitude=0.008, gain=1.0):
-    """Return a run whose force is the card's, times a gain."""
+    """Return a run with the force of the card times a gain."""
     run = make_run(Sine(amplitude, 0.5), duration=6.0)
     run = replace(run, temperature=np.full(len(run), 40.0 + ZERO_CELSIUS_K))
     return replace(run, force=gain * simulate(card.damper, prepare_run(run).trajectory))
 
 
-def test_a_card_promises_and_a_damper_does_not(card):
+def test_card_has_expected_error(card):
     run = run_of(card, gain=1.1)
     found, bare = evaluate(card, read_dataset([run])), evaluate(card.damper, read_dataset([run]))
     assert set(found.promised) == {"training", "held_out"}
@@ -44,13 +44,13 @@ def test_a_card_promises_and_a_damper_does_not(card):
         assert each.notes == ()
 
 
-def test_runs_beyond_the_envelope_are_noted(card):
+def test_runs_beyond_envelope_are_noted(card):
     far = evaluate(card, read_dataset([run_of(card, amplitude=0.02)]))
     (note,) = far.notes
     assert "displacement" in note
 
 
-def test_runs_are_taken_with_files_and_turned_together(card, tmp_path):
+def test_runs_from_files_are_flipped_together(card, tmp_path):
     write_csv(tmp_path / "file.csv")
     given = run_of(card)
     plain = read_dataset([given, tmp_path / "file.csv"])

@@ -138,7 +138,7 @@ def test_missing_compiler_writes_nothing(folder, tmp_path, monkeypatch):
 
 
 def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch):
-    """The comparison uses the compiled program: here a compiler changes a table."""
+    """The comparison uses the compiled program. Here a compiler changes a table."""
     wrapper = tmp_path / "cc"
     wrapper.write_text(
         "#!/bin/sh\n[ -f damper_tables.c ] && sed -i 's/largest = 2.0f/largest = 2.0001f/' damper_tables.c\n"
@@ -190,7 +190,7 @@ def test_map_that_fails_leaves_no_folder(folder, tmp_path, monkeypatch):
 
 
 def test_wheel_contains_kernel_and_templates():
-    """They are found by name in the installed package, not by a path of the source tree."""
+    """They are found by name in the installed package, not by a path of the source folder."""
     from importlib.resources import files
 
     assert files("mrdamper.core").joinpath("kernel", "controller.c").is_file()

@@ -1,4 +1,4 @@
-"""``mrdamper fluid``: from rheometer tables to laws, a file of the fluid and a figure."""
+"""``mrdamper fluid``: from rheometer tables to laws, a fluid file and a figure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STRESS = Carlson(47.9e3).stress(FIELD) * Linear(1.67e-3).value(AT + 273.15)
 
 
 def fluid(tables, *, like="paper", out=None) -> Any:
-    """Run the job in this process; return its answer."""
+    """Run the job in this process and return its answer."""
     given = {"tables": tables, "like": like}
     return JOBS["fluid"].perform(given, out=out)[1]
 

@@ -1,4 +1,4 @@
-"""``mrdamper heat``: from a card and a drawing to temperatures, or one message."""
+"""``mrdamper heat``: temperatures from a card and a geometry file, or one message."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
 def heating(
     card: Path, damper: Path, *, options: HeatOptions | None = None, out: Path | None = None, **given: Any
 ) -> Any:
-    """Return the answer of the job, as the command line prints it; by the quickest model unless told."""
+    """Return the answer of the job as JSON. The default is the fastest thermal model."""
     named = {"card": card, "drawing": damper, **given}
     return JOBS["heat"].perform(named, options or HeatOptions(model="network"), out=out)[1]
 
@@ -46,7 +46,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shown(folder):
-    """Run the command once, for all tests that look at the outcome."""
+    """Run the command once, for all tests of the result."""
     return mrdamper(
         "heat", folder / "card.json", "--damper", PAPER_DRAWING, "--out", folder / "out", "--json"
     )
@@ -67,8 +67,8 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
 # ------------------------------------------------------------------------------------- the paper's figures
 
 
-def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
-    """Power and fade come from the card, the force losses within 0.3 points."""
+def test_fitted_card_heats_as_in_paper():
+    """Power and loss of force follow from the card. The losses agree within 0.3 percentage points."""
     card, drawing = paper_card(), read_drawing(PAPER_DRAWING)
     run = heat(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), HeatOptions(past_limit=True))
     assert run.bare is not None
@@ -85,7 +85,7 @@ def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
 # --------------------------------------------------------------------------------------------- the answer
 
 
-def test_the_keys_that_scripts_rely_on(answer):
+def test_answer_has_documented_keys(answer):
     assert {"curve", "energy_closure", "time_to_limit_s", "force_loss_percent"} <= answer.keys()
     assert answer["curve"].keys() == {"time_s", "fluid_degC", "coil_degC", "wall_degC"}
     lengths = {len(values) for values in answer["curve"].values()}
@@ -96,22 +96,22 @@ def test_the_keys_that_scripts_rely_on(answer):
     assert answer["energy_closure"] <= 1e-9
 
 
-def test_the_damper_is_also_run_without_its_sink(answer):
+def test_heating_without_sink_is_simulated(answer):
     bare = answer["without_sink"]
     assert bare["curve"]["fluid_degC"][-1] > answer["curve"]["fluid_degC"][-1] + 30.0
     assert "fin convection" in answer["paths_W"]
     assert "fin convection" not in bare["paths_W"]
 
 
-def test_what_goes_in_is_given_off_or_stored(answer):
+def test_energy_is_conserved(answer):
     for course in (answer, answer["without_sink"]):
         energy = course["energy_J"]
         paths = sum(energy[path] for path in course["paths_W"])
         assert energy["mechanical"] + energy["coil"] == pytest.approx(energy["stored"] + paths, rel=1e-9)
 
 
-def test_limits_are_judged_at_the_hottest_points(answer):
-    """Those of fluid, coil and seals; no hottest point is below the mean of its part."""
+def test_limits_refer_to_hottest_points(answer):
+    """The hottest point of fluid, coil and seals is never below the mean temperature of the part."""
     rows = {row["part"]: row for row in answer["without_sink"]["limits"]}
     assert [rows[name]["limit_degC"] for name in ("fluid", "coil", "seals")] == [130.0, 155.0, 150.0]
     for name, mean in (("fluid", "fluid"), ("coil", "coil")):
@@ -119,30 +119,30 @@ def test_limits_are_judged_at_the_hottest_points(answer):
         assert (hot >= np.array(answer["without_sink"]["curve"][f"{mean}_degC"]) - 1e-9).all()
 
 
-def test_the_page_holds_every_picture_and_nothing_from_elsewhere(answer, folder):
+def test_page_has_figures_and_no_external_file(answer, folder):
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
-    assert "fingerprint of its training runs" in page  # what it was made from, at the end
+    assert "fingerprint of its training runs" in page  # The end of the page states the source of the card.
     assert "mrdamper 0." in page
     assert re.findall(r'(?:src|href)="https?://', page) == []
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
     assert [label[1] for label in labels if label] == [
-        "Temperatures over time", "Temperature field after 30 min", "Where the heat goes",
-        "Fade of the force", "The damper to scale",
+        "Temperatures over time", "Temperature field after 30 min", "Heat flows",
+        "Peak force versus time and temperature", "The damper to scale",
     ]  # fmt: skip
     for picture in pictures:
         ET.fromstring(picture)
     assert "not reached" in page
 
 
-def test_the_table_is_the_curve(answer, folder):
+def test_table_equals_curve(answer, folder):
     table = np.genfromtxt(folder / "out" / "heat.csv", delimiter=",", names=True)
     assert table["fluid_degC"] == pytest.approx(answer["curve"]["fluid_degC"], abs=1e-6)
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["heat.csv", "heat.html", "heat.json"]
 
 
-def test_the_fins_are_drawn_to_scale(folder):
-    """The picture's fins stand as far apart, over the body's length, as the drawing says."""
+def test_fins_are_drawn_to_scale(folder):
+    """The distance of the fins in the figure is that of the geometry file."""
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
     picture = re.search(r'<svg[^>]*aria-label="The damper to scale".*?</svg>', page, flags=re.DOTALL)
     assert picture is not None
@@ -165,7 +165,7 @@ def test_the_fins_are_drawn_to_scale(folder):
     assert tall / length == pytest.approx(92.0 / 200.0, abs=2e-3)
 
 
-def test_another_sink_takes_the_drawing_s_place(folder):
+def test_sink_option_replaces_sink(folder):
     sink = folder / "sink.toml"
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
     found = heating(folder / "card.json", PAPER_DRAWING, sink=sink)
@@ -173,8 +173,8 @@ def test_another_sink_takes_the_drawing_s_place(folder):
     assert found["correlations"]["fins"] == "annular fins, Tsubouchi and Masuda"
 
 
-def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
-    """A drawing without sink, which is run once."""
+def test_curve_ends_at_limit_of_fluid(folder):
+    """A damper without heat sink is simulated only once."""
     bare = changed(folder, "fins = 5", "fins = 0")
     ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=HeatOptions())
     past = HeatOptions(past_limit=True)
@@ -182,7 +182,9 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     assert (ended["sink"], ended["without_sink"]) == (None, None)
     assert ended["curve"]["fluid_degC"][-1] == pytest.approx(130.0, abs=1e-6)
     assert ended["time_to_limit_s"] == pytest.approx(gone_on["time_to_limit_s"], abs=1.0)
-    assert ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]  # the hottest point before the mean
+    assert (
+        ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]
+    )  # The hottest point is earlier than the mean.
     early, late = ended["time_to_limit_interval_s"]
     assert early < ended["time_to_limit_s"] < (late or np.inf)
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
@@ -192,11 +194,11 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     assert f"reached after {ended['time_to_limit_s'] / 60:.1f} min" in page.stdout
 
 
-def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
+def test_card_without_temperature_has_constant_power(folder):
     card = write_heated_card(folder, "cold.json", temperature_dependent=False)
     found: Any = heating(card, PAPER_DRAWING, out=folder / "cold")
     assert np.ptp(found["power_W"]["mechanical"]) == 0.0
-    assert found["force_loss_percent"] is None  # not known
+    assert found["force_loss_percent"] is None  # The loss is unknown.
     assert any("held constant" in note for note in found["notes"])
     assert "held constant" in (folder / "cold" / "heat.html").read_text(encoding="utf-8")
 
@@ -205,10 +207,11 @@ def test_assumed_temperature_laws_are_marked(folder):
     card = write_heated_card(folder, "assumed.json", assumed=True)
     found: Any = heating(card, PAPER_DRAWING, out=folder / "assumed")
     assert found["assumed"] == ["viscosity", "yield_force"]
-    assert "Assumed, not identified" in (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
+    page = (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
+    assert "The temperature dependence is assumed" in page
 
 
-def test_temperatures_beyond_the_card_s_are_said(folder):
+def test_temperatures_beyond_card_are_noted(folder):
     card = read_card(folder / "card.json")
     drawing, duty = read_drawing(PAPER_DRAWING).with_sink(None), read_duty("sine:15mm:1Hz:2A:600s")
     run = heat(card, drawing, duty, HeatOptions(start_degC=-10.0))
@@ -219,7 +222,7 @@ def test_temperatures_beyond_the_card_s_are_said(folder):
     assert heat(card, drawing, duty).notes == ()
 
 
-def test_a_damper_at_rest_has_no_force_to_fade(folder):
+def test_damper_at_rest_has_no_loss(folder):
     (folder / "rest.csv").write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,0,0,2\n600,0,0,2\n", encoding="utf-8"
     )
@@ -233,7 +236,7 @@ def test_a_damper_at_rest_has_no_force_to_fade(folder):
 
 
 @pytest.mark.nightly
-def test_the_same_run_gives_the_same_bytes(folder):
+def test_same_run_gives_same_bytes(folder):
     for name in ("one", "two"):
         heating(folder / "card.json", PAPER_DRAWING, out=folder / name)
     one, two = ((folder / name / "heat.html").read_bytes() for name in ("one", "two"))
@@ -243,7 +246,7 @@ def test_the_same_run_gives_the_same_bytes(folder):
 # ------------------------------------------------------------------------------------- how sure it is
 
 
-def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
+def test_interval_contains_curve_and_time_to_limit(folder):
     bare = changed(folder, "fins = 5", "fins = 0", "open.toml")
     found: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3600s")
     soonest, latest = found["time_to_limit_interval_s"]
@@ -260,7 +263,7 @@ def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
 
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
-    """Write the first 8 min of a damper that is off its drawing; return the file and its end at 30 min."""
+    """Write 8 min of a damper that differs from its geometry file. Return the file and the final value."""
     drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
     own = replace(drawing.calibration, heat_capacity=1.25, film=1.1)
@@ -286,8 +289,8 @@ def calibrated(folder, astray) -> Any:
 
 
 @pytest.mark.nightly
-def test_the_first_minutes_foretell_the_end(calibrated, answer, astray):
-    """Eight minutes leave a fifth of what the drawing alone leaves open, or less, about the right end."""
+def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
+    """Calibration with 8 min reduces the interval to a fifth. The interval contains the correct value."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):
         low, high = found["interval"]["low_degC"][-1], found["interval"]["high_degC"][-1]
@@ -310,8 +313,8 @@ def test_two_factors_have_errors_and_correlation(calibrated):
 
 
 @pytest.mark.nightly
-def test_the_calibrated_drawing_gives_the_same_curve_again(calibrated, folder):
-    """The file is a drawing like any other; only the start, which was fitted, is not in it."""
+def test_calibrated_geometry_file_reproduces_curve(calibrated, folder):
+    """The calibrated file is a geometry file. It does not contain the fitted initial temperature."""
     assert calibrated["drawing"] == str(folder / "fitted" / "calibrated.toml")
     start = HeatOptions(start_degC=calibrated["calibration"]["start_degC"])
     again: Any = heating(folder / "card.json", folder / "fitted" / "calibrated.toml", options=start)
@@ -319,7 +322,7 @@ def test_the_calibrated_drawing_gives_the_same_curve_again(calibrated, folder):
     assert again["calibration"] is None
 
 
-def test_a_curve_that_is_none_ends_in_one_message(folder):
+def test_invalid_curve_is_rejected_with_message(folder):
     path = folder / "contact.csv"
     rows = "".join(f"{20 * k},{20 + 30 * (k % 2)}\n" for k in range(25))
     path.write_text(f"time_s,fluid_degC\n{rows}", encoding="utf-8")
@@ -334,7 +337,7 @@ def test_a_curve_that_is_none_ends_in_one_message(folder):
 # ------------------------------------------------------------------------------------------------ bad input
 
 
-def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
+def test_invalid_input_writes_nothing(folder):
     drawing = changed(folder, "pitch_mm = 20", "pitch_mm = 2", "overlap.toml")
     run = mrdamper("heat", folder / "card.json", "--damper", drawing, "--out", folder / "bad", "--json")
     assert (run.returncode, run.stdout) == (3, "")
@@ -353,12 +356,12 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
         ("sine:150mm:4Hz:2A:1800s", "is at"),
     ],
 )
-def test_a_duty_that_cannot_be_is_refused(folder, duty, message):
+def test_invalid_duty_is_rejected(folder, duty, message):
     with pytest.raises(InputError, match=re.escape(message)):
         heating(folder / "card.json", PAPER_DRAWING, duty=duty, options=HeatOptions(past_limit=True))
 
 
-def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
+def test_card_in_volts_requires_driver_gain(folder):
     card = write_heated_card(folder, "volts.json", unit="V")
     with pytest.raises(InputError, match=r"expected the same unit, as in sine:15mm:1Hz:2V:1800s"):
         heating(card, PAPER_DRAWING)
@@ -371,7 +374,7 @@ def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
 
 
 def test_polynomial_heat_capacity_slows_the_heating(folder):
-    """A damper that stores half as much again gets less warm in 10 min."""
+    """A damper with 50 % more heat capacity has a lower temperature after 10 min."""
     card, duty = folder / "card.json", "sine:15mm:1Hz:2A:600s"
     quick = HeatOptions(with_sink=False)
     table = "[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [1450, 2.5]\n\n[body]"

@@ -1,4 +1,4 @@
-"""``mrdamper heatsink``: from a card and a geometry file to a front of heat sinks, or one message."""
+"""``mrdamper heatsink``: Pareto front of heat sinks from a card and a geometry file, or one message."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TWO_MM = ("[body]", "[manufacture]\nleast_thickness_mm = 2\n\n[body]")
 
 
 def search(card, drawing, *, options=SMALL, duty=None, out=None) -> Any:
-    """Run the job in this process; return its answer."""
+    """Run the job in this process and return its answer."""
     given = {"card": card, "drawing": drawing, "duty": duty}
     return JOBS["heatsink"].perform(given, options, out=out)[1]
 
@@ -76,7 +76,7 @@ def test_front_is_ordered_by_mass(answer):
 
 
 def test_paper_sink_is_beaten_by_eight_kelvin(answer):
-    """In the same envelope and with no more mass, by the finite elements."""
+    """The sink has the same dimensions and no more mass. The values are from finite elements."""
     best, reference = answer["best"], answer["reference"]
     assert best["mass_kg"] <= reference["mass_kg"]
     assert (best["fins"] - 1) * best["pitch_m"] + best["thickness_m"] <= 0.084 * (1.0 + 1e-9)
@@ -90,7 +90,7 @@ def test_paper_sink_is_beaten_by_eight_kelvin(answer):
 
 @pytest.mark.nightly
 def test_identified_card_confirms_the_gain():
-    """By the network; the finite elements confirm it in tests/thermal/test_design.py."""
+    """The network gives this gain. tests/thermal/test_design.py confirms it with finite elements."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
     run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(75.5, abs=0.5)
@@ -132,7 +132,7 @@ def test_terminal_lists_reference_and_coolest(folder):
     thick = changed(folder, *TWO_MM, name="thick.toml")
     run = mrdamper("heatsink", folder / "card.json", "--damper", thick, "--span-mm", 30, "--network-only")
     assert run.returncode == 0, run.stderr
-    for word in ("reference", "coolest", "zone network", "cooler than the reference", "Eq. 10"):
+    for word in ("reference", "coolest", "Best heat sink", "cooler than the reference"):
         assert word in run.stdout
     assert all(len(line) <= 110 for line in run.stdout.splitlines())
 

@@ -1,7 +1,7 @@
-"""Jobs that follow posterior draws: their intervals against the same job on the dampers at the ends.
+"""Intervals from posterior samples, compared with the same job on the extreme dampers.
 
-One parameter is drawn, the viscosity, at 21 even levels. All that is looked at rises or falls with it, so
-that the 5th and 95th percentile are, without interpolation, what the second and the second to last damper do.
+One parameter, the viscosity, has 21 evenly spaced values. All tested results are monotonic in the viscosity.
+Therefore the 5th and the 95th percentile are the results of the second smallest and second largest value.
 """
 
 from __future__ import annotations
@@ -58,19 +58,20 @@ def a_run(damper: Damper) -> RigRun:
     )
 
 
-def test_simulated_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
+def test_simulated_interval_equals_extreme_dampers(folder: Path):
     found, low, high = (
-        mrdamper.simulate(folder / f"{name}.json", MOTION, **more)
-        for name, more in (("card", {"posterior": 21}), ("low", {}), ("high", {}))
+        mrdamper.simulate(folder / f"{name}.json", MOTION, posterior=samples)
+        for name, samples in (("card", 21), ("low", 0), ("high", 0))
     )
     ends = np.sort([low.force, high.force], axis=0)
+    assert found.interval is not None
     assert np.allclose(found.interval, ends, atol=1e-9 * np.abs(ends).max())
     assert (ends[1] - ends[0]).max() > 50.0
 
 
 @pytest.mark.parametrize("where", [0.82, 1.0, 1.17])
-def test_a_run_of_a_damper_among_the_draws_lies_in_the_interval(folder: Path, where: float):
-    """The card has not seen the run; the truth is any damper that its draws hold."""
+def test_interval_contains_force_of_sampled_damper(folder: Path, where: float):
+    """The card was not fitted to the run. The run is from any damper within the range of the samples."""
     runs = Dataset((a_run(with_viscosity(where * TRUTH.parameters[NAME])),))
     result = mrdamper.evaluate(folder / "card.json", runs, posterior=21)
     (force,) = result.forces
@@ -78,11 +79,11 @@ def test_a_run_of_a_damper_among_the_draws_lies_in_the_interval(folder: Path, wh
     assert inside.mean() > 0.95
     assert force.rmse_N[0] <= force.rmse_N[1]
     (viscosity,) = (each for each in result.coefficients if each.name == "viscosity")
-    assert np.ptp(viscosity.high - viscosity.low) == pytest.approx(0.0, abs=1e-6)  # the constant term alone
+    assert np.ptp(viscosity.high - viscosity.low) == pytest.approx(0.0, abs=1e-6)  # Only c0 is sampled.
     assert (viscosity.high - viscosity.low)[0] == pytest.approx(LEVELS[-2] - LEVELS[1])
 
 
-def test_tracked_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
+def test_tracking_interval_equals_extreme_dampers(folder: Path):
     result = mrdamper.track(
         folder / "card.json",
         targets=["sine-900N-1Hz"],
@@ -114,7 +115,7 @@ def test_tracked_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
     assert np.allclose([error.low_N[scored], error.high_N[scored]], ends, atol=1.0)
 
 
-def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder: Path, tmp_path: Path):
+def test_samples_of_another_card_are_rejected(folder: Path, tmp_path: Path):
     def refused(card: Any, *words: str) -> None:
         with pytest.raises(InputError) as fault:
             mrdamper.simulate(card, MOTION, posterior=5)
@@ -127,7 +128,7 @@ def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 
-def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path: Path):
+def test_reports_show_interval(folder: Path, tmp_path: Path):
     card = folder / "card.json"
     found = mrdamper.evaluate(card, Dataset((a_run(TRUTH),)), posterior=9)
     found.save(tmp_path / "evaluate")
@@ -139,13 +140,13 @@ def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path:
     assert answer["runs"][0]["rmse_interval_N"] == list(found.forces[0].rmse_N)
 
 
-def test_without_the_option_nothing_is_read(tmp_path: Path):
+def test_samples_are_read_only_with_option(tmp_path: Path):
     path = write_card_of(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate(path, MOTION).interval is None
 
 
-def test_a_motion_in_words_stays_words_on_the_command_line():
-    """What no reader takes from a path must not become one: ``sine:10mm:...`` was sought as a file."""
+def test_motion_text_is_not_a_path():
+    """A text such as ``sine:10mm:...`` must not be converted to a path."""
     (motion,) = (each for each in parameters_of(mrdamper.registry.JOBS["simulate"]) if each.name == "motion")
     assert motion.type.convert(MOTION, None, None) == MOTION

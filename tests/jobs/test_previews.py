@@ -1,4 +1,4 @@
-"""What a page shows before a job: files as they were understood, runs as they are drawn, quick heating."""
+"""Previews of a web page before a job: formats of files, plotted runs, fast heating."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import channels_toml, write_map
 from mrdamper.jobs.inputs import read_files
-from mrdamper.jobs.options.heating import HeatOptions
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.jobs.previews.heat import QuickHeat, damper_facts, draw_damper
 from mrdamper.jobs.previews.runs import findings_in, look
@@ -36,7 +36,7 @@ def file(tmp_path):
 
 @pytest.fixture
 def bare(tmp_path):
-    """Return a file whose names say nothing."""
+    """Return a file whose column names have no meaning."""
     write_csv(tmp_path / "bare.csv")
     text = (tmp_path / "bare.csv").read_text().split("\n", 1)[1]
     (tmp_path / "bare.csv").write_text(f"a,b,c,d\n{text}")
@@ -46,7 +46,7 @@ def bare(tmp_path):
 # ------------------------------------------------------------------------------------------- looks
 
 
-def test_a_look_shows_the_columns_the_run_and_what_is_wrong_with_it(file):
+def test_preview_shows_columns_run_and_findings(file):
     answer = look(file)
     assert (answer["error"], answer["rows"], answer["checked"], answer["map"]) == (None, len(RUN), True, None)
     assert [column["role"] for column in answer["columns"]] == ["time", "displacement", "force", "current"]
@@ -64,7 +64,7 @@ def test_a_look_shows_the_columns_the_run_and_what_is_wrong_with_it(file):
     assert answer["findings"] == findings_in(file)["findings"][0]
 
 
-def test_a_card_s_line_says_what_it_is_or_that_it_is_none(tmp_path):
+def test_card_line_describes_card_or_error(tmp_path):
     card = read_card(write_card_of(tmp_path / "card.json"))
     line = card_line(tmp_path / "card.json")
     assert (line["title"], line["law"], line["error"]) == (card.title, card.damper.law.name, None)
@@ -79,7 +79,7 @@ def test_a_card_s_line_says_what_it_is_or_that_it_is_none(tmp_path):
 # ------------------------------------------------------------------------------------------- series
 
 
-def test_a_kept_run_is_its_samples_in_single_precision(file, tmp_path):
+def test_stored_run_has_single_precision(file, tmp_path):
     answer = keep_runs(file, tmp_path / "kept")
     assert [row["name"] for row in answer["runs"]] == ["run"]
     header, columns = read_series(tmp_path / "kept/0.series")
@@ -95,10 +95,10 @@ def test_a_kept_run_is_its_samples_in_single_precision(file, tmp_path):
         assert np.allclose(columns[name], values.astype(np.float32), rtol=1e-6, atol=1e-5), name
 
 
-def test_a_window_keeps_the_ends_of_every_stretch_and_its_part_of_the_time(tmp_path):
+def test_window_keeps_extremes_of_each_interval(tmp_path):
     run = make_run(duration=20.0, rate_Hz=500.0)
     force = run.force.copy()
-    force[4321] = 9e4  # one sample
+    force[4321] = 9e4  # A spike of one sample.
     lines = [f"{t!r},{1e3 * x!r},{f!r},0.5" for t, x, f in zip(*(
         each.tolist() for each in (run.time, run.displacement, force)), strict=True)]  # fmt: skip
     (tmp_path / "run.csv").write_text("time_s,displacement_mm,force_N,current_A\n" + "\n".join(lines) + "\n")
@@ -117,12 +117,12 @@ def test_a_window_keeps_the_ends_of_every_stretch_and_its_part_of_the_time(tmp_p
     inside = (whole["time_s"] >= 2.0) & (whole["time_s"] <= 3.0)
     assert np.array_equal(part["force_N"], whole["force_N"][inside])
     keep_window(tmp_path / "0.series", tmp_path / "like", most=10, samples_of=tmp_path / "0.series")
-    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # never fewer than that many
+    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # The window has at most 64 samples.
     with pytest.raises(InputError, match=r"no sample from 30 to None s.*a part of 0 to 20 s"):
         keep_window(tmp_path / "0.series", tmp_path / "none", from_s=30)
 
 
-def test_the_model_of_a_kept_run_is_the_card_s_simulation(file, tmp_path):
+def test_model_of_stored_run_is_simulated(file, tmp_path):
     card = write_card_of(tmp_path / "card.json")
     warm = replace(RUN, temperature=np.full(len(RUN), 310.0))
     table = np.column_stack([warm.time, 1e3 * warm.displacement, warm.force, warm.command])
@@ -146,7 +146,7 @@ def test_the_model_of_a_kept_run_is_the_card_s_simulation(file, tmp_path):
 
 
 def written(folder, *headers):
-    """Return what is written of files, each with a header of its own."""
+    """Return the text of the channel map of files, each with its own header."""
     for k, header in enumerate(headers):
         write_csv(folder / f"{k}.csv")
         body = (folder / f"{k}.csv").read_text().split("\n", 1)[1]
@@ -154,7 +154,7 @@ def written(folder, *headers):
     return write_map(read_files([folder]))
 
 
-def test_a_written_map_holds_what_files_share_and_comments_on_the_rest(tmp_path):
+def test_channel_map_has_common_entries(tmp_path):
     same = "time_s,displacement_mm,force_kN,current_A"
     found = written(tmp_path, same, "time_s,stroke_mm,force_kN,current_A")
     assert set(found.document["channel"]) == {"time", "force", "current"}
@@ -165,7 +165,7 @@ def test_a_written_map_holds_what_files_share_and_comments_on_the_rest(tmp_path)
     assert f"# {comment}" in found.text
 
 
-def test_any_map_is_written_so_that_it_reads_back(tmp_path):
+def test_written_channel_map_is_read_again(tmp_path):
     odd = {"segments": {"split": 'a "b"\t\x7f', "current_A": [0.5, 1.0]}, "channel": {"force": {
         "name": "Kraft [N] = 1", "unit": "N", "sign": -1}}}  # fmt: skip
     text = channels_toml(odd, ["two\nlines"])
@@ -181,7 +181,7 @@ def test_any_map_is_written_so_that_it_reads_back(tmp_path):
 # ------------------------------------------------------------------------------------------- heating
 
 
-def test_a_quick_heating_is_the_job_s_at_the_same_sine(tmp_path):
+def test_quick_heating_agrees_with_job(tmp_path):
     card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()
     fast = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0)
@@ -193,7 +193,7 @@ def test_a_quick_heating_is_the_job_s_at_the_same_sine(tmp_path):
     assert max(half["curve"]["hottest_degC"]) < max(fast["curve"]["hottest_degC"])
 
 
-def test_a_changed_drawing_is_written_as_it_is_read_and_what_is_wrong_has_its_key():
+def test_changed_geometry_is_written_with_errors_by_key():
     facts = damper_facts("paper", "paper")
     drawn = draw_damper("paper", "mine", facts["tables"])
     assert parse_toml(drawn["text"]) == facts["tables"]

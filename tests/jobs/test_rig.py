@@ -1,4 +1,4 @@
-"""``mrdamper rig``: runs in files as from any rig, the truth next to them, all files or none."""
+"""``mrdamper rig``: files of the runs, files of the exact values, all or none."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_answer_names_runs_and_held_out_ones(answer):
     assert answer["simulated"] is True
 
 
-def test_files_read_back_as_the_measured_runs(answer, folder):
+def test_files_contain_the_measured_runs(answer, folder):
     """The file rounds to 0.1 um, 0.01 N and 0.01 K, and its first line says that the run is simulated."""
     read = {run.name: run for run in read_runs(folder / "runs")}
     campaign = Campaign.from_mapping(tomllib.loads(CAMPAIGN))
@@ -107,7 +107,7 @@ def test_draw_randomises_the_preset(run_rig, tmp_path):
     assert run_rig(tmp_path / "out", "stiff", draw=6)["damper"] == "stiff-6"
     assert read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml") == draw_variant(PRESETS["stiff"], 6)
     (note,) = run_rig(tmp_path / "out", "stiff", draw=8)["notes"]
-    assert "holds other runs, 6 of them, such as stiff-6_020C_0-2A_steps" in note
+    assert "has 6 other runs, such as stiff-6_020C_0-2A_steps" in note
 
 
 def test_interrupted_campaign_leaves_nothing(run_rig, tmp_path):
@@ -126,7 +126,7 @@ def test_interrupted_campaign_leaves_nothing(run_rig, tmp_path):
         (("--preset", "soft"), 3, "'soft' is not a preset of the virtual rig"),
         (("--preset", "x.toml"), 3, "x.toml: cannot read the virtual damper"),
         (("--campaign", "x.toml"), 3, "x.toml: cannot read the campaign"),
-        (("--seed", "-1"), 2, "-1 is not in the range"),
+        (("--seed", "-1"), 2, "expected a whole number, at least 0"),
     ],
 )
 def test_bad_options_give_one_message(options, code, message, tmp_path):
@@ -147,5 +147,5 @@ def test_file_in_place_of_the_truth_folder_raises(run_rig, tmp_path):
 def test_terminal_shows_the_next_command(folder, tmp_path):
     run = mrdamper("rig", "--campaign", folder / "campaign.toml", "--out", tmp_path / "out")
     assert run.returncode == 0, run.stderr
-    assert f"wrote 6 runs to {tmp_path / 'out'}" in run.stdout
+    assert f"Wrote 6 runs to {tmp_path / 'out'}" in run.stdout
     assert "--hold-out '*_060C_*'" in run.stdout

@@ -1,4 +1,4 @@
-"""Sweeps: the same results on any number of workers, after the death of workers, and after a resume."""
+"""Sweeps give the same results with any number of workers, after killed workers, and after a resume."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SMALL = Campaign(
 
 
 def sweep(card: Path, out: Path, *, samples: int = SAMPLES, resume: bool = False, **options: Any) -> Any:
-    """Run a sweep over random dampers from this process; return its answer."""
+    """Run a sweep of random dampers in this process and return its answer."""
     asked = SweepOptions(samples=samples, **{"seed": SEED, **options})
     return JOBS["sweep"].perform({"card": card}, asked, out=out, resume=resume)[1]
 
@@ -59,7 +59,7 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def reference(card: Path) -> bytes:
-    """Return the result of one process without interruption."""
+    """Return the result of one uninterrupted process."""
     sweep(card, card.parent / "one", workers=1)
     return (card.parent / "one" / "sweep.json").read_bytes()
 
@@ -118,7 +118,7 @@ def test_killed_sweep_is_resumed(card: Path, tmp_path: Path, reference: bytes):
 
 @pytest.mark.nightly
 def test_torn_line_is_computed_again(card: Path, tmp_path: Path, reference: bytes):
-    """A line that was cut off is no result; complete lines are."""
+    """An incomplete line is computed again. Complete lines are used."""
     out = tmp_path / "torn"
     out.mkdir()
     lines = (card.parent / "one" / RESULTS_FILE).read_bytes().splitlines(keepends=True)
@@ -129,7 +129,7 @@ def test_torn_line_is_computed_again(card: Path, tmp_path: Path, reference: byte
 
 
 def test_results_of_another_sweep_are_refused(tmp_path: Path):
-    """A folder with results needs ``resume``, and the same sweep."""
+    """A folder with results requires ``resume`` and the same sweep."""
     head = {"kind": "samples", "seed": 1}
     with open_store(tmp_path, resume=False) as store:
         store.begin(head)
@@ -188,7 +188,7 @@ def test_missing_scheduler_is_an_error(card: Path, tmp_path: Path, monkeypatch: 
 
 @pytest.mark.nightly
 def test_each_campaign_is_fitted_alone(tmp_path: Path):
-    """A file that is no run costs its own result only."""
+    """An invalid file affects only its own result."""
     for seed in (1, 2):
         given = {"damper": PRESETS["nominal"], "campaign": SMALL}
         JOBS["rig"].perform(given, RigOptions(seed=seed), out=tmp_path / f"lab-{seed}")
@@ -210,7 +210,10 @@ def test_heat_sink_is_searched_for_each_damper(card: Path):
     found = mrdamper.sweep(card=card, dampers=["paper"], duty=DUTY, workers=1)
     (task,) = found.tasks
     assert task.name == found.plan.tasks[0].name
-    assert task.figures["bare_degC"] > task.figures["best_degC"] > 20.0
+    bare_degC, best_degC = task.figures["bare_degC"], task.figures["best_degC"]
+    assert bare_degC is not None
+    assert best_degC is not None
+    assert bare_degC > best_degC > 20.0
 
 
 def plan_of(card: Path, **options: Any) -> Plan:
@@ -241,7 +244,7 @@ def test_sweep_needs_one_kind(card: Path, tmp_path: Path):
 
 
 def test_campaigns_have_unique_names(tmp_path: Path):
-    """A name has as many parents as necessary; parameters of virtual dampers are no campaign."""
+    """A name contains as many parent folders as necessary. Parameter files are not campaigns."""
     for place in ("a/run.csv", "b/run.csv", "c.csv", "c.truth"):
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).write_text("t,x\n", encoding="utf-8")
@@ -251,7 +254,7 @@ def test_campaigns_have_unique_names(tmp_path: Path):
 
 
 def test_summary_ignores_missing_values():
-    """Quantiles are taken over the tasks that have the value."""
+    """Quantiles refer to the tasks that have the value."""
     plan = Plan("dampers", 0, tuple(Task(name, "dampers", 1, {}) for name in "abcd"), "")
     figures: tuple[dict[str, float | None], ...] = (
         {"degC": 1.0, "gone": None},
@@ -265,8 +268,8 @@ def test_summary_ignores_missing_values():
     ]
     result = SweepResult(plan, tuple(swept), 0)
     assert [task.name for task in result.failed] == ["c"]
-    assert set(result.summary) == {"degC"}
-    degrees = result.summary["degC"]
+    assert set(result.statistics) == {"degC"}
+    degrees = result.statistics["degC"]
     assert (degrees.count, degrees.least, degrees.median, degrees.most) == (2, 1.0, 2.0, 3.0)
     assert SweepResult(plan, tuple(swept[:2]), 0).cancelled
 

@@ -69,7 +69,7 @@ def test_recommended_controller_beats_the_paper(run, degrees):
 
 @pytest.mark.parametrize("name", ["recommended", "paper"])
 def test_unknown_temperature_costs_when_hot(run, name):
-    """A controller made from a card of 20 degC is as good there and much worse at 123 degC."""
+    """A controller from a card of 20 degC is as accurate at 20 degC and much less accurate at 123 degC."""
     hot, hot_unaware = score(run, name, 123.0), score(run, f"{name}-unaware", 123.0)
     assert hot_unaware.rmse_feasible_N > 2.0 * hot.rmse_feasible_N
     cold, cold_unaware = score(run, name, 20.0), score(run, f"{name}-unaware", 20.0)
@@ -84,11 +84,11 @@ def test_summary_is_the_worst_temperature(run):
 
 
 def test_card_on_itself_has_no_model_error(folder):
-    """Lag and noise remain, so the same controller does worse on the virtual damper."""
+    """Lag and noise remain. The same controller has a larger error on the virtual damper."""
     options = TrackOptions(controllers=("recommended",))
     itself = track(folder / "card.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
     real = track(folder / "card.json", options, targets=[folder / "short.toml"], plant="hard")
-    assert itself.rows[0].temperature_degC == 60.0  # from the file
+    assert itself.rows[0].temperature_degC == 60.0  # The scenario file sets the temperature.
     assert itself.rows[0].score.rmse_feasible_N < 0.5 * real.rows[0].score.rmse_feasible_N
 
 
@@ -123,7 +123,7 @@ def test_number_of_jobs_changes_no_bit(folder):
     [(0.05, SIZED), (1.0, ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]), (20.0, SIZED)],
 )
 def test_card_of_any_size_is_tracked(folder, times, targets):
-    """Targets have the size of the damper's own force, so the relative error does not depend on it."""
+    """Targets are proportional to the force of the damper. Therefore the relative error is constant."""
     path = write_card_of(folder / "other.json", rig_damper(force=times))
     found = track(path, PAPER, plant=path)
     assert found.targets == targets
@@ -146,8 +146,8 @@ def test_command_writes_page_and_rows(folder):
     assert (answer["plant"], answer["seeds"]) == ("nominal", [1, 2])
     assert json.loads((folder / "out" / "track.json").read_text(encoding="utf-8")) == answer
     page = (folder / "out" / "track.html").read_text(encoding="utf-8")
-    assert "simulations, not measurements" in page
-    assert page.count("<svg") == 2  # errors against temperature, and the target
+    assert "simulation, not a measurement" in page
+    assert page.count("<svg") == 2  # The page has the errors versus temperature, and the target.
     table = (folder / "out" / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(table) == 1 + len(answer["rows"])
 
@@ -158,7 +158,7 @@ def test_terminal_shows_a_table(folder):
         "--controller", "clipped-on-off",
     )  # fmt: skip
     assert done.returncode == 0
-    assert "short on nominal: worst of 60 degC" in done.stdout
+    assert "short on nominal, worst of 60 degC" in done.stdout
     assert "clipped-on-off" in done.stdout
 
 
@@ -181,7 +181,7 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
 
 
 def test_infeasible_sized_targets_are_omitted(folder):
-    """The force without current is above most of the wanted force of two of the three targets."""
+    """Without current, the force is above most of the target force in two of the three targets."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
     path = write_card_of(folder / "thick.json", thick)
@@ -209,7 +209,7 @@ def test_target_out_of_reach_is_refused(folder):
 
 
 def test_card_without_actuation_is_refused(folder):
-    """Controllers that need no lag work with such a card."""
+    """Controllers without a lag model accept such a card."""
     write_card_of(folder / "unlagged.json", rig_damper(lag=None))
     message = refused(folder, card="unlagged.json")
     assert "unlagged.json: has no actuation, so recommended, recommended-causal" in message

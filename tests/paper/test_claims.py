@@ -1,4 +1,4 @@
-"""Claims of the paper: what could not be wrong has no verdict, and what has one can change."""
+"""Claims of the paper: only values that can be wrong have a verdict, and each verdict can change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import heat
 from mrdamper.paper.claim_table import TABLE
-from mrdamper.paper.claims import Row, above, judge
+from mrdamper.paper.claims import Row, is_larger, judge
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.sinks.efficiency import paper_sweeps
@@ -20,11 +20,11 @@ from tests.support.campaigns import paper_card
 PREDICTED = [row for row in TABLE if row.origin == "predicted"]
 
 
-def test_a_verdict_is_refused_where_nothing_can_be_wrong():
-    with pytest.raises(ValueError, match="origin is calibrated to this figure"):
-        Row(row=1, claim="x", says="", why="", origin="calibrated to this figure", judged=above)
+def test_verdict_without_prediction_is_rejected():
+    with pytest.raises(ValueError, match="origin is calibrated to this value"):
+        Row(row=1, claim="x", statement="", why="", origin="calibrated to this value", judged=is_larger)
     with pytest.raises(ValueError, match="origin is predicted, and judged is None"):
-        Row(row=1, claim="x", says="", why="", origin="predicted")
+        Row(row=1, claim="x", statement="", why="", origin="predicted")
 
 
 @pytest.mark.parametrize("row", [row for row in TABLE if row.judged], ids=lambda row: row.claim)
@@ -36,7 +36,7 @@ def test_every_verdict_can_change(row):
 
 
 def found_with(card, drawing):
-    """Return what the predicted rows look at: the damper at 5 mm, and sinks by width and by number."""
+    """Return the results that predictions use: the damper at 5 mm, and sinks by width and number."""
     duty = read_duty("sine:15mm:1Hz:2A:1800s")
     loads = loads_of(works_of(card.damper, duty), drawing, duty)
     small = heat(card, drawing, read_duty("sine:5mm:1Hz:2A:1800s"), HeatOptions())
@@ -51,8 +51,8 @@ def figure_of(row, found):
     return figure
 
 
-def test_every_prediction_moves_with_law_and_drawing():
-    """The rig stands behind the law: what it measures reaches a prediction through the card alone."""
+def test_predictions_depend_on_law_and_geometry():
+    """Measured values of the rig influence a prediction only through the card."""
     card, drawing = paper_card(), read_drawing("paper")
     parameters = card.damper.parameters
     changed = {
@@ -67,11 +67,11 @@ def test_every_prediction_moves_with_law_and_drawing():
             assert abs(after - before) > 1e-3 * abs(before), row.claim
 
 
-def test_verdicts_follow_from_figures():
+def test_verdicts_follow_from_values():
     assert judge(140.3, 140.0, within=0.5) == "within"
     assert judge(141.0, 140.0, within=0.5) == "contradicts"
     assert judge(40.0, 62.5, less_is_better=True) == "better"
     assert judge(70.0, 62.5, less_is_better=True) == "short"
     assert judge(6.0, 4.6, more_is_better=True) == "better"
-    assert above(0.1, 0.0) == "within"
-    assert above(-0.1, 0.0) == "contradicts"
+    assert is_larger(0.1, 0.0) == "within"
+    assert is_larger(-0.1, 0.0) == "contradicts"

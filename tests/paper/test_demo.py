@@ -1,4 +1,4 @@
-"""The demo: every job on the virtual rig, every claim of the paper answered, and a page to show for it."""
+"""The demo runs all jobs on the virtual rig, has a value for each claim of the paper, and writes a page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mrdamper.jobs.options import DemoOptions
-from mrdamper.paper.claim_table import ROWS
+from mrdamper.paper.claim_table import ROW_COUNT
 from mrdamper.paper.claims import JUDGED, Origin, Verdict
 from mrdamper.registry import JOBS
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -37,7 +37,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Pat
 
 
 def timed(out: Path, on_progress: Progress = silent) -> tuple[dict[str, Any], float]:
-    """Run the quick demo; return its answer and its CPU time on the machine of reference [s]."""
+    """Run the quick demo and return its answer and its CPU time on the reference computer [s]."""
     paces: list[float] = []
 
     def told(update: ProgressUpdate) -> None:
@@ -50,7 +50,7 @@ def timed(out: Path, on_progress: Progress = silent) -> tuple[dict[str, Any], fl
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 
-def test_the_runs_are_said_to_be_simulated(quick):
+def test_runs_are_marked_as_simulated(quick):
     answer, out, *_ = quick
     assert answer["simulated"] is True
     assert "Nothing here was measured" in (out / "report.html").read_text(encoding="utf-8")
@@ -58,17 +58,17 @@ def test_the_runs_are_said_to_be_simulated(quick):
     assert "not measured" in first
 
 
-def test_the_quick_demo_keeps_its_promise_of_time(quick, tmp_path):
-    """15 s of CPU, the best of three: a slow or loaded machine is not a fault."""
+def test_quick_demo_stays_within_time(quick, tmp_path):
+    """The limit is 15 s of CPU time, for the best of three runs because the machine can be loaded."""
     spent = [quick[-1]]
     while len(spent) < 3 and min(spent) >= 15.0:
         spent.append(timed(tmp_path / f"demo{len(spent)}")[1])
     assert min(spent) < 15.0
 
 
-def test_every_row_of_the_paper_has_an_answer(quick):
+def test_every_claim_has_a_value(quick):
     claims = quick[0]["claims"]
-    assert {claim["row"] for claim in claims} == set(range(1, ROWS + 1))
+    assert {claim["row"] for claim in claims} == set(range(1, ROW_COUNT + 1))
     names = [claim["claim"] for claim in claims]
     assert len(set(names)) == len(names)
     assert set(names) >= NAMES
@@ -78,7 +78,7 @@ def test_every_row_of_the_paper_has_an_answer(quick):
         assert claim["why"]
 
 
-def test_only_what_was_predicted_or_tried_has_a_verdict(quick):
+def test_only_predicted_values_have_verdicts(quick):
     claims = quick[0]["claims"]
     judged = {claim["origin"] for claim in claims if claim["verdict"] is not None}
     assert judged == set(JUDGED)
@@ -86,16 +86,16 @@ def test_only_what_was_predicted_or_tried_has_a_verdict(quick):
     assert {claim["row"] for claim in claims if claim["contradiction"]} >= {4, 6, 14, 16, 19, 22, 31}
 
 
-def test_the_model_beats_the_paper_s_law_and_the_blind_controller_is_worse(quick):
+def test_model_and_controller_beat_the_paper(quick):
     answer = quick[0]
     held = {line["law"]: line["summary"]["held_out"]["median_nrmse_percent"] for line in answer["laws"]}
     assert held["double-bouc-wen"] < 0.5 * held["bouc-wen"]
     ours = {claim["claim"]: claim["ours"] for claim in answer["claims"]}
-    assert ours["unaware_over_aware_ours"] > 4.6  # the paper's own ratio
-    assert ours["unaware_over_aware"] < 4.6  # what its scheme has on this damper
+    assert ours["unaware_over_aware_ours"] > 4.6  # The ratio in the paper is 4.6.
+    assert ours["unaware_over_aware"] < 4.6  # The controller of the paper has a smaller ratio on this damper.
 
 
-def test_the_summary_is_the_answer_and_what_it_names_lies_there(quick):
+def test_summary_names_existing_files(quick):
     answer, out, *_ = quick
     told = json.loads(json.dumps(answer))
     assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == told
@@ -103,7 +103,7 @@ def test_the_summary_is_the_answer_and_what_it_names_lies_there(quick):
     assert Path(answer["report"]).is_file()
 
 
-def test_the_page_links_only_what_was_written_and_asks_nothing_of_the_network(quick):
+def test_page_links_only_written_files(quick):
     out = quick[1]
     page = (out / "report.html").read_text(encoding="utf-8")
     links = re.findall(r'href="([^"#]+)"', page)
@@ -113,6 +113,6 @@ def test_the_page_links_only_what_was_written_and_asks_nothing_of_the_network(qu
     assert page.count("<svg") >= 3
 
 
-def test_steps_are_told_in_order(quick):
+def test_steps_are_reported_in_order(quick):
     steps = quick[2]
     assert [int(step.split("/")[0]) for step in steps] == list(range(len(steps)))

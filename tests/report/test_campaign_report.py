@@ -1,4 +1,4 @@
-"""The report of a campaign: many temperatures or many runs, and what the damper itself is like."""
+"""Report of a campaign with many runs or temperatures, and characteristics of the damper."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from mrdamper.report.identification.groups import (
     error_table,
     levels_of,
     main_sine,
-    measured_peak,
-    measured_pick,
+    peak_force,
+    pick_of,
     sine_of,
 )
 from mrdamper.report.identification.page import PAGE
@@ -52,7 +52,7 @@ def text(fitted):
 
 
 def said_in(text: str) -> str:
-    """Return a page's text without style and markup, its blanks made one."""
+    """Return the text of a page without style and markup, with single blanks."""
     text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
 
@@ -80,21 +80,21 @@ def an_error(**changed: object) -> RunError:
 # ------------------------------------------------------------------------------------------- groups
 
 
-def test_temperatures_that_a_rig_holds_within_half_a_kelvin_are_one_level_and_three_apart_are_two():
+def test_temperature_levels_have_tolerance():
     errors = [an_error(temperature_degC=t) for t in (19.8, 20.3, 119.9, 120.2, 123.0)]
     levels = levels_of(errors)
     assert (levels.kind, len(levels.values)) == ("temperature", 3)
     assert levels.values == pytest.approx((20.05, 120.05, 123.0))
 
 
-def test_runs_that_do_not_tell_their_temperature_are_grouped_by_command():
+def test_runs_without_temperature_are_grouped_by_current():
     errors = [an_error(temperature_degC=None, command=c) for c in (0.0, 2.0, 1.0, None)]
     levels = levels_of(errors)
     assert (levels.kind, levels.values) == ("command", (0.0, 1.0, 2.0))
     assert [levels.of(error) for error in errors] == [0.0, 2.0, 1.0, None]
 
 
-def test_errors_are_pooled_as_root_mean_squares_by_split():
+def test_errors_are_pooled_by_split():
     errors = [
         an_error(rmse_N=3.0),
         an_error(rmse_N=4.0, command=2.0),
@@ -111,7 +111,7 @@ def test_errors_are_pooled_as_root_mean_squares_by_split():
     assert table.has_held_out
 
 
-def test_the_main_motion_is_the_sine_that_was_run_at_most_points():
+def test_main_motion_has_most_operating_points():
     errors = [an_error(command=c) for c in (0.0, 1.0)]
     errors += [an_error(command=c, motion="sine 3 mm 2 Hz") for c in (0.0, 1.0, 2.0)]
     errors += [an_error(command=c, motion="random 3 mm 1-3 Hz") for c in (0.0, 1.0, 2.0, 3.0)]
@@ -119,8 +119,8 @@ def test_the_main_motion_is_the_sine_that_was_run_at_most_points():
     assert main_sine(errors[-4:], levels_of(errors)) is None
 
 
-def test_peak_and_pick_of_a_measured_run_are_those_of_the_damper_within_its_noise():
-    """The mean of two cycles keeps the peak within some standard deviations of the noise (4 N)."""
+def test_measured_peak_force_equals_damper_force():
+    """The mean of two cycles has the peak within a few standard deviations of the noise (4 N)."""
     damper = warm_damper()
     for run in warm_runs(damper):
         prepared = prepare_run(run, AS_IT_IS)
@@ -128,18 +128,18 @@ def test_peak_and_pick_of_a_measured_run_are_those_of_the_damper_within_its_nois
         motion = MOTIONS[run.name.rpartition("_")[2]]
         assert isinstance(motion, Sine)
         cycle = settled_cycle(damper, motion, float(run.command[0]), float(run.temperature[0]))
-        peak, pick = measured_peak(prepared), measured_pick(prepared)
+        peak, pick = peak_force(prepared), pick_of(prepared)
         assert peak is not None
         assert pick is not None
         assert peak == pytest.approx(cycle.peak_N, abs=4.0 * NOISE_N)
         fastest = 2.0 * math.pi * motion.frequency * motion.amplitude
         assert pick.velocity == pytest.approx(fastest, rel=0.02)
-        # near the peak velocity means within 18 degrees of it: the viscous force is 1.7 % lower in the mean
+        # Samples within 18 degrees of the peak velocity have a viscous force that is 1.7 % lower on average.
         assert pick.extension == pytest.approx(cycle.extension_N, rel=0.02, abs=NOISE_N)
         assert pick.retraction == pytest.approx(cycle.retraction_N, rel=0.02, abs=NOISE_N)
 
 
-def test_the_sine_of_runs_is_the_one_they_were_driven_with():
+def test_sine_of_runs_is_recovered():
     prepared = [prepare_run(run, AS_IT_IS) for run in warm_runs(warm_damper()) if "sine3mm2Hz" in run.name]
     found = sine_of(prepared)
     assert found is not None
@@ -149,34 +149,34 @@ def test_the_sine_of_runs_is_the_one_they_were_driven_with():
 # ------------------------------------------------------------------------------------------- sections
 
 
-def test_the_claim_of_the_paper_is_said_to_hold_where_it_does(fitted, judged):
+def test_smaller_loss_at_high_current_is_reported(fitted, judged):
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
-    assert "the relative loss is smaller at higher current, measured and modelled." in warmth.said
-    assert warmth.said.startswith("From 20 to 100 °C the sine 5 mm 1 Hz loses of its peak force ")
+    assert "The relative loss is smaller at higher current, measured and modelled." in warmth.summary
+    assert warmth.summary.startswith("From 20 to 100 °C, the peak force of the sine 5 mm 1 Hz decreases by ")
 
 
-def test_the_claim_of_the_paper_is_said_not_to_hold_where_it_does_not():
-    """Constant viscosity and a yield force that falls: the more current, the larger the share lost."""
+def test_larger_loss_at_high_current_is_reported():
+    """The relative loss grows with current if the viscosity is constant and the yield force decreases."""
     runs = warm_runs(warm_damper(viscous_loss_K=0.0, yield_slope=4e-3))
     fitted = mrdamper.fit(runs, "dahl", terms=(), preparation=AS_IT_IS)
     warmth = temperature_section(Campaign(fitted, mrdamper.assess(fitted).runs))
     assert warmth is not None
-    assert "does not hold here throughout, neither measured nor modelled." in warmth.said
+    assert "only for some currents, measured and modelled." in warmth.summary
 
 
-def test_the_loss_that_is_said_is_that_of_the_damper(fitted, judged):
-    """At 2 A and 100 degC: viscous share and yield share, each with its own fall."""
+def test_reported_loss_equals_loss_of_damper(fitted, judged):
+    """The loss at 2 A and 100 degC combines the decreases of the viscous force and the yield force."""
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
     truth = warm_damper()
     peaks = [settled_cycle(truth, Sine(5e-3, 1.0), 2.0, warm).peak_N for warm in (293.15, 373.15)]
-    (told,) = re.findall(r"(\d+) % \(measured (\d+) %\) at 2 A", warmth.said)
+    (told,) = re.findall(r"(\d+) % \(measured (\d+) %\) at 2 A", warmth.summary)
     lost = 100.0 * (1.0 - peaks[1] / peaks[0])
     assert [float(number) for number in told] == pytest.approx([lost, lost], abs=1.5)
 
 
-def test_characteristics_of_a_fit_are_those_of_the_damper_that_was_measured(fitted, judged):
+def test_characteristics_equal_those_of_damper(fitted, judged):
     found = characteristics_section(Campaign(fitted, judged.runs)).found
     assert found.scope.temperatures == pytest.approx((293.15, 333.15, 373.15))
     assert found.scope.commands == (0.0, 1.0, 2.0)
@@ -192,25 +192,25 @@ def test_characteristics_of_a_fit_are_those_of_the_damper_that_was_measured(fitt
 # ------------------------------------------------------------------------------------------- page
 
 
-def test_a_campaign_over_temperatures_shows_each_of_them(text, judged):
+def test_page_shows_each_temperature(text, judged):
     said = said_in(text)
     for level in ("20 °C", "60 °C", "100 °C"):
         assert said.count(level) > 5
     pooled = math.sqrt(np.mean([e.rmse_N**2 for e in judged.runs if e.split == "held_out"]))
     assert f"all, held out {pooled:.1f}" in said
-    assert "no run has a step of the command" in said
+    assert "no run has current steps" in said
 
 
-def test_every_run_of_a_campaign_is_in_the_table(text, judged):
+def test_table_contains_every_run(text, judged):
     for error in judged.runs:
         assert error.name in text
 
 
-def test_the_same_campaign_gives_the_same_bytes(fitted, text):
+def test_same_campaign_gives_same_bytes(fitted, text):
     assert PAGE.render(fitted) == text
 
 
-def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
+def test_assumed_factors_are_marked(fitted, text):
     assert "assumed" not in said_in(text)
     forms = {
         name: replace(form, assumed=True)
@@ -221,23 +221,24 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
     damper = replace(fitted.damper, coefficients=forms)
     assumed = replace(fitted, result=replace(fitted.result, damper=damper))
     said = said_in(PAGE.render(assumed))
-    assert "Assumed, not identified. The temperature factor of viscosity is taken from a fluid's data" in said
+    assert "The temperature dependence is assumed." in said
+    assert "The temperature factor of viscosity was taken from a fluid" in said
     assert "viscosity, N s/m (assumed)" in said
     assert "temperature assumed" in said
     assert "Assumed: From 20 to 100 °C" in said
 
 
-def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judged):
-    """No constant command, so no main sine and no measured points: the damper's own figures stay."""
+def test_campaign_without_constant_current_has_report(fitted, judged):
+    """There is no main sine and no measured point, but the characteristics of the damper are shown."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "Effect of temperature" in said
-    assert "the command steps" in said
+    assert "current steps" in said
 
 
 @pytest.mark.nightly
-def test_many_runs_are_grouped_and_few_are_drawn_one_by_one(fitted, judged):
-    """49 runs: no bar for each, the table folded; the same runs without temperatures go by command."""
+def test_many_runs_are_grouped(fitted, judged):
+    """A page with 49 runs has a folded table, and groups by temperature or, without it, by current."""
     training = [run for run in fitted.training if "sine5mm" in run.name][:4]
     runs, errors = [], []
     by_name = {error.name: error for error in judged.runs}
@@ -274,5 +275,5 @@ def test_many_runs_are_grouped_and_few_are_drawn_one_by_one(fitted, judged):
         (1.2e-8, 2, "1.2e-08"),
     ],
 )
-def test_significant_digits_keep_their_zeros(value, digits, text):
+def test_significant_digits_keep_trailing_zeros(value, digits, text):
     assert significant(value, digits) == text

@@ -1,4 +1,4 @@
-"""Every report begins with the same first screen, which fits a phone."""
+"""Every report begins with the same first screen, which fits on a phone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.support.campaigns import short_runs
 from tests.web.browser import chromium
 
 WITHOUT_A_PAGE = {"rig", "data list", "data fetch"}
-"""Jobs that write text or runs: nothing to draw."""
+"""Jobs that write text or runs and have no figure."""
 
 NASTY = "<script>alert('x')</script> & \"run\""
 ORDER = (
@@ -51,15 +51,15 @@ def a_page() -> Page[list[float]]:
     )
 
 
-def test_every_report_of_the_registry_has_a_page_unless_it_has_nothing_to_draw():
+def test_every_report_with_figure_has_page():
     assert {name for name, job in JOBS.items() if job.reported.page is None} == WITHOUT_A_PAGE
 
 
 @pytest.mark.parametrize(
     "job", [job for name, job in JOBS.items() if name not in WITHOUT_A_PAGE], ids=lambda j: j.name
 )
-def test_no_report_makes_a_first_screen_of_its_own(job):
-    """Its template fills what follows, and leaves title, verdict, figures and picture to the common page."""
+def test_templates_reuse_the_common_first_screen(job):
+    """A template adds only the part below. Title, verdict, values and figure come from the common page."""
     page = job.reported.page
     loader = environment().loader
     assert loader is not None
@@ -69,7 +69,7 @@ def test_no_report_makes_a_first_screen_of_its_own(job):
     assert page.name.endswith(".html")
 
 
-def test_title_verdict_figures_picture_and_caveats_come_in_this_order_and_names_stay_text():
+def test_first_screen_has_fixed_order():
     text = a_page().render([1.0, 2.0])
     places = [text.index(mark) for mark in ORDER]
     assert places == sorted(places)
@@ -88,13 +88,13 @@ def test_title_verdict_figures_picture_and_caveats_come_in_this_order_and_names_
         ("", "."),
     ],
 )
-def test_a_sentence_begins_with_a_capital_unless_a_name_begins_it(given, said):
+def test_sentence_has_capital_and_full_stop(given, said):
     assert sentence(given) == said
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory) -> list[Path]:
-    """Return pages of real results: wide tables, long names, several pictures."""
+    """Return pages of real results with wide tables, long names and several figures."""
     out = tmp_path_factory.mktemp("pages")
     fitted = mrdamper.fit(list(short_runs()), "dahl", hold_out=["*_1.50V_sine5*"])
     checked = mrdamper.check(list(short_runs()))
@@ -106,7 +106,7 @@ def pages(tmp_path_factory) -> list[Path]:
 
 
 @pytest.mark.nightly
-def test_no_page_scrolls_sideways_on_a_phone_and_a_click_enlarges_the_picture(pages, tool):
+def test_pages_fit_a_phone(pages, tool):
     with chromium(tool("chromium")) as browser:
         for path in pages:
             page = browser.new_page(viewport={"width": 390, "height": 844})

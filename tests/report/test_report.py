@@ -1,4 +1,4 @@
-"""The report: nothing from outside, names that stay text, the same bytes for the same input."""
+"""Report of a fit: no external files, escaped names, reproducible bytes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NASTY = "阻尼器 <script>alert('x')</script> & \"run\" $x_1^"
 
 
 class Page(HTMLParser):
-    """Gathers the elements, the text and what is loaded from elsewhere."""
+    """Collects the elements, the text, and the external files of a page."""
 
     def __init__(self):
         super().__init__()
@@ -56,39 +56,39 @@ def page(text):
     return parsed
 
 
-def test_every_run_is_named_and_no_name_becomes_markup(page, judged):
+def test_names_of_runs_are_escaped(page, judged):
     said = "".join(page.said)
     for error in judged.runs:
         assert error.name in said
     assert "script" not in page.elements
 
 
-def test_nothing_is_loaded_from_outside(page, text):
+def test_page_loads_no_external_file(page, text):
     assert [ref for ref in page.references if not ref.startswith("#")] == []
     assert "@import" not in text
     assert re.findall(r"url\((?!#)", text) == []
 
 
-def test_the_same_input_gives_the_same_bytes(fitted, text):
+def test_same_input_gives_same_bytes(fitted, text):
     assert PAGE.render(replace(fitted, title=f"Title {NASTY}")) == text
 
 
-def test_figures_are_vectors_without_a_date(text):
+def test_figures_are_svg_without_date(text):
     assert "<image" not in text
     assert "<metadata" not in text
     assert re.search(r"20\d\d-\d\d-\d\d", text) is None
 
 
-def test_every_axis_has_its_unit(page):
+def test_every_axis_has_unit(page):
     said = {part.strip() for part in page.said}
     assert {"displacement, mm", "velocity, mm/s", "force, N", "voltage, V", "measured, J"} <= said
 
 
-def test_held_out_runs_are_marked_and_summed_up_apart(page):
+def test_held_out_runs_are_marked(page):
     said = " ".join("".join(page.said).split())
     assert re.search(r"Held-out runs: median error [\d.]+ %, worst [\d.]+ % \(1 run\)", said)
     assert re.search(r"Training runs: median error [\d.]+ %, worst [\d.]+ % \(5 runs\)", said)
 
 
-def test_runs_are_said_to_be_simulated_when_they_are(fitted):
+def test_simulated_runs_are_marked(fitted):
     assert "simulated, not measured" in PAGE.render(replace(fitted, simulated="made up"))

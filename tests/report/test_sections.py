@@ -33,7 +33,7 @@ def a_table(rows=ROWS) -> Table[tuple[str, float, float]]:
 
 
 def printed(table, **options) -> list[str]:
-    """Return the lines that a terminal shows."""
+    """Return the lines of a table in a terminal."""
     out = io.StringIO()
     Console(file=out, width=120).print(table.printed(**options))
     return out.getvalue().splitlines()
@@ -44,7 +44,7 @@ def rendered(table) -> str:
     return environment().from_string(text).render(it=table)
 
 
-def test_the_three_faces_have_the_same_cells():
+def test_terminal_report_and_page_have_same_cells():
     shown = a_table().shown()
     assert [row["cells"] for row in shown["rows"]] == [
         ["sine", "12.3", "20"],
@@ -57,20 +57,20 @@ def test_the_three_faces_have_the_same_cells():
         assert any(name in line and (error or "-") in line for line in lines)
 
 
-def test_a_column_without_room_is_not_on_a_terminal_and_degrees_are_spelled_for_each_face():
+def test_terminal_omits_column_and_adapts_units():
     assert not any("degC" in line for line in printed(a_table()))
     assert "<small>°C</small>" in rendered(a_table())
     assert [column["unit"] for column in a_table().shown()["columns"]] == ["", "N", "°C"]
 
 
-def test_names_stay_text():
+def test_names_are_escaped():
     html = rendered(a_table())
     assert "<b onclick" not in html
     assert "&lt;b onclick" in html
-    assert any(MARKUP in line for line in printed(a_table()))  # nor are they a terminal's markup
+    assert any(MARKUP in line for line in printed(a_table()))  # The terminal does not interpret it as markup.
 
 
-def test_rows_that_stand_out_are_marked_and_parts_are_set_apart():
+def test_highlighted_rows_and_groups_are_shown():
     assert [row["held"] for row in a_table().shown()["rows"]] == [False, True, True]
     assert rendered(a_table()).count('<tr class="held">') == 2
     apart = sum(line.startswith("├") for line in printed(a_table()))
@@ -78,7 +78,8 @@ def test_rows_that_stand_out_are_marked_and_parts_are_set_apart():
 
 
 @given(st.integers(1, 2000))
-def test_the_general_table_is_short_and_says_what_it_left_out(count):
+def test_general_table_states_omitted_rows(count):
+    """A long table shows evenly spaced rows. Its caption states the spacing."""
     (table,) = table_of([{"k": k, "name": "x", **{f"c{j}": None for j in range(9)}} for k in range(count)])
     shown = table.shown()
     assert len(shown["rows"]) <= 120
@@ -87,13 +88,13 @@ def test_the_general_table_is_short_and_says_what_it_left_out(count):
     steps = {b - a for a, b in itertools.pairwise(apart)}
     assert len(steps) <= 1
     assert bool(shown["caption"]) == (len(apart) < count)
-    assert not steps or f"One row in {steps.pop():g};" in (shown["caption"] or "One row in 1;")
+    assert not steps or f"one of {steps.pop():g} rows" in (shown["caption"] or "one of 1 rows")
 
 
-def test_no_rows_make_no_table():
+def test_empty_rows_give_no_table():
     assert table_of([]) == []
 
 
 @pytest.mark.parametrize(("value", "cell"), [(None, None), (math.nan, None), (math.inf, "inf"), (0.0, "0.0")])
-def test_what_is_not_known_is_no_number(value, cell):
+def test_unknown_cell_is_none(value, cell):
     assert Column("x", lambda row: row, form=".1f").cell(value) == cell

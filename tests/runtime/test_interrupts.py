@@ -57,7 +57,7 @@ def test_interrupted_search_writes_nothing(nursery: Nursery, tmp_path: Path, num
     """A heat-sink search has no partial result."""
     out = tmp_path / "out"
     assert nursery.run(*SINK, "--out", out, kill=kill_after_cpu(0.3, number)) == 4
-    assert "nothing was written" in one_line(nursery.said)
+    assert "No files were written" in one_line(nursery.said)
     assert written(out) is None
     assert not left_behind(tmp_path)
 
@@ -67,7 +67,7 @@ def test_interrupted_fit_keeps_best_result(nursery: Nursery, tmp_path: Path):
     """The card of an interrupted fit is marked as cancelled."""
     out = tmp_path / "out"
     assert nursery.run(*SEARCH, "--out", out, kill=kill_after_cpu(2.0, TERM)) == 4
-    assert one_line(nursery.said).endswith("best so far, marked as cancelled")
+    assert one_line(nursery.said).endswith("best result so far and are marked as cancelled.")
     assert "cancelled" in json.loads((out / "card.json").read_text(encoding="utf-8"))["notes"]
     assert not left_behind(tmp_path)
 
@@ -180,7 +180,7 @@ def test_random_interrupts_cost_nothing(nursery: Nursery, tmp_path: Path):
         assert code in {4, -number}, nursery.said
         if written(out) is not None and code == 4:
             assert name == "fit"
-            assert "best so far" in nursery.said
+            assert "best result so far" in nursery.said
         assert nursery.run(*jobs[name], "--out", out) == 0, nursery.said
         assert of_any_folder(written(out), out) == wholes[name]
         assert not left_behind(tmp_path)

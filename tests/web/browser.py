@@ -1,4 +1,4 @@
-"""A browser for the tests of the pages: Debian's chromium, with an eye on what it asks for."""
+"""Browser for the tests of the pages: the installed Chromium, with a check of errors and requests."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tests.web.served import TOKENS
 __all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "log_in", "opened", "palettes", "shoot"]
 
 SHOTS = Path(__file__).parents[2] / "build" / "web"
-"""Where screenshots go with ``MRDAMPER_SHOTS=1``, to be looked at by whoever changes a page."""
+"""Folder of the screenshots that ``MRDAMPER_SHOTS=1`` writes."""
 
-PATIENCE_ms = 60_000  # a loaded machine is not a fault
+PATIENCE_ms = 60_000  # A loaded machine is slow.
 expect.set_options(timeout=PATIENCE_ms)
 
 SCREENS = ((1280, 800), (768, 1024))
@@ -28,7 +28,7 @@ Scheme = Literal["light", "dark"]
 
 @contextmanager
 def chromium(program: Path) -> Iterator[Browser]:
-    """Start the browser that the machine has; none is downloaded."""
+    """Start the installed browser; nothing is downloaded."""
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
         try:
@@ -38,7 +38,7 @@ def chromium(program: Path) -> Iterator[Browser]:
 
 
 def log_in(context: BrowserContext, address: str) -> None:
-    """Trade the server's token for the cookie, as opening the address that it printed does."""
+    """Get the cookie for the token of the server, like the first visit of the printed address."""
     assert context.request.get(f"{address}?token={TOKENS[address]}").ok
 
 
@@ -46,7 +46,7 @@ def log_in(context: BrowserContext, address: str) -> None:
 def opened(
     browser: Browser, address: str, *, size: tuple[int, int] = SCREENS[0], scheme: Scheme = "light"
 ) -> Iterator[Page]:
-    """Open a window; at its end nothing may have gone wrong in it, and no request may have left the host."""
+    """Open a window; at its end check that it had no error and no request to another host."""
     context = browser.new_context(
         base_url=address,
         viewport={"width": size[0], "height": size[1]},
@@ -66,7 +66,7 @@ def opened(
     )
     try:
         yield page
-        # A refused request is told by the browser, too; the page tells it in words.
+        # The browser also reports refused requests, which the page shows as messages.
         assert [text for text in wrong if "Failed to load resource" not in text] == []
         assert abroad == []
     finally:
@@ -74,7 +74,7 @@ def opened(
 
 
 def shoot(page: Page, name: str, *, whole: bool = False) -> None:
-    """Take a picture of what is on the screen, or of the whole page, where pictures are asked for."""
+    """Save a screenshot of the window or of the whole page if ``MRDAMPER_SHOTS`` is set."""
     if not os.environ.get("MRDAMPER_SHOTS"):
         return
     SHOTS.mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,7 @@ def shoot(page: Page, name: str, *, whole: bool = False) -> None:
 
 
 def palettes(sheet: str) -> dict[Scheme, dict[str, str]]:
-    """Return the colours by name of a style sheet's :root, light first, the dark ones on top of them."""
+    """Return the light and the dark colours of the :root blocks of a style sheet by name."""
     blocks = re.findall(r":root([^{]*)\{([^}]*)\}", sheet)
     colours = [
         (where.strip(), dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", text))) for where, text in blocks
@@ -93,7 +93,7 @@ def palettes(sheet: str) -> dict[Scheme, dict[str, str]]:
 
 
 def contrast(ink: str, back: str) -> float:
-    """Return the contrast ratio of two colours as WCAG 2 defines it (relative luminance of sRGB)."""
+    """Return the contrast ratio of two colours by WCAG 2 (relative luminance of sRGB)."""
     high, low = sorted((_luminance(ink), _luminance(back)), reverse=True)
     return (high + 0.05) / (low + 0.05)
 

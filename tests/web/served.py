@@ -1,4 +1,4 @@
-"""A server for the tests: as a program on a port of its own, or as an app that is called without a socket."""
+"""Servers for the tests: a program on a free port, or an application that is called without a socket."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from tests.support.rigs import command
 Json = dict[str, Any]
 FOLDER_MARK = "MRDAMPER_TEST_FOLDER"  # In the environment of a server and its processes.
 TOKENS: dict[str, str] = {}
-"""Of servers that run, by their address."""
+"""Tokens of the running servers by address."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What an app answered."""
+    """Response of an application."""
 
     status: int
     headers: dict[str, str]
@@ -53,7 +53,7 @@ async def call(
     query: str = "",
     pieces: int = 1,
 ) -> Answer:
-    """Call an app with exactly this path and these headers: no client tidies them up on the way."""
+    """Call an application with exactly this path and these headers, without the corrections of a client."""
     sent = {"host": "127.0.0.1:8765", **(headers or {})}
     step = max(1, -(-len(body) // pieces))
     parts = [body[k : k + step] for k in range(0, len(body), step)] or [b""]
@@ -91,7 +91,7 @@ async def call(
 
 
 async def patiently(app: ASGIApp, method: str, path: str, **options: Any) -> Answer:
-    """Call until there is an answer."""
+    """Repeat a call while the status is 202."""
     while (answer := await call(app, method, path, **options)).status == 202:
         await asyncio.sleep(0.1)
     return answer
@@ -99,7 +99,7 @@ async def patiently(app: ASGIApp, method: str, path: str, **options: Any) -> Ans
 
 @asynccontextmanager
 async def living(app: ASGIApp) -> AsyncIterator[ASGIApp]:
-    """Start an app and stop it: its processes live in between."""
+    """Start an application with its processes, and stop it."""
     inbox: asyncio.Queue[Message] = asyncio.Queue()
     outbox: asyncio.Queue[Message] = asyncio.Queue()
     running = asyncio.ensure_future(app({"type": "lifespan", "asgi": {}, "state": {}}, inbox.get, outbox.put))
@@ -114,7 +114,7 @@ async def living(app: ASGIApp) -> AsyncIterator[ASGIApp]:
 
 
 class Client:
-    """A client of a server that runs as a program."""
+    """Client of a server process."""
 
     def __init__(self, process: subprocess.Popen[str], opened: str) -> None:
         self.process = process
@@ -122,10 +122,10 @@ class Client:
         TOKENS[self.address] = token
         known = {"authorization": f"Bearer {token}"}
         self.http = httpx.Client(base_url=self.address, timeout=120.0, trust_env=False, headers=known)
-        self.longest_s = 0.0  # of one request
+        self.longest_s = 0.0  # Longest request.
 
     def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
-        """Ask until there is an answer."""
+        """Repeat a request while the status is 202."""
         while True:
             begin = time.monotonic()
             answer = self.http.request(method, path, **options)
@@ -145,7 +145,7 @@ class Client:
         return str(answer.json()["id"])
 
     def ended(self, job_id: str, longest_s: float = 60.0) -> Json:
-        """Return a job when it has ended."""
+        """Return a job after its end."""
         return self.until(job_id, {"done", "failed", "cancelled", "interrupted"}, longest_s)
 
     def until(self, job_id: str, states: set[str], longest_s: float = 60.0) -> Json:
@@ -158,14 +158,14 @@ class Client:
         raise AssertionError(f"{job_id} is {job['state']} after {longest_s} s")
 
     def read_all(self) -> list[Json]:
-        """Return the runs when all files have been read."""
+        """Return the runs after all files have been read."""
         while (answer := self.get("/api/runs"))["reading"]:
             time.sleep(0.05)
         runs: list[Json] = answer["runs"]
         return runs
 
     def kill(self) -> None:
-        """End the server as a power cut would."""
+        """Kill the server, like a power cut."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -198,7 +198,7 @@ def served(folder: Path, *options: str) -> Iterator[Client]:
 
 
 def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[np.float32]]]]:
-    """Return header and columns of a binary answer, by the contract alone."""
+    """Return header and columns of a binary answer, parsed by the documented format."""
     length = int.from_bytes(content[:4], "little")
     assert (4 + length) % 4 == 0
     header = json.loads(content[4 : 4 + length])
@@ -207,7 +207,7 @@ def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[
 
 
 def is_alive(pid: int) -> bool:
-    """Tell whether a process runs (one that is dead and not yet waited for does not)."""
+    """Return True if a process runs; a zombie does not run."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -220,7 +220,7 @@ def is_alive(pid: int) -> bool:
 
 
 def python_processes_of(folder: Path) -> list[int]:
-    """Return the processes that a server of a folder has started: those of jobs and queries."""
+    """Return the processes of jobs and queries that the server of a folder has started."""
     mark, found = f"{FOLDER_MARK}={folder}".encode(), []
     for each in Path("/proc").iterdir():
         if each.name.isdigit():

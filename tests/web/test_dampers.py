@@ -1,4 +1,4 @@
-"""Several dampers on one server, each with its own work; and what runs are called by who chooses them."""
+"""Several dampers on one server with separate files."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ pytestmark = pytest.mark.nightly
 NAME = "Dämpfer 2 (RD-8040)"
 
 
-def test_each_damper_has_its_own_work(browser, tmp_path):
-    """A second damper is made on the page, given a run and left again; each has its own runs and fits."""
+def test_dampers_have_separate_files(browser, tmp_path):
+    """A second damper gets its own runs and fits, and it can be removed and restored."""
     root = tmp_path / "first"
     (root / "runs").mkdir(parents=True)
     a_sine_run(root / "runs" / "one.csv", 300.0)
@@ -40,7 +40,7 @@ def test_each_damper_has_its_own_work(browser, tmp_path):
         shutil.copytree(own, tmp_path / "seen by the command line", ignore=shutil.ignore_patterns(".*"))
         page.goto(page.url.split("#")[0] + "#/fit")
         (own / "cards" / "soft").mkdir()
-        write_card_of(own / "cards" / "soft" / "card.json")  # by hand
+        write_card_of(own / "cards" / "soft" / "card.json")
         expect(page.get_by_text("soft", exact=True).first).to_be_visible()
         shoot(page, "damper-second")
         page.locator("#folder").click()

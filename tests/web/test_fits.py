@@ -1,4 +1,4 @@
-"""The table of fits: sorted, filtered, pinned, noted; any two laid over each other, or taken up again."""
+"""Table of fits: sorting, filter, pins, notes, and repeated fits."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def many(tmp_path_factory):
         yield root, client
 
 
-def test_fits_are_sorted_filtered_pinned_and_noted(browser, many):
-    """A pin and a note stay in the card's folder; order and filter stay in the address."""
+def test_fit_table_keeps_order_pins_notes(browser, many):
+    """Pins and notes are stored with the card; order and filter are stored in the address."""
     root, client = many
     with opened(browser, client.address) as page:
         page.goto("/#/fit")
@@ -67,10 +67,10 @@ def test_fits_are_sorted_filtered_pinned_and_noted(browser, many):
     assert client.get("/api/state")["cards"][14]["note"] == ""
 
 
-def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
-    """Below the tiles are the runs it models worst; Again fills the form with what was asked for."""
+def test_fit_shows_worst_runs_and_repeats(browser, many):
+    """The page shows the worst runs of a fit, and Again fills the form with its options."""
     _, client = many
-    asked = {"law": "bouc-wen", "seed": 5, "starts": 1}
+    asked = {"law": "bouc-wen"}
     job = client.job("fit", card="quick", **asked)
     assert client.ended(job, 200.0)["state"] == "done"
     client.job("check")

@@ -1,4 +1,4 @@
-"""Mapping by pointing: known maps are offered, what is missing is asked for, the loop is drawn at once."""
+"""Channel maps: offers of known maps, questions about missing values, and the quick loop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ACTIONS = 3
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory):
-    """Return a folder's place for runs, and a client of its server."""
+    """Return the folder of runs, and a client of its server."""
     root = tmp_path_factory.mktemp("mapping") / "damper"
     with served(root) as client:
         yield root / "runs", client
@@ -27,8 +27,8 @@ def laboratory(tmp_path_factory):
 @pytest.mark.parametrize(
     ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
 )
-def test_a_raw_file_is_mapped_in_three_actions(browser, laboratory, real_data, file, offer):
-    """Look, Use, Save: the runs are those that the packaged map gives; the loop is there before saving."""
+def test_raw_file_maps_in_three_actions(browser, laboratory, real_data, file, offer):
+    """Look, Use and Save give the runs of the packaged map; the loop is visible before saving."""
     runs, client = laboratory
     shutil.copy(real_data / "raw" / file, runs / file)
     with opened(browser, client.address) as page:
@@ -51,8 +51,8 @@ def test_a_raw_file_is_mapped_in_three_actions(browser, laboratory, real_data, f
     assert names == {run.name for run in read_file(runs / file).recordings}
 
 
-def test_what_a_file_does_not_say_is_asked_for_and_pointed_at(browser, laboratory):
-    """Columns without names and units: each question is answered by a press, and the last makes a run."""
+def test_unnamed_columns_map_by_answers(browser, laboratory):
+    """Each question about unnamed columns is answered by a button, and the last answer gives a run."""
     runs, client = laboratory
     time = np.arange(2000) / 500.0
     travel, speed = 5.0 * np.sin(12.0 * time), 60.0 * np.cos(12.0 * time)

@@ -1,6 +1,6 @@
-"""The pages in a browser, as somebody uses them who never opens a terminal: drop, look, fit, heat, export.
+"""Tests of the pages in a browser.
 
-With ``MRDAMPER_SHOTS=1`` screenshots go to build/web/: look at them when a page has changed.
+``MRDAMPER_SHOTS=1`` writes screenshots to build/web/. Look at them after a change of a page.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ RUN = "nominal_020C_1.00A_sine5mm1Hz"
 # ------------------------------------------------------------------------------------------------ loops
 
 
-def test_a_plot_saves_what_the_file_holds(page, site):
-    """CSV, SVG and PNG of a run's loop: the numbers are the server's, the axes carry their units."""
+def test_saved_plot_equals_server_values(page, site):
+    """CSV, SVG and PNG of a loop contain the values of the server and the units of the axes."""
     page.goto(f"/#/loops?run={RUN}")
     page.wait_for_selector("#loops-said[data-ms]")
     head, columns = series_of(site[1].ask("GET", f"/api/runs/{RUN}/series").content)
@@ -56,8 +56,8 @@ def test_a_plot_saves_what_the_file_holds(page, site):
 
 
 @pytest.mark.parametrize("kind", ["series", "loop"])
-def test_thinning_for_the_screen_loses_no_peak(page, kind):
-    """A million samples with one spike: what is drawn is short, and reaches as far as the samples do."""
+def test_decimation_keeps_single_spike(page, kind):
+    """The decimation of a million samples keeps a single spike."""
     page.goto("/#/jobs")
     drawn = page.evaluate(
         """async (kind) => {
@@ -89,13 +89,13 @@ def test_thinning_for_the_screen_loses_no_peak(page, kind):
 # --------------------------------------------------------------------------------- identify and predict
 
 
-def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
-    """Hold out the middle temperature; the card is the one that the command line would read."""
+def test_fit_on_page_writes_readable_card(page, site):
+    """A fit with held-out runs writes a card that the command line can read."""
     root, _ = site
     page.goto("/#/fit")
     page.fill("#fit-card", "fitted")
     page.fill("#fit-hold-out", "*_060C_*")
-    page.select_option("#fit-law", "double-bouc-wen")  # the usual way tries all laws
+    page.select_option("#fit-law", "double-bouc-wen")  # The default compares all laws.
     page.click("#start-fit")
     page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert page.locator("tr.held:has(a)").count() == 9
@@ -137,7 +137,7 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     ids=["desk-light", "tablet-dark", "desk-dark", "tablet-light"],
 )
 def test_every_page_fits_the_screen(browser, site, size, scheme):
-    """Nothing is wider than the screen, words can be read, what is pressed has a name, every axis a unit."""
+    """Nothing is wider than the screen, text has contrast, controls have names, and axes have units."""
     with opened(browser, site[1].address, size=size, scheme=scheme) as page:
         for name in PAGES:
             page.goto(f"/#/{name}")
@@ -153,7 +153,7 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
 
 
 @pytest.mark.nightly
-def test_the_pages_are_walked_with_the_keyboard_alone(page):
+def test_keyboard_reaches_pages_and_sliders(page):
     page.goto("/")
     page.wait_for_selector("#choose")
     page.keyboard.press("Tab")
@@ -174,14 +174,14 @@ def test_the_pages_are_walked_with_the_keyboard_alone(page):
 @pytest.mark.parametrize("ink", ["ink", "soft", "faint", "accent", "held", "good", "warn"])
 @pytest.mark.parametrize("back", ["back", "rail", "panel"])
 def test_text_is_readable(scheme, ink, back):
-    """WCAG 2 AA: a contrast of at least 4.5 for text of usual size."""
+    """WCAG 2 AA requires a contrast of at least 4.5 for text of normal size."""
     colours = palettes((STATIC / "style.css").read_text())[scheme]
     assert contrast(colours[ink], colours[back]) >= 4.5
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_lines_of_plots_and_edges_of_fields_are_seen(scheme):
-    """WCAG 2 AA of what is not text: a contrast of at least 3."""
+def test_plot_lines_and_edges_have_contrast(scheme):
+    """WCAG 2 AA requires a contrast of at least 3 for graphics."""
     sheet = palettes((STATIC / "style.css").read_text())[scheme]
     assert min(contrast(sheet["edge"], sheet[back]) for back in ("back", "panel")) >= 3.0
     text = (STATIC / "theme.js").read_text().split(f"const {scheme.upper()} = {{")[1].split("};")[0]
@@ -191,8 +191,8 @@ def test_lines_of_plots_and_edges_of_fields_are_seen(scheme):
     assert [each for each in drawn if contrast(each, sheet["back"]) < 3.0] == []
 
 
-def test_no_page_can_write_markup():
-    """Text goes in as text: no module knows a way of parsing markup, and none names another host."""
+def test_modules_never_parse_markup():
+    """No module parses markup or contains the address of another host."""
     for path in STATIC.glob("*.js"):
         text = path.read_text()
         assert not re.search(

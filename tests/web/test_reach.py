@@ -1,6 +1,6 @@
-"""What the command line can do the pages can do, too; what they cannot is named in docs/web.md with a reason.
+"""Every option of the command line has a field on a page, or docs/web.md gives the reason.
 
-Somebody who adds an option and forgets the page finds it here.
+An option that is missing on the pages fails here.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ FIELD_OF = {
                "step": "period_s"},
     "sweep": {"campaigns": "files"},
 }  # fmt: skip
-"""Where a field of an order is not named as the option is."""
+"""Names of request fields that differ from the option."""
 
 BY_ROUTE = {"data list": "/api/data"}
-"""Commands that are no jobs, but answers to a request."""
+"""Commands that are requests of a page, not jobs."""
 
 
 def commands(group: click.Group = cli, before: str = "") -> Iterator[tuple[str, click.Command]]:
@@ -50,7 +50,7 @@ def commands(group: click.Group = cli, before: str = "") -> Iterator[tuple[str, 
 
 
 def only_there() -> set[str]:
-    """Return what docs/web.md says is for the command line alone: `sweep --scheduler`, `--json`, `cycles`."""
+    """Return the options that docs/web.md lists as available on the command line only."""
     text = (ROOT / "docs" / "web.md").read_text(encoding="utf-8")
     section = text.split("## Only on the command line")[1].split("\n## ")[0]
     rows = [line.split("|")[1:3] for line in section.splitlines() if line.startswith("| `")]
@@ -72,10 +72,10 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize(("command", "name", "told"), OPTIONS, ids=str)
-def test_every_option_has_a_field_or_a_reason(command, name, told):
+def test_option_has_field_or_reason(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
-    if told == "--resume":  # a request of its own, for kinds that can go on
+    if told == "--resume":  # Resume is a separate request.
         assert "resumeJob" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
     if command in BY_ROUTE:
@@ -87,13 +87,13 @@ def test_every_option_has_a_field_or_a_reason(command, name, told):
     assert {field, told.lstrip("-").replace("-", "_")} & fields, f"{command} {told}: add it to {kind}"
 
 
-def test_every_exception_is_an_option_still():
+def test_documented_exceptions_are_options():
     known = {f"{command} {told}" for command, _, told in OPTIONS}
     known |= {each for command, _, told in OPTIONS for each in (command, told)}
     assert only_there() <= known
 
 
-def test_every_command_is_in_the_table_of_pages():
+def test_commands_are_in_page_table():
     text = (ROOT / "docs" / "web.md").read_text(encoding="utf-8")
     section = text.split("## What is on which page")[1].split("\n## ")[0]
     assert {name for name, _ in commands()} - {"serve"} - only_there() <= set(
@@ -102,15 +102,15 @@ def test_every_command_is_in_the_table_of_pages():
 
 
 @pytest.mark.parametrize("kind", order_kinds())
-def test_every_kind_of_job_is_asked_for_on_a_page(kind):
-    """Its form is drawn from the declarations, so that a field cannot be forgotten."""
+def test_job_kinds_have_a_page(kind):
+    """The form is built from the declarations, so that no field is missing."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
     text += (STATIC / "more_runs.js").read_text(encoding="utf-8")
     assert re.search(rf'(jobForm|JobPanel)\(app, "{kind}"|^  {kind}: \["', text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", order_kinds())
-def test_every_field_has_words_and_what_it_begins_with_is_taken(kind):
+def test_initial_form_values_are_valid(kind):
     forms = all_forms(choices())[kind]
     assert [one["name"] for one in forms] == [field.key for field in request_fields(kind)]
     assert all(one["label"].strip() for one in forms)
@@ -119,12 +119,12 @@ def test_every_field_has_words_and_what_it_begins_with_is_taken(kind):
     assert read_order(kind, {**begins, **needed}).kind == kind
 
 
-def test_commands_that_are_no_jobs_have_their_route():
+def test_data_list_has_a_route():
     told = (STATIC / "api.js").read_text(encoding="utf-8")
     assert '"/api/data"' in told
 
 
-def test_the_maps_that_are_installed_are_those_of_the_examples():
+def test_installed_maps_equal_examples():
     names = {each.channels for each in list_sets()}
     assert {path.name for path in MAPS.iterdir() if path.suffix == ".toml"} == names
     for name in names:
@@ -135,7 +135,7 @@ def test_the_maps_that_are_installed_are_those_of_the_examples():
 
 
 @pytest.mark.nightly
-def test_heating_takes_a_model_and_a_start_temperature(page, site):
+def test_heating_sends_model_and_start_temperature(page, site):
     page.goto("/#/heating")
     page.click("#study-more summary")
     page.select_option("#heat-model", "lumped")
@@ -143,4 +143,4 @@ def test_heating_takes_a_model_and_a_start_temperature(page, site):
     with page.expect_request("**/api/jobs") as sent:
         page.click("#full-study")
     asked = sent.value.post_data_json["options"]
-    assert (asked["model"], asked["start_degC"], asked["by_field"]) == ("lumped", 35, False)
+    assert (asked["model"], asked["start_degC"]) == ("lumped", 35)

@@ -1,4 +1,4 @@
-"""The guard: other sites, borrowed names, names that lead out of the folder, bodies without end, traps."""
+"""Access control: other sites, DNS rebinding, paths outside the folder, endless bodies, links."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TOKEN = "correct-horse-battery-staple"
 
 @pytest.fixture
 def folder(tmp_path):
-    """Return a work folder with a secret beside it."""
+    """Return a work folder; its parent contains a secret."""
     (tmp_path / "secret.csv").write_text(SECRET, encoding="utf-8")
     root = tmp_path / "work"
     WorkFolder(root)
@@ -63,14 +63,14 @@ def snapshot(folder: Path) -> dict[str, bytes]:
 # ------------------------------------------------------------------------------------------- who may come in
 
 
-def test_another_host_is_refused_without_a_token():
+def test_public_host_without_token_is_refused():
     with pytest.raises(InputError, match="--token"):
         ListenAddress("0.0.0.0")
     ListenAddress("0.0.0.0", TOKEN)
 
 
 @pytest.mark.parametrize("token", ["", "short", "with\nbreak-in-its-text"])
-def test_a_token_that_could_be_guessed_or_not_be_sent_is_refused(token):
+def test_short_or_unprintable_token_is_refused(token):
     with pytest.raises(InputError, match="16 or more"):
         ListenAddress("127.0.0.1", token)
 
@@ -80,14 +80,14 @@ def test_a_token_that_could_be_guessed_or_not_be_sent_is_refused(token):
     ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example:8765", "evil.example@127.0.0.1", "",
      "127.0.0.1:x", "127.0.0.1/", "127.0.0.1 evil.example", "[::1", "192.168.0.7:8765"],
 )  # fmt: skip
-def test_a_site_that_borrows_the_address_is_refused(folder, host):
-    """DNS rebinding: the browser is at evil.example, and its name leads to 127.0.0.1."""
+def test_dns_rebinding_is_refused(folder, host):
+    """In DNS rebinding the name evil.example resolves to 127.0.0.1."""
     answer = ask(folder, "GET", "/api/state", headers={"host": host})
     assert answer.status == 403
     assert "files" not in answer.json
 
 
-def test_beyond_loopback_an_address_is_a_name_and_a_foreign_name_is_not():
+def test_public_server_accepts_address_not_foreign_name():
     address = ListenAddress("0.0.0.0", TOKEN)
     assert address.knows("192.168.0.7:8765")
     assert not address.knows("evil.example:8765")
@@ -97,7 +97,7 @@ FOREIGN = [
     {"origin": "https://evil.example"},
     {"origin": "null"},
     {"origin": "http://127.0.0.1:9999"},
-    {"origin": "http://localhost:8765"},  # not the host that the request names
+    {"origin": "http://localhost:8765"},  # The host differs from the host of the request.
     {"origin": "ftp://127.0.0.1:8765"},
     {"sec-fetch-site": "cross-site"},
     {"sec-fetch-site": "same-site"},
@@ -114,26 +114,26 @@ FOREIGN = [
         ("DELETE", "/api/jobs/check-001", b""),
     ],
 )
-def test_another_site_cannot_write(folder, headers, method, path, body):
+def test_other_site_cannot_write(folder, headers, method, path, body):
     before = snapshot(folder)
     assert ask(folder, method, path, headers=headers, body=body).status == 403
     assert snapshot(folder) == before
 
 
-def test_another_site_cannot_read_the_api_but_may_link_to_the_page(folder):
+def test_other_site_may_only_link(folder):
     elsewhere = {"sec-fetch-site": "cross-site"}
     assert ask(folder, "GET", "/api/state", headers=elsewhere).status == 403
     assert ask(folder, "GET", "/", headers=elsewhere).status == 200
 
 
-def test_the_page_itself_may_write(folder):
+def test_own_page_may_write(folder):
     own = {"origin": "http://127.0.0.1:8765", "sec-fetch-site": "same-origin"}
     assert ask(folder, "PUT", "/api/files/b.csv", headers=own, body=CSV).status == 201
     assert (folder / "runs" / "b.csv").read_bytes() == CSV
 
 
 @pytest.mark.parametrize("path", ["/", "/api/state", "/static/style.css", "/api/files/a.csv/look"])
-def test_without_the_token_nothing_is_answered(folder, path):
+def test_request_without_token_is_refused(folder, path):
     address = ListenAddress("127.0.0.1", TOKEN)
     assert ask(folder, "GET", path, address=address).status == 401
     for wrong in (f"Bearer {TOKEN}x", f"Bearer {TOKEN[:-1]}", TOKEN, "Bearer "):
@@ -141,7 +141,7 @@ def test_without_the_token_nothing_is_answered(folder, path):
     assert ask(folder, "GET", path, address=address, query="token=wrong").status == 401
 
 
-def test_the_token_is_traded_for_a_cookie_that_scripts_cannot_read(folder):
+def test_token_gives_http_only_cookie(folder):
     address = ListenAddress("127.0.0.1", TOKEN)
     assert (
         ask(folder, "GET", "/api/state", address=address, headers={"authorization": f"Bearer {TOKEN}"}).status
@@ -158,7 +158,7 @@ def test_the_token_is_traded_for_a_cookie_that_scripts_cannot_read(folder):
     assert ask(folder, "GET", "/api/state", address=address, headers=own).status == 200
 
 
-def test_the_trade_leads_to_no_other_site(folder):
+def test_token_redirect_stays_on_server(folder):
     traded = ask(
         folder, "GET", "//evil.example/", address=ListenAddress("127.0.0.1", TOKEN), query=f"token={TOKEN}"
     )
@@ -166,11 +166,11 @@ def test_the_trade_leads_to_no_other_site(folder):
 
 
 @pytest.mark.parametrize("method", ["TRACE", "CONNECT", "OPTIONS", "PATCH"])
-def test_other_methods_are_not_answered(folder, method):
+def test_other_methods_are_refused(folder, method):
     assert ask(folder, method, "/api/state").status in {405, 404}
 
 
-def test_every_answer_keeps_a_browser_strict(folder):
+def test_answers_have_security_headers(folder):
     for path in ("/", "/api/state", "/api/nothing", "/api/files/nothing/look", "/static/nothing.js"):
         headers = ask(folder, "GET", path).headers
         assert headers["x-content-type-options"] == "nosniff", path
@@ -198,9 +198,7 @@ def test_every_answer_keeps_a_browser_strict(folder):
         (500, "GET", "/api/runs", {}),
     ],
 )
-def test_errors_leave_with_the_same_strict_headers(
-    folder, monkeypatch, capsys, status, method, path, options
-):
+def test_errors_have_security_headers(folder, monkeypatch, capsys, status, method, path, options):
     from mrdamper.web.run_index import RunIndex
 
     def broken(_self: RunIndex) -> None:
@@ -219,7 +217,7 @@ def test_errors_leave_with_the_same_strict_headers(
     assert SECRET not in answer.body.decode()
     assert "Traceback" not in answer.body.decode()
     told = capsys.readouterr().err
-    assert (SECRET in told) == (status == 500)  # in the terminal alone
+    assert (SECRET in told) == (status == 500)  # Only the terminal shows the traceback.
     assert ("fault of mrdamper" in answer.json["error"]) == (status == 500)
 
 
@@ -234,8 +232,8 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_name_leads_out_of_the_folder(folder, name):
-    """What a server has decoded already, and what it has not, go through the same address."""
+def test_names_stay_inside_folder(folder, name):
+    """Decoded and encoded names use the same check."""
     before = snapshot(folder.parent)
 
     async def all_of_them() -> list[Answer]:
@@ -272,8 +270,8 @@ def test_no_name_leads_out_of_the_folder(folder, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_job_finds_nothing_outside_the_folder(folder, name):
-    """Names that stand in a job's options are looked up by these, in the job's own process."""
+def test_job_inputs_stay_inside_folder(folder, name):
+    """The process of a job checks the names in its options in the same way."""
     work = WorkFolder(folder)
     for look_up in (work.run_file, work.record, work.channel_map, work.card, work.input):
         with pytest.raises(NotThereError):
@@ -281,7 +279,7 @@ def test_a_job_finds_nothing_outside_the_folder(folder, name):
 
 
 @given(name=st.text(alphabet=st.characters(codec="utf-8"), max_size=12) | st.sampled_from(NAMES))
-def test_a_new_name_is_directly_in_its_folder_or_refused(tmp_path_factory, name):
+def test_new_names_stay_in_their_folder(tmp_path_factory, name):
     root = tmp_path_factory.getbasetemp() / "names"
     folder = WorkFolder(root)
     try:
@@ -293,7 +291,7 @@ def test_a_new_name_is_directly_in_its_folder_or_refused(tmp_path_factory, name)
     assert not path.name.startswith(".")
 
 
-def test_a_link_that_leads_out_is_not_followed(folder):
+def test_outside_link_is_not_followed(folder):
     secret = folder.parent / "secret.csv"
     (folder / "runs" / "link.csv").symlink_to(secret)
     (folder / "inputs" / "link.toml").symlink_to(secret)
@@ -315,7 +313,7 @@ def test_a_link_that_leads_out_is_not_followed(folder):
     assert [row["path"] for job in state["jobs"] for row in job["files"]] == ["check.html"]
 
 
-def test_an_upload_replaces_a_link_and_does_not_write_through_it(folder):
+def test_upload_replaces_link(folder):
     secret = folder.parent / "secret.csv"
     (folder / "runs" / "link.csv").symlink_to(secret)
     assert ask(folder, "PUT", "/api/files/link.csv", body=CSV).status == 201
@@ -323,7 +321,7 @@ def test_an_upload_replaces_a_link_and_does_not_write_through_it(folder):
     assert not (folder / "runs" / "link.csv").is_symlink()
 
 
-def test_a_folder_whose_part_leads_out_is_refused(tmp_path):
+def test_folder_with_outside_link_is_refused(tmp_path):
     (tmp_path / "work").mkdir()
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "work" / "runs").symlink_to(tmp_path / "elsewhere")
@@ -335,7 +333,7 @@ def test_a_folder_whose_part_leads_out_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("stated", [True, False])
-def test_an_upload_beyond_the_bound_is_refused_and_leaves_nothing(folder, stated):
+def test_large_upload_leaves_no_file(folder, stated):
     body = b"1,2,3,4\n" * 5000
     headers = {"content-length": str(len(body))} if stated else {}
     answer = ask(
@@ -345,7 +343,7 @@ def test_an_upload_beyond_the_bound_is_refused_and_leaves_nothing(folder, stated
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
 
 
-def test_a_length_that_is_a_lie_does_not_help(folder):
+def test_wrong_content_length_is_detected(folder):
     body = b"1,2,3,4\n" * 5000
     lie = {"content-length": "10"}
     answer = ask(folder, "PUT", "/api/files/big.csv", most_upload=20_000, headers=lie, body=body, pieces=20)
@@ -354,7 +352,7 @@ def test_a_length_that_is_a_lie_does_not_help(folder):
 
 
 @pytest.mark.parametrize("path", ["/api/jobs", "/api/heat/curve", "/api/nothing"])
-def test_a_request_without_end_is_refused(folder, path):
+def test_endless_request_is_refused(folder, path):
     assert ask(folder, "POST", path, body=b" " * 3_000_000, pieces=30).status == 413
 
 
@@ -365,7 +363,7 @@ def test_a_request_without_end_is_refused(folder, path):
      b'{"kind": "heat", "options": {"card": "one", "ambient_degC": 1e999}}',
      b'{"kind": "check", "options": {"unknown": 1}}'],
 )  # fmt: skip
-def test_a_request_that_is_no_order_is_told_so(folder, body):
+def test_invalid_order_reports_error(folder, body):
     answer = ask(folder, "POST", "/api/jobs", body=body)
     assert answer.status == 422
     assert answer.json["error"]
@@ -373,7 +371,7 @@ def test_a_request_that_is_no_order_is_told_so(folder, body):
     assert [path.name for path in (folder / "results").iterdir()] == ["check-001"]
 
 
-def test_a_suffix_that_is_no_run_s_is_refused(folder):
+def test_unknown_suffix_is_refused(folder):
     for name in ("page.html", "array.npy", "run.csv.channels.toml", "script.py", "run"):
         assert ask(folder, "PUT", f"/api/files/{name}", body=b"x").status == 422
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
@@ -382,7 +380,7 @@ def test_a_suffix_that_is_no_run_s_is_refused(folder):
 # ------------------------------------------------------------------------------------------- what is inside
 
 
-def test_a_report_is_shown_and_nothing_in_it_runs(folder):
+def test_report_is_sent_with_sandbox(folder):
     for path in ("/api/jobs/check-001/files/check.html", "/api/cards/one"):
         policy = ask(folder, "GET", path).headers["content-security-policy"]
         assert policy.startswith("sandbox")
@@ -391,7 +389,7 @@ def test_a_report_is_shown_and_nothing_in_it_runs(folder):
         assert "script-src" not in policy
 
 
-def test_a_law_in_a_file_is_never_run(folder, tmp_path):
+def test_python_law_never_runs(folder, tmp_path):
     mark = tmp_path / "it_ran"
     law = tmp_path / "law.py"
     law.write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The server's answers: what is in the files, as it is drawn, as the command line says it too."""
+"""Answers of the server: files, samples for plots, and agreement with the command line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
-from mrdamper.registry.queries import QUERIES
+from mrdamper.registry import QUERIES
 from mrdamper.web.query_worker import Query, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
@@ -52,7 +52,7 @@ def site(tmp_path_factory):
 
 @pytest.fixture
 def clean(site):
-    """Give the server with an empty folder."""
+    """Return the server with an empty folder."""
     root, client = site
     for part in ("runs", "inputs", "cards"):
         for path in (root / part).iterdir():
@@ -72,7 +72,7 @@ def a_run(path, *, seconds=4.0, rate_Hz=200.0, header="time_s,displacement_mm,fo
 # ------------------------------------------------------------------------------------------- what there is
 
 
-def test_an_empty_folder_has_everything_to_begin_with(clean):
+def test_empty_folder_has_initial_state(clean):
     root, client = clean
     state = client.get("/api/state")
     assert state["files"] == state["cards"] == state["inputs"] == []
@@ -85,15 +85,15 @@ def test_an_empty_folder_has_everything_to_begin_with(clean):
 
 
 @pytest.mark.parametrize("kind", order_kinds())
-def test_an_order_takes_every_option_of_its_job_with_the_same_default(kind):
+def test_order_defaults_equal_job_defaults(kind):
     orders = {field.name: field for field in request_fields(kind)}
     for option in job_of(kind).fields:
         assert option.option.local or orders[option.name].default == option.default, option.name
         assert option.option.local or orders[option.name].option == option.option
 
 
-def test_the_server_loads_neither_a_table_reader_nor_scipy():
-    """An idle server is small: whatever is heavy is in other processes."""
+def test_server_loads_no_heavy_module():
+    """An idle server is small because other processes load the heavy modules."""
     code = (
         "import sys, tempfile, pathlib; from mrdamper.web.server import build;"
         "build(pathlib.Path(tempfile.mkdtemp()));"
@@ -103,7 +103,7 @@ def test_the_server_loads_neither_a_table_reader_nor_scipy():
     assert run.stdout.strip() == "[]"
 
 
-def test_every_address_without_a_dot_is_the_page(site):
+def test_addresses_without_dot_are_pages(site):
     _, client = site
     first = client.ask("GET", "/")
     assert first.headers["content-type"].startswith("text/html")
@@ -118,7 +118,7 @@ def test_every_address_without_a_dot_is_the_page(site):
 # ------------------------------------------------------------------------------------------- files and runs
 
 
-def test_an_uploaded_run_is_read_and_drawn_as_it_was_measured(clean, tmp_path):
+def test_uploaded_run_keeps_its_samples(clean, tmp_path):
     _, client = clean
     table = a_run(tmp_path / "run.csv")
     content = (tmp_path / "run.csv").read_bytes()
@@ -128,7 +128,7 @@ def test_an_uploaded_run_is_read_and_drawn_as_it_was_measured(clean, tmp_path):
     assert run["motion"] == "sine 5 mm 1 Hz"
     assert run["current_A"] == 1.0
     assert run["stroke_mm"] == pytest.approx(10.0)
-    assert run["peak_velocity_mm_s"] == pytest.approx(31.4, rel=0.01)  # 2 pi 5 mm 1 Hz
+    assert run["peak_velocity_mm_s"] == pytest.approx(31.4, rel=0.01)  # Peak velocity: 2 pi 5 mm 1 Hz.
     header, columns = series_of(client.ask("GET", "/api/runs/run 1/series").content)
     assert header["n"] == header["samples"] == len(table)
     assert header["step_s"] == pytest.approx(0.005)
@@ -140,7 +140,7 @@ def test_an_uploaded_run_is_read_and_drawn_as_it_was_measured(clean, tmp_path):
     np.testing.assert_allclose(columns["velocity_mm_s"][inner], expected[inner], atol=0.1)
 
 
-def test_a_broken_file_says_what_is_wrong_and_where_and_shows_its_columns(clean):
+def test_broken_file_reports_error_and_columns(clean):
     _, client = clean
     text = "time_s,displacement_mm,load,current_A\n0,0,1,1\n0.01,1,2,1\n0.02,oops,3,1\n"
     client.ask("PUT", "/api/files/broken.csv", content=text.encode())
@@ -148,7 +148,7 @@ def test_a_broken_file_says_what_is_wrong_and_where_and_shows_its_columns(clean)
     broken, mute = (client.get(f"/api/files/{name}.csv/look") for name in ("broken", "mute"))
     assert "broken.csv" in broken["error"]
     assert "oops" in broken["error"]
-    assert "force" in mute["error"]  # `load` has no unit, and is not guessed
+    assert "force" in mute["error"]  # The unit of `load` is not guessed.
     assert [column["name"] for column in mute["columns"]] == [
         "time_s",
         "displacement_mm",
@@ -163,8 +163,8 @@ def test_a_broken_file_says_what_is_wrong_and_where_and_shows_its_columns(clean)
     assert client.get("/api/runs")["runs"] == []
 
 
-def test_what_is_wrong_with_a_run_is_found_and_told(clean, tmp_path):
-    """A force that helps the motion and misses a sample, a current in the name: as ``mrdamper check``."""
+def test_findings_equal_command_line_check(clean, tmp_path):
+    """The findings are those of ``mrdamper check``."""
     _, client = clean
     table = a_run(tmp_path / "run.csv")
     table[100, 2] = np.nan
@@ -185,7 +185,7 @@ def test_what_is_wrong_with_a_run_is_found_and_told(clean, tmp_path):
     assert run["inferred"] == ["turned_1A: current 1 A, from the file name"]
 
 
-def test_a_file_that_comes_or_changes_by_hand_is_seen(clean, tmp_path):
+def test_changed_file_is_read_again(clean, tmp_path):
     root, client = clean
     a_run(root / "runs" / "run.csv")
     assert client.read_all()[0]["samples"] == 800
@@ -197,7 +197,7 @@ def test_a_file_that_comes_or_changes_by_hand_is_seen(clean, tmp_path):
     assert client.ask("GET", "/api/runs/run/series").status_code == 404
 
 
-def test_listeners_hear_that_the_folder_has_changed(clean):
+def test_folder_change_sends_event(clean):
     root, client = clean
     with client.http.stream("GET", "/api/events") as stream:
         lines = stream.iter_lines()
@@ -226,7 +226,7 @@ def silent_file(path, tmp_path):
     np.savetxt(path, table[:, :3] * [1.0, 1.0, -0.01], delimiter=" ", header="a b c", comments="", fmt="%.9g")
 
 
-def test_a_map_is_tried_before_it_is_written_and_then_read_by_the_command_line(clean, tmp_path):
+def test_saved_map_works_on_command_line(clean, tmp_path):
     root, client = clean
     silent_file(root / "runs" / "silent.txt", tmp_path)
     assert client.get("/api/files/silent.txt/look")["error"]
@@ -255,7 +255,7 @@ def test_a_map_is_tried_before_it_is_written_and_then_read_by_the_command_line(c
     assert client.read_all() == []
 
 
-def test_a_map_that_does_not_fit_every_file_is_not_written(clean, tmp_path):
+def test_unsuitable_map_is_not_saved(clean, tmp_path):
     root, client = clean
     silent_file(root / "runs" / "silent.txt", tmp_path)
     (root / "runs" / "two.txt").write_text("a b\n1 2\n3 4\n", encoding="utf-8")
@@ -267,7 +267,7 @@ def test_a_map_that_does_not_fit_every_file_is_not_written(clean, tmp_path):
     wrong = {"channel": {"forse": {"index": 1}}}
     refused = client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": wrong})
     assert refused.status_code == 422
-    assert "force" in refused.json()["error"]  # the nearest
+    assert "force" in refused.json()["error"]  # Nearest window.
 
 
 # ------------------------------------------------------------------------------------------- windows
@@ -278,7 +278,7 @@ def test_a_map_that_does_not_fit_every_file_is_not_written(clean, tmp_path):
     most=st.integers(64, 300),
     data=st.data(),
 )
-def test_a_window_keeps_extremes_and_no_more_samples_than_asked(tmp_path_factory, force, most, data):
+def test_window_keeps_extremes_and_limit(tmp_path_factory, force, most, data):
     folder = tmp_path_factory.mktemp("window")
     n = len(force)
     t = np.arange(n) / 100.0
@@ -306,8 +306,8 @@ def test_a_window_keeps_extremes_and_no_more_samples_than_asked(tmp_path_factory
     assert part["time_s"][-1] == whole["time_s"][high]
 
 
-def test_the_model_is_drawn_on_the_samples_of_the_run(clean, runs, tmp_path):
-    """Its error over the drawn samples is the one that ``mrdamper evaluate`` says."""
+def test_model_uses_samples_of_run(clean, runs, tmp_path):
+    """The error of the drawn samples equals the error of ``mrdamper evaluate``."""
     root, client = clean
     shutil.copy(runs[3], root / "runs")
     mrdamper("fit", *runs, "--out", root / "cards" / "mine", "--law", "bouc-wen")
@@ -337,7 +337,7 @@ def put_card(root, name="plain", **options):
 
 
 @pytest.mark.nightly
-def test_the_quick_curve_is_the_heating_job_s(clean):
+def test_quick_curve_equals_heating_job(clean):
     root, client = clean
     card = put_card(root)
     order = {"card": "plain", "amplitude_mm": 10, "frequency_Hz": 1.2, "command": 1.5, "duration_s": 900}
@@ -350,7 +350,7 @@ def test_the_quick_curve_is_the_heating_job_s(clean):
     assert quick["limit_degC"] == told["limit_degC"]
 
 
-def test_a_drawing_of_one_s_own_is_taken(clean):
+def test_own_geometry_is_used(clean):
     root, client = clean
     put_card(root)
     drawing = PAPER_DRAWING.read_text(encoding="utf-8").replace("ambient_degC = 20", "ambient_degC = 33")
@@ -376,7 +376,7 @@ CHANNELS = Query("channels", values={"document": {"session": {"name": "x"}}})
 
 
 def query_processes() -> list[int]:
-    """Return the processes of queries that this process has started."""
+    """Return the query processes of this process."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -387,8 +387,8 @@ def query_processes() -> list[int]:
     return found
 
 
-def test_query_after_a_dead_process_is_answered():
-    """The query whose process dies is an error; the next one gets another process."""
+def test_query_after_dead_process_succeeds():
+    """A query whose process dies raises an error; the next query gets a new process."""
 
     async def kill_a_query() -> None:
         client, others = WorkerClient(), set(query_processes())
@@ -404,11 +404,11 @@ def test_query_after_a_dead_process_is_answered():
 
 
 @pytest.mark.parametrize("name", QUERIES)
-def test_every_query_has_its_function(name):
+def test_queries_have_functions(name):
     assert callable(find_function(name))
 
 
-def test_patience_ends_and_the_answer_is_found_again():
+def test_slow_answer_is_found_again():
     async def ask_again() -> None:
         patience, calls = PendingAnswers(), []
 
@@ -428,7 +428,7 @@ def test_patience_ends_and_the_answer_is_found_again():
 # ------------------------------------------------------------------------------------------- the command
 
 
-def test_a_port_in_use_and_a_host_without_token_end_in_one_message(site, tmp_path):
+def test_unusable_address_ends_with_message(site, tmp_path):
     _, client = site
     port = client.address.rstrip("/").rpartition(":")[2]
     for options, said in (
@@ -444,8 +444,8 @@ def test_a_port_in_use_and_a_host_without_token_end_in_one_message(site, tmp_pat
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupt_ends_the_server_quietly(tmp_path, number):
-    """Ctrl-C, a service that is stopped, a terminal that is closed."""
+def test_interrupt_ends_server_without_traceback(tmp_path, number):
+    """Ctrl-C, the stop of a service, and a closed terminal end the server without a traceback."""
     with served(tmp_path / "work") as client:
         client.get("/api/state")
         client.process.send_signal(number)
@@ -454,7 +454,7 @@ def test_an_interrupt_ends_the_server_quietly(tmp_path, number):
         assert client.process.stderr.read() == ""
 
 
-def test_without_the_extra_the_install_command_is_named(tmp_path):
+def test_missing_extra_names_install_command(tmp_path):
     code = f"import sys; sys.modules['fastapi'] = None; {command()[2]}"
     run = subprocess.run(
         [sys.executable, "-c", code, "serve", "--folder", str(tmp_path)],

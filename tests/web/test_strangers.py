@@ -1,4 +1,4 @@
-"""Strangers, in a real browser: a page of another site that posts here, and names that are markup."""
+"""Attacks in a browser: requests of another site, and names that contain markup."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ TRIED = """async (server) => {
 
 @pytest.fixture(scope="module")
 def haunted(tmp_path_factory):
-    """Return a folder in which everything that can have a name has one that is markup, and a client."""
+    """Return a folder whose items have names with markup, and a client."""
     root = tmp_path_factory.mktemp("strangers") / "damper"
     for place in ("runs", "records", "inputs", "cards", "results"):
         (root / place).mkdir(parents=True)
@@ -79,7 +79,7 @@ def haunted(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def elsewhere(haunted):
-    """Return the address of another site, whose page tries to reach the server."""
+    """Return the address of another site whose page sends requests to the server."""
     page = EVIL.format(server=haunted[1].address.rstrip("/")).encode()
 
     class Site(BaseHTTPRequestHandler):
@@ -99,14 +99,14 @@ def elsewhere(haunted):
     site.server_close()
 
 
-def test_a_page_of_another_site_can_neither_write_nor_read(browser, haunted, elsewhere):
-    """What browsers let a page send without asking (a form, a plain request) is refused by the server."""
+def test_other_site_in_browser_is_refused(browser, haunted, elsewhere):
+    """The server refuses forms and simple requests of other sites, which browsers allow."""
     root, client = haunted
     before = snapshot(root)
     with browser.new_context() as context:
         log_in(context, client.address)
         page = context.new_page()
-        page.goto(client.address)  # as somebody has it open beside
+        page.goto(client.address)  # The user has the workbench open.
         page.wait_for_selector("#choose")
         stranger = context.new_page()
         refused: list[int] = []
@@ -123,7 +123,7 @@ def test_a_page_of_another_site_can_neither_write_nor_read(browser, haunted, els
     assert snapshot(root) == before
 
 
-def test_names_that_are_markup_stay_text_on_every_page(browser, haunted):
+def test_markup_names_stay_text(browser, haunted):
     with opened(browser, haunted[1].address) as page:
         asked: list[str] = []
 
@@ -141,14 +141,14 @@ def test_names_that_are_markup_stay_text_on_every_page(browser, haunted):
             assert page.locator("main img, main script").count() == 0, name
         page.goto("/#/runs")
         page.get_by_label(re.compile("Look into <img")).click()
-        page.wait_for_selector("#save-map")  # and the heads of columns
+        page.wait_for_selector("#save-map")  # The heads of columns contain markup, too.
         assert MARKUP in page.inner_text("#sheet")
         assert page.locator("main img").count() == 0
         assert page.evaluate("window.ran") is None
         assert asked == []
 
 
-def test_a_report_that_holds_a_script_is_shown_and_does_not_run_it(browser, haunted):
+def test_script_in_report_never_runs(browser, haunted):
     root, client = haunted
     with browser.new_context(base_url=client.address) as context:
         log_in(context, client.address)

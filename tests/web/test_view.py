@@ -1,4 +1,4 @@
-"""The linked view: any runs times any cards, one cursor, one span of time, all of it in the address."""
+"""Linked view: runs and cards with one cursor and one time span, stored in the address."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOVES = """async () => {
   }
   return took;
 }"""
-"""Time of each of 200 moves of the cursor, until all linked plots show it."""
+"""Time of 200 cursor moves until all linked plots show the cursor."""
 
 WATCH = """() => {
   window.blocks = [];
@@ -47,7 +47,7 @@ WATCH = """() => {
 PIXELS = """() => [...document.querySelectorAll("canvas.plot-canvas")]
   .filter((canvas) => canvas.clientWidth)
   .map((canvas) => canvas.toDataURL())"""
-"""Of all plots that are to be seen: a hidden one may never have been drawn."""
+"""Pixels of all visible plots, because hidden plots are not drawn."""
 
 
 def _ready(page):
@@ -67,14 +67,14 @@ def _drag(page, title, begin, end, steps=5):
 
 
 def _picture(page):
-    """Return what all plots show, as their pixels."""
+    """Return the pixels of all plots."""
     page.mouse.move(2, 2)
     _ready(page)
     return page.evaluate(PIXELS)
 
 
 def _soon(page, shown):
-    """Tell whether the plots come to show what ``shown()`` gives; it follows the address a moment later."""
+    """Return True if the plots equal ``shown()`` after some time."""
     until = time.monotonic() + PATIENCE_S
     while _picture(page) != shown():
         if time.monotonic() > until:
@@ -82,8 +82,8 @@ def _soon(page, shown):
     return True
 
 
-def test_two_million_samples_follow_the_hand(browser, tmp_path):
-    """The cursor of all plots follows within 16 ms, and brushing never blocks the page for 100 ms."""
+def test_two_million_samples_never_block(browser, tmp_path):
+    """The cursors follow within 16 ms, and a dragged time span never blocks the page for 100 ms."""
     root = tmp_path / "long"
     (root / "runs").mkdir(parents=True)
     instants = np.arange(SAMPLES) / 1000.0
@@ -119,8 +119,8 @@ def test_two_million_samples_follow_the_hand(browser, tmp_path):
     assert longest <= within_reach(BLOCK_MS)
 
 
-def test_an_address_gives_the_same_picture_and_back_undoes(browser, site, page):
-    """Runs, a card, colours, a hidden curve and three zooms come back in a browser that was never here."""
+def test_address_restores_view_and_back_undoes(browser, site, page):
+    """Another browser restores runs, card, colours, hidden curve and zooms from the address."""
     page.goto(f"/#/loops?run={RUN}&card=strong")
     _ready(page)
     whole = _picture(page)

@@ -1,4 +1,4 @@
-"""Walks beside the main way: drop, bring, compare, stop, print, lose the server, two windows at once."""
+"""Less frequent actions: dropped files, uploaded cards, comparison, Cancel, and a lost server."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def page(browser, rig):
 
 
 def choose(page, button, path):
-    """Press a button that asks for a file, and give it one."""
+    """Press a button that opens a file dialog, and choose a file."""
     with page.expect_file_chooser() as asked:
         page.get_by_role("button", name=button, exact=True).first.click()
     asked.value.set_files(path)
@@ -61,7 +61,7 @@ def newest(client, kind):
 # --------------------------------------------------------------------------------------- dropping, bringing
 
 
-def test_a_file_is_dropped_shown_and_removed(page, rig, tmp_path):
+def test_dropped_file_is_stored_and_removed(page, rig, tmp_path):
     root, _ = rig
     path = tmp_path / "dropped run, 2.csv"
     shutil.copy(next((root / "runs").glob("*.csv")), path)
@@ -78,7 +78,7 @@ def test_a_file_is_dropped_shown_and_removed(page, rig, tmp_path):
     assert not (root / "runs" / path.name).exists()
 
 
-def test_a_card_is_brought_compared_and_removed(page, rig, tmp_path):
+def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
     root, client = rig
     path = write_card_of(tmp_path / "brought one.json", rig_damper(lag=None))
     page.goto("/#/fit")
@@ -111,8 +111,8 @@ def test_a_card_is_brought_compared_and_removed(page, rig, tmp_path):
 # --------------------------------------------------------------------------------------------- keyboard
 
 
-def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
-    """Tab through the form in the order of the page, see where one is, tick with Space, start with Enter."""
+def test_keyboard_starts_a_fit(page, rig):
+    """Tab follows the order of the page with visible focus; Space ticks a box and Enter starts the fit."""
     page.goto("/#/fit")
     page.wait_for_selector("#start-fit")
     page.focus("#fit-card")
@@ -128,7 +128,7 @@ def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
         )
         steps.append(at)
         if at["type"] == "checkbox" and sum(step["type"] == "checkbox" for step in steps) == 1:
-            page.keyboard.press("Space")  # the first run is held out
+            page.keyboard.press("Space")  # Hold out the first run.
         if at["id"] == "start-fit":
             break
     assert steps[-1]["id"] == "start-fit"
@@ -158,13 +158,13 @@ STOPPED: dict[str, dict[str, object]] = {
 
 
 @pytest.mark.parametrize("kind", list(STOPPED))
-def test_every_long_job_is_stopped_from_the_page_and_leaves_nothing_half_done(page, rig, kind):
+def test_cancelled_job_leaves_no_partial_files(page, rig, kind):
     root, client = rig
     before = {path.name for path in (root / "runs").iterdir()}
     job_id = client.job(kind, **STOPPED[kind])
     pid = int(client.until(job_id, {"running"})["pid"])
     page.goto("/#/jobs")
-    page.wait_for_timeout(1500)  # well into its work
+    page.wait_for_timeout(1500)  # The job computes.
     begin = time.monotonic()
     page.get_by_label(f"Cancel {job_id}").click()
     job = client.ended(job_id, 5.0)
@@ -185,8 +185,8 @@ def a_free_port():
         return str(one.getsockname()[1])
 
 
-def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
-    """A power cut in the middle of a fit: the open page says so; what was done before is still there."""
+def test_open_page_recovers_after_power_cut(browser, tmp_path):
+    """After a power cut during a fit the open page reports it, and earlier results are still available."""
     root, port = tmp_path / "damper", a_free_port()
     write_runs(root.parent / "made", short_runs())
     shutil.copytree(root.parent / "made", root / "runs")
@@ -199,22 +199,22 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             log_in(context, client.address)
             page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
             page.get_by_label("Length for the fins, mm").fill("30")
-            page.click("#start-sink")
+            page.click("#start-heatsink")
             page.wait_for_selector("#section svg")
             page.goto(f"{client.address}/#/fit".replace("//#", "/#"))
             page.fill("#fit-card", "long")
-            page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
+            page.get_by_role("form", name="What to fit").get_by_text("More", exact=True).click()
             page.click("#start-fit")
             page.wait_for_selector("figure:has-text('Cost while fitting') >> visible=true")
             client.kill()
         with served(root, "--port", port) as client:
             page.get_by_role("status").get_by_text(
                 "was interrupted: the server"
-            ).wait_for()  # without a reload
+            ).wait_for()  # The page is not reloaded.
             shoot(page, "fit-interrupted")
             expect(page.locator("#busy")).to_be_hidden()
             page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
-            page.wait_for_selector("#section svg")  # the finished search
+            page.wait_for_selector("#section svg")  # The finished search is displayed.
     deadline = time.monotonic() + within_reach(8.0)
     while python_processes_of(root):
         assert time.monotonic() < deadline

@@ -1,4 +1,4 @@
-"""Jobs in processes of their own: cancel stops them, a reload finds them, a restart loses nothing."""
+"""Jobs in processes of their own: Cancel, reload of the page, and restart of the server."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.web.served import Client, is_alive, python_processes_of, served
 
 pytestmark = pytest.mark.system
 
-LONG = {"law": "chain"}  # It takes much longer than a test waits for it.
+LONG = {"law": "chain"}  # The fit takes much longer than the test.
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def folder(tmp_path, runs):
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory, runs):
-    """Return a folder and a client of its server, for the tests that leave it as it was."""
+    """Return a folder and a client of its server for tests that do not change it."""
     root = a_folder(tmp_path_factory.mktemp("shared") / "work", runs)
     with served(root) as client:
         client.read_all()
@@ -49,7 +49,7 @@ def shared(tmp_path_factory, runs):
 
 @pytest.fixture
 def idle(shared):
-    """Give the shared server back with nothing running."""
+    """Return the shared server without running jobs."""
     yield shared
     client = shared[1]
     for job in client.get("/api/jobs")["jobs"]:
@@ -71,7 +71,7 @@ def events_of(client: Client, job_id: str, **headers: str) -> list[tuple[str, di
 
 
 def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
-    """Start a fit of minutes; return its id and process when it has begun to fit."""
+    """Start a fit of minutes; return its id and process after its start."""
     job_id = client.job("fit", card=name, **LONG)
     pid = int(client.until(job_id, {"running"})["pid"])
     end = time.monotonic() + within_reach(30.0)
@@ -90,7 +90,7 @@ def gone_within(pid: int, seconds: float) -> bool:
     return True
 
 
-def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
+def test_cancel_keeps_best_fit(idle):
     folder, client = idle
     job_id, pid = a_long_fit(client, "kept")
     assert is_alive(pid)
@@ -98,7 +98,7 @@ def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
     assert gone_within(pid, 8.0)
     job = client.ended(job_id, 3.0)
     assert job["state"] == "cancelled"
-    if job["answer"] is None:  # on a slow machine the best could not be judged in time
+    if job["answer"] is None:  # A slow machine may not finish the evaluation in time.
         assert not (folder / "cards" / "kept").exists()
     else:
         assert job["answer"]["cancelled"] is True
@@ -108,19 +108,19 @@ def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
 
 
 @pytest.mark.nightly
-def test_a_process_that_dies_is_a_job_that_failed(idle):
+def test_dead_process_fails_its_job(idle):
     _, client = idle
     job_id, pid = a_long_fit(client)
     os.kill(pid, signal.SIGKILL)
     job = client.ended(job_id, 5.0)
     assert job["state"] == "failed"
     assert "ended by itself" in job["message"]
-    again = client.job("check")  # the others go on
+    again = client.job("check")  # Other jobs continue.
     assert client.ended(again)["state"] == "done"
 
 
 @pytest.mark.nightly
-def test_two_run_at_once_and_the_third_waits_its_turn(folder):
+def test_third_job_waits(folder):
     with served(folder) as client:
         client.read_all()
         first, _ = a_long_fit(client, "first")
@@ -130,7 +130,7 @@ def test_two_run_at_once_and_the_third_waits_its_turn(folder):
         assert client.get(f"/api/jobs/{third}")["state"] == "queued"
         fourth = client.job("check")
         client.ask("POST", f"/api/jobs/{fourth}/cancel")
-        assert client.get(f"/api/jobs/{fourth}")["state"] == "cancelled"  # at once: it had not begun
+        assert client.get(f"/api/jobs/{fourth}")["state"] == "cancelled"  # A waiting job ends at once.
         client.ask("POST", f"/api/jobs/{first}/cancel")
         assert client.ended(third)["state"] == "done"
         assert client.get(f"/api/jobs/{second}")["state"] == "running"
@@ -139,7 +139,7 @@ def test_two_run_at_once_and_the_third_waits_its_turn(folder):
 
 
 @pytest.mark.nightly
-def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
+def test_reload_finds_job_with_progress(idle):
     _, client = idle
     job_id = client.job("fit", card="quick", law="bouc-wen", hold_out=["*10mm*"])
     first = events_of(client, job_id)
@@ -147,7 +147,7 @@ def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
     assert first[-1][1]["state"] == "done"
     assert any(name == "progress" and told["cost_percent"] for name, told in first)
     assert events_of(client, job_id) == first
-    last_two = len(first) - 3  # lines before the last line and the end
+    last_two = len(first) - 3  # All lines except the last one.
     assert events_of(client, job_id, **{"last-event-id": str(last_two)}) == first[last_two:]
     job = client.get(f"/api/jobs/{job_id}")
     assert job["answer"]["law"] == "bouc-wen"
@@ -158,17 +158,17 @@ def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
 
 
 @pytest.mark.nightly
-def test_a_power_cut_loses_no_finished_result(folder):
+def test_power_cut_keeps_finished_results(folder):
     with served(folder) as client:
         client.read_all()
         finished = client.job("evaluate", card="plain", files=[])
         assert (
             client.ended(finished)["state"] == "failed"
-        )  # volts against amperes: a failure is a result, too
+        )  # The units differ, so the job fails; a failure is a result as well.
         checked = client.ended(client.job("check"))
         running, pid = a_long_fit(client)
         client.kill()
-    assert gone_within(pid, 8.0)  # nobody would ever stop it otherwise
+    assert gone_within(pid, 8.0)  # Otherwise the process would not end.
     with served(folder) as client:
         assert client.get(f"/api/jobs/{checked['id']}") == checked
         assert client.get(f"/api/jobs/{finished}")["state"] == "failed"
@@ -181,7 +181,7 @@ def test_a_power_cut_loses_no_finished_result(folder):
 
 
 @pytest.mark.nightly
-def test_a_server_that_is_stopped_takes_its_processes_with_it(folder):
+def test_stopped_server_ends_its_processes(folder):
     with served(folder) as client:
         client.read_all()
         job_id, pid = a_long_fit(client)
@@ -194,7 +194,7 @@ def test_a_server_that_is_stopped_takes_its_processes_with_it(folder):
 
 
 @pytest.mark.nightly
-def test_a_second_server_in_the_same_folder_is_refused(folder):
+def test_second_server_in_folder_is_refused(folder):
     with served(folder):
         second = mrdamper("serve", "--port", "0", "--folder", folder)
         assert second.returncode == 3
@@ -202,7 +202,7 @@ def test_a_second_server_in_the_same_folder_is_refused(folder):
 
 
 @pytest.mark.nightly
-def test_a_job_goes_into_the_trash_with_its_files_and_not_before_it_has_ended(idle):
+def test_only_ended_jobs_are_removed(idle):
     folder, client = idle
     job_id, _ = a_long_fit(client)
     assert client.ask("DELETE", f"/api/jobs/{job_id}").status_code == 409
@@ -215,7 +215,7 @@ def test_a_job_goes_into_the_trash_with_its_files_and_not_before_it_has_ended(id
     assert client.ask("GET", f"/api/jobs/{job_id}").status_code == 404
     assert not (folder / "results" / job_id).exists()
     after = client.job("check")
-    assert after.rpartition("-")[2] > job_id.rpartition("-")[2]  # the one in the trash keeps its name
+    assert after.rpartition("-")[2] > job_id.rpartition("-")[2]  # The name in the trash stays reserved.
     client.ended(after)
     (thrown,) = client.get("/api/trash")["trash"]
     assert thrown["names"][-1] == f"results/{job_id}"

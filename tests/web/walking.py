@@ -1,4 +1,4 @@
-"""What one does on a page again and again: bring files, say what channels are, save what a plot shows."""
+"""Frequent actions and checks on a page."""
 
 from __future__ import annotations
 
@@ -8,21 +8,19 @@ import io
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
-from playwright.sync_api import Locator, Page, Position
+from playwright.sync_api import Locator, Page
 
 __all__ = [
-    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "a_sine_run", "csv_rows",
-    "download", "drop_files", "map_the_logger", "move", "place_of", "plot", "saved_table",
+    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "a_sine_run",
+    "download", "drop_files", "plot", "saved_table",
 ]  # fmt: skip
 
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
 
 PAGES = tuple(re.findall(r'data-page="(\w+)"', (STATIC / "index.html").read_text(encoding="utf-8")))
-"""All pages that the rail leads to."""
+"""All pages of the navigation."""
 
 UNNAMED = """
 [...document.querySelectorAll(`main :is(button, a, select, summary, canvas.plot-over, iframe,
@@ -33,14 +31,14 @@ UNNAMED = """
     return !(says.trim() || e.getAttribute("aria-label") || (e.matches("iframe") && e.title));
   })
   .map((e) => e.outerHTML)"""
-"""What one can press or fill and a screen reader cannot name; options and placeholders are no name."""
+"""Controls without a name for a screen reader; options and placeholders are not names."""
 
 CUT = """
 [...document.querySelectorAll("main :is(button, label, th, h1, h2, h3, .tile b, .tile span, .tag)")]
   .filter((e) => e.offsetParent && getComputedStyle(e).display !== "inline")
   .filter((e) => e.scrollWidth > e.clientWidth + 1)
   .map((e) => e.outerHTML)"""
-"""Words that are wider than the box they stand in."""
+"""Texts that are wider than their boxes."""
 
 FAINT = """
 (() => {
@@ -77,11 +75,11 @@ FAINT = """
   }
   return found;
 })()"""
-"""Words that are too faint by WCAG 2 AA, as the browser shows them; what cannot be pressed is exempt."""
+"""Texts with too little contrast by WCAG 2 AA; disabled controls are exempt."""
 
 AXES = """
 [...document.querySelectorAll("main canvas.plot-over")].map((e) => e.getAttribute("aria-label"))"""
-"""What the plots say of themselves: title, then both axes with their units."""
+"""Labels of the plots: title and both axes with their units."""
 
 LOGGER = """\
 Header Size:  7
@@ -95,7 +93,7 @@ Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events
 
 
 def a_logger_file(path: Path) -> Path:
-    """Write two tests in one file, in volts, as a rig's logger does: 10 mm/V and 980.665 N/V."""
+    """Write a logger file with two tests in volts (10 mm/V and 980.665 N/V)."""
     time = np.arange(1500) / 500.0
     travel = 0.5 * np.sin(2.0 * np.pi * 2.0 * time)
     speed = np.gradient(travel, time)
@@ -109,63 +107,27 @@ def a_logger_file(path: Path) -> Path:
     return path
 
 
-def map_the_logger(page: Page, *, currents: str, rate: str) -> None:
-    """Say in the sheet what the two channels are."""
-    for column, role, gain in (("CHANNEL0", "displacement", "0.01"), ("CHANNEL1", "force", "980.665")):
-        page.get_by_label(f"{column} is").select_option(role)
-        page.get_by_label(f"{column} in").select_option("signal")
-        page.get_by_label(f"{column} gain").fill(gain)
-    page.get_by_label("Sampling rate, Hz").fill(rate)
-    page.get_by_label("A new test begins at").fill("Resume")
-    page.get_by_label("Currents of the tests, A").fill(currents)
-
-
 def download(page: Page, press: Callable[[], object]) -> bytes:
-    """Return what a press brings as a download."""
+    """Return the content of the download that a click starts."""
     with page.expect_download() as waiting:
         press()
     return Path(waiting.value.path()).read_bytes()
 
 
 def saved_table(page: Page, figure: Locator) -> tuple[list[str], list[list[str]]]:
-    """Return the CSV that a plot saves: header and rows."""
+    """Return header and rows of the CSV of a plot."""
     text = download(page, figure.get_by_role("button", name="CSV").click).decode()
     header, *rows = csv.reader(io.StringIO(text))
     return header, rows
 
 
 def plot(page: Page, title: str) -> Locator:
-    """Return the plot of a title."""
+    """Return the plot with a title."""
     return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
 
 
-def csv_rows(path: Path) -> list[dict[str, str]]:
-    """Return a table's rows."""
-    with path.open() as lines:
-        return list(csv.DictReader(lines))
-
-
-def place_of(page: Page, figure: Locator, design: dict[str, Any]) -> Position:
-    """Return where a design's dot is on the canvas, from the picture that the plot saves."""
-    drawn = ElementTree.fromstring(download(page, figure.get_by_role("button", name="SVG").click))
-    dots = [
-        (float(each.get("cx", 0)), float(each.get("cy", 0)))
-        for each in drawn.iter("{http://www.w3.org/2000/svg}circle")
-    ]
-    masses = [float(row[1]) for row in saved_table(page, figure)[1] if row[0] == "front"]
-    x, y = dots[int(np.argmin(np.abs(np.array(masses) - 1e3 * design["mass_kg"])))]
-    return {"x": x, "y": y - 22.0}  # the saved picture has its legend on top, 22 px high
-
-
-def move(page: Page, slider: str, value: float) -> None:
-    """Move a slider and wait for the curve."""
-    asked = page.get_attribute("figure[data-asked]", "data-asked")
-    page.get_by_label(slider, exact=True).fill(str(value))
-    page.wait_for_selector(f"figure[data-asked]:not([data-asked='{asked}'])")
-
-
 def drop_files(page: Page, where: str, files: list[Path]) -> None:
-    """Drop files onto a place, as a hand with a mouse does: enter, over, drop."""
+    """Drop files on an element with the events of a mouse: enter, over, drop."""
     held = [[path.name, base64.b64encode(path.read_bytes()).decode()] for path in files]
     dragged = page.evaluate_handle(
         """(held) => {

@@ -1,8 +1,8 @@
-"""The command line: options in, one job called, its answer printed.
+"""The command line: read the options, run one job, print its result.
 
-Only click is imported here; a job's libraries are loaded when it starts, so that help answers at once.
-With ``--json`` standard output holds one JSON object and nothing else. Exit codes: 0 done, 1 internal fault,
-2 usage, 3 bad data or units, 4 did not converge (or interrupted), 5 a check failed.
+This module imports only click. A job's libraries are loaded when the job starts, so that ``--help`` is fast.
+With ``--json`` standard output contains one JSON object and nothing else. Exit codes: 0 complete, 1 internal
+error, 2 invalid usage, 3 invalid input, 4 interrupted or not converged, 5 a check failed.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import io
 import json
 import os
 import sys
-from collections.abc import Callable
+import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn
 
 import click
 
-from mrdamper.cli.commands import command_of, tell
+from mrdamper.cli.commands import GroupedCommands, HelpfulCommand, make_command, print_message
 from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.registry import JOBS, Job
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
@@ -27,143 +27,159 @@ from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_en
 __all__ = ["cli", "main"]
 
 Answer = dict[str, Any]
-Command = TypeVar("Command", bound=Callable[..., Any])
 
-_INTERNAL, _UNREADABLE, _NOT_CONVERGED = 1, 3, 4
-_INTERRUPTED = "interrupted before there was a result; nothing was written"
+_EXIT_INTERNAL, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 3, 4
+_STARTED_S = time.monotonic()
 
 
 def main() -> NoReturn:
-    """Run the command line; whatever goes wrong ends in one message and an exit code."""
-    _open_closed_outputs()
-    _keep_libraries_to_one_thread()
+    """Run the command line. Every error ends with one message and an exit code."""
+    _replace_closed_streams()
+    _limit_libraries_to_one_thread()
     try:
         heed_interrupts()
-        answer = cli(standalone_mode=False)
+        exit_code = cli(standalone_mode=False)
         sys.stdout.flush()
-    except click.ClickException as fault:
-        fault.show()
-        sys.exit(fault.exit_code)
-    except (click.exceptions.Abort, KeyboardInterrupt, Interrupted) as end:
-        _leave(_words_of(end), _NOT_CONVERGED)
-    except MrdamperError as fault:
-        _leave(str(fault), fault.exit_code)
-    except BrokenPipeError:  # the reader of our output has left
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.exceptions.Abort, KeyboardInterrupt, Interrupted) as error:
+        _exit(_interruption_message(error), _EXIT_INTERRUPTED)
+    except MrdamperError as error:
+        _exit(str(error), error.exit_code)
+    except BrokenPipeError:  # The program that reads the output has ended.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
-    except Exception as fault:  # the outermost door: nothing behind it
-        if isinstance(fault, OSError):
-            _leave_for_room(fault)
-        if _is_of_memory(fault):
-            _leave("this needs more memory than there is; read fewer or shorter runs at once", _UNREADABLE)
+    except Exception as error:  # No other code handles these errors.
+        if isinstance(error, OSError):
+            _exit_if_disk_full(error)
+        if _is_memory_error(error):
+            _exit("There is not enough memory. Read fewer or shorter runs at once.", _EXIT_INPUT)
         if os.environ.get("MRDAMPER_DEBUG") == "1":
             raise
-        said = f"{type(fault).__name__}: {fault}"
-        _leave(
-            f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL
-        )
+        text = f"Internal error: {type(error).__name__}: {error}"
+        _exit(f"{text}\nPlease report it. Set MRDAMPER_DEBUG=1 for a traceback.", _EXIT_INTERNAL)
     interrupts_end_at_once()
-    sys.exit(answer if isinstance(answer, int) else 0)
+    sys.exit(exit_code if isinstance(exit_code, int) else 0)
 
 
-def _keep_libraries_to_one_thread() -> None:
-    """Use one thread in linear algebra unless the user chose: products are small, and cores have jobs."""
+def _limit_libraries_to_one_thread() -> None:
+    """Use one thread in linear algebra by default because the matrices are small and jobs use processes."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
 
-def _is_of_memory(fault: Exception) -> bool:
-    """Tell whether a fault is a lack of memory: SciPy's solver of sparse systems says so in words."""
+def _is_memory_error(error: Exception) -> bool:
+    """Return True if an error is due to a lack of memory. SciPy's sparse solver reports it as text."""
     return (
-        isinstance(fault, MemoryError)
-        or (isinstance(fault, OSError) and fault.errno == errno.ENOMEM)
-        or "_MALLOC fails" in str(fault)
+        isinstance(error, MemoryError)
+        or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+        or "_MALLOC fails" in str(error)
     )
 
 
-def _words_of(end: BaseException) -> str:
-    """Return what an interrupt left, with the notes of the one before it that it cut short."""
+def _interruption_message(error: BaseException) -> str:
+    """Return the message about an interrupt: the written files, and the notes of all chained exceptions."""
     from mrdamper.runtime.outputs import written
 
-    places = ", ".join(dict.fromkeys(map(str, written())))
+    paths = ", ".join(dict.fromkeys(map(str, written())))
     notes: list[str] = []
-    each: BaseException | None = end
-    while each is not None:
-        notes += [note for note in getattr(each, "__notes__", ()) if note not in notes]
-        each = each.__cause__ or each.__context__
-    return "; ".join((f"interrupted; what was finished is in {places}" if places else _INTERRUPTED, *notes))
+    cause: BaseException | None = error
+    while cause is not None:
+        notes += [note for note in getattr(cause, "__notes__", ()) if note not in notes]
+        cause = cause.__cause__ or cause.__context__
+    text = f"Interrupted. Complete files are in {paths}." if paths else "Interrupted. No files were written."
+    return " ".join((text, *notes))
 
 
-def _open_closed_outputs() -> None:
-    """Give a program that was started without standard output or error (``>&-``) one that leads nowhere.
+def _replace_closed_streams() -> None:
+    """Open the null device in place of a closed standard output or error (``>&-``).
 
-    Their numbers are taken, so that no file of a job gets what a library writes there.
+    This also reserves the numbers of the streams. Otherwise a file of a job could receive the output of a
+    library.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
         if isinstance(stream := getattr(sys, name), io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a file's name need not be UTF-8
+            stream.reconfigure(errors="backslashreplace")  # The name of a file may be invalid UTF-8.
 
 
-def _leave_for_room(fault: OSError) -> None:
-    """Leave when there is no room for what was to be written; return when it is another fault."""
+def _exit_if_disk_full(error: OSError) -> None:
+    """Exit with a message if an error is due to a full disk or quota."""
     from mrdamper.runtime.outputs import no_room
 
-    why = no_room(fault)
-    if not why:
+    reason = no_room(error)
+    if not reason:
         return
-    where = fault.filename
-    if where is None:
-        where = "standard output, or a temporary file"
-        with suppress(OSError):  # else it fails once more when Python ends
+    path = error.filename
+    if path is None:
+        path = "standard output or a temporary file"
+        with suppress(OSError):  # Python flushes the stream again at exit, which would fail, too.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    _leave(f"{where}: {why}; make room there, or write elsewhere", _UNREADABLE)
+    _exit(f"{path}: {reason}; free some space, or write to another folder", _EXIT_INPUT)
 
 
-def _leave(message: str, code: int) -> NoReturn:
+def _exit(message: str, code: int) -> NoReturn:
     interrupts_end_at_once()
-    tell(message)
+    print_message(message)
     sys.exit(code)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=GroupedCommands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80}
+)
 @click.version_option(package_name="mrdamper")
 def cli() -> None:
-    """From a magnetorheological damper's rig files to a model card with honest errors."""
+    """Fit models of magnetorheological dampers to test data, and use them.
+
+    A model is stored in a model card. From the card, mrdamper simulates forces and heating, designs force
+    controllers and exports C code.
+    """
 
 
 @cli.group()
 def data() -> None:
-    """Public data sets: what there is, and fetching it."""
+    """List or fetch public data sets."""
 
 
-@cli.command()
+@cli.command(cls=HelpfulCommand)
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: any that is free."
+    "--port",
+    type=click.IntRange(0, 65535),
+    metavar="NUMBER",
+    default=8765,
+    show_default=True,
+    help="Listen on this port. 0 selects a free one.",
 )
 @click.option(
     "--folder",
     type=click.Path(path_type=Path),
     default=Path(),
     metavar="DIR",
-    help="Where runs, cards and results lie.  [default: here]",
+    help="Use this folder for runs, cards and results.  [default: the current folder]",
 )
 @click.option("--open", "open_browser", is_flag=True, help="Open the page in the browser.")
 @click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need a --token."
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Listen on this address. Any address but the default requires --token.",
 )
 @click.option(
     "--token",
     metavar="TEXT",
-    help="What a browser must know; 16 characters or more.  [default: the folder's]",
+    help="Require this secret of 16 or more characters from the browser.  [default: a secret in the folder]",
 )
 def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str | None) -> int:
-    """Show runs, fit, heat, track and export in the browser; work stays in the folder, as files."""
+    """Start the web application for runs, fits and simulations.
+
+    All inputs and results are files in one folder.
+    """
     try:
         from mrdamper.web.server import serve as start
-    except ImportError as fault:
-        raise MissingExtraError.of("mrdamper serve", str(fault.name), "web") from fault
+    except ImportError as error:
+        raise MissingExtraError.of("mrdamper serve", str(error.name), "web") from error
 
     def announce(address: str) -> None:
         click.echo(f"mrdamper: {folder.resolve()} at {address} (Ctrl-C stops it)", err=True)
@@ -172,23 +188,25 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     return 0
 
 
-def _show(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # noqa: FBT001 - as all of them
-    """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
+def _finish(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # noqa: FBT001 - a callback
+    """Print the result of a job for a terminal or as JSON, and return the exit code."""
     report = job.reported
     if as_json:
         click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
     else:
         from mrdamper.cli.terminal import open_console
 
-        screen = open_console()
-        report.show(result, screen)
-        report.wrote(result, answer, screen)
+        console = open_console()
+        report.show(result, console)
+        first, *others = report.closing(result, answer) or [""]
+        if first:
+            first = f"{first.removesuffix('.')} ({time.monotonic() - _STARTED_S:.1f} s)."
+            console.print("\n".join([first, *others]), markup=False, soft_wrap=True)
     outcome = report.outcome(result)
-    for each in outcome.said:
-        tell(each)
+    for message in outcome.messages:
+        print_message(message)
     return outcome.exit_code
 
 
-for _each in JOBS.values():
-    *_group, _name = _each.name.split()
-    (data if _group else cli).add_command(command_of(_each, _show))
+for _job in JOBS.values():
+    (data if " " in _job.name else cli).add_command(make_command(_job, _finish))

@@ -1,10 +1,11 @@
-"""Commands made from the rows of the registry: their arguments, options, help and output.
+"""Commands of the registry's jobs: arguments, options, help and output.
 
-Only click is loaded with this module; a job's libraries are loaded when it starts.
+This module imports only click. A job's libraries are loaded when the job starts.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,61 +13,98 @@ from typing import Any
 
 import click
 
-from mrdamper.cli.asking import answers_to, print_questions
+from mrdamper.cli.help_texts import EXAMPLES, EXIT_CODES, GROUPS
+from mrdamper.cli.questions import print_questions, prompt_for_answers
 from mrdamper.errors import InputError, UsageError
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
-_FILE = click.Path(path_type=Path)
+_PATH = click.Path(path_type=Path)
+_TIME_UNITS_S = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
+_UNIT_METAVARS = {"%": "PERCENT", "": "NUMBER"}  # All other units are written in capital letters.
+SUMMARY_LENGTH_MAX = 60  # A line of the command list has 80 characters.
 
 
-def tell(message: str) -> None:
-    """Say something on standard error."""
+def print_message(message: str) -> None:
+    """Print a message on standard error."""
     click.echo(f"mrdamper: {message}", err=True)
 
 
-def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]) -> click.Command:
-    """Return the command of a job; ``finish`` prints what came of it and returns the exit code."""
+def make_command(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]) -> click.Command:
+    """Return the command of a job.
 
-    def run(*, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - click checks them
-        from mrdamper.cli.terminal import on_progress
+    Parameters
+    ----------
+    finish : prints the result of the job and returns the exit code
+    """
+
+    def run(*, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
+        from mrdamper.cli.terminal import progress_line
 
         given = {name: values.pop(name, None) for name in job.given_names}
-        places = {each.name: values.pop(each.name) for each in job.outputs}
-        outputs = {name: place for name, place in places.items() if place is not None}
+        paths = {output.name: values.pop(output.name) for output in job.outputs}
+        outputs = {name: path for name, path in paths.items() if path is not None}
         if job.outputs and not outputs and not job.files_help:
-            ways = [f"{each.flag} {each.metavar}" for each in job.outputs]
-            raise click.UsageError(f"nothing to write: give {', '.join(ways[:-1])} or {ways[-1]}")
+            flags = [f"{output.flag} {output.metavar}" for output in job.outputs]
+            raise click.UsageError(f"No output is given. Use {', '.join(flags[:-1])} or {flags[-1]}.")
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})
         while True:
             try:
-                with on_progress(job.progress_word, ctrl_c=job.ctrl_c or "leaves nothing") as progress:
+                with progress_line(job.progress_word, ctrl_c=job.ctrl_c or "writes no files") as progress:
                     result, answer = job.perform(
                         given, options, out=out, outputs=outputs, on_progress=progress, resume=resume
                     )
-            except UsageError as fault:
-                raise click.UsageError(str(fault)) from fault
-            except InputError as fault:
-                more = answers_to(fault, given, as_json=as_json)
-                if not more:
+            except UsageError as error:
+                raise click.UsageError(str(error)) from error
+            except InputError as error:
+                answers = prompt_for_answers(error, given, as_json=as_json)
+                if not answers:
                     if as_json:
-                        print_questions(fault)
+                        print_questions(error)
                     raise
             else:
-                more = answers_to(result, given, as_json=as_json)
-                if not more:
+                answers = prompt_for_answers(result, given, as_json=as_json)
+                if not answers:
                     break
-            given["answer"] = (*(given.get("answer") or ()), *more)
+            given["answer"] = (*(given.get("answer") or ()), *answers)
         return finish(job, result, answer, as_json)
 
-    return LateCommand(job, callback=run)
+    return JobCommand(job, callback=run)
 
 
-class LateCommand(click.Command):
-    """A command whose parameters are made when they are asked for: a list of commands needs none."""
+class GroupedCommands(click.Group):
+    """The program: its help lists the commands by group."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        width = max(map(len, self.commands))
+        for title, names in GROUPS.items():
+            with formatter.section(title):
+                summaries = [self.commands[name].get_short_help_str(SUMMARY_LENGTH_MAX) for name in names]
+                formatter.write_dl(
+                    [(name.ljust(width), text) for name, text in zip(names, summaries, strict=True)]
+                )
+
+
+class HelpfulCommand(click.Command):
+    """A command whose help ends with examples and exit codes."""
+
+    example_name = ""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        name = self.example_name or self.name or ""
+        with formatter.section("Examples"):
+            for arguments in EXAMPLES[name]:
+                formatter.write(f"{'':{formatter.current_indent}}mrdamper {name} {arguments}".rstrip() + "\n")
+        with formatter.section("Exit codes"):
+            formatter.write_dl(EXIT_CODES)
+
+
+class JobCommand(HelpfulCommand):
+    """The command of a job. Its parameters are built on first use because the command list needs none."""
 
     def __init__(self, job: Job, callback: Callable[..., int]) -> None:
         super().__init__(job.name.split()[-1], help=job.help, callback=callback)
+        self.example_name = job.name
         self._job: Job | None = job
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
@@ -74,7 +112,7 @@ class LateCommand(click.Command):
             self.params, self._job = list(parameters_of(self._job)), None
         return super().get_params(ctx)
 
-    def make_parser(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's own
+    def make_parser(self, ctx: click.Context) -> Any:  # noqa: ANN401 - the type is private to click
         self.get_params(ctx)
         return super().make_parser(ctx)
 
@@ -84,130 +122,128 @@ class LateCommand(click.Command):
 
 
 def parameters_of(job: Job) -> Iterator[click.Parameter]:
-    """Yield a job's arguments and options as click has them: inputs, the folder, its own options."""
+    """Yield the arguments and options of a job: inputs, output paths, own options, ``--json``."""
     yield from (_input(each) for each in job.inputs if not each.flag)
     yield from (_input(each) for each in job.inputs if each.flag not in {"", "-"})
-    yield from (_option(each) for each in job.reading)
-    for each in job.outputs:
-        yield click.Option([each.flag], type=_FILE, metavar=each.metavar, help=each.help)
+    yield from (_option(field) for field in job.reading)
+    for output in job.outputs:
+        yield click.Option([output.flag], type=_PATH, metavar=output.metavar, help=output.help)
     if job.files_help:
-        usual = _default(Path(job.out_default) if job.out_default else None)
+        default = _default(Path(job.out_default) if job.out_default else None)
         help_text, required = job.files_help, job.out_required
-        yield click.Option(["--out"], type=_FILE, metavar="DIR", help=help_text, required=required, **usual)
-    yield from (_option(each) for each in job.fields if each.option.flag != "-")
+        yield click.Option(["--out"], type=_PATH, metavar="DIR", help=help_text, required=required, **default)
+    yield from (_option(field) for field in job.fields if field.option.flag != "-")
     if job.checkpoint:
-        text = "Go on with the finished tasks of an earlier run of the same command."
+        text = "Continue an interrupted run of the same command. Complete tasks are not repeated."
         yield click.Option(["--resume"], is_flag=True, help=text)
-    text = "Print one JSON object on standard output, nothing else."
+    text = "Print the result as one JSON object and nothing else."
     yield click.Option(["--json", "as_json"], is_flag=True, help=text)
 
 
 def _input(each: Input) -> click.Parameter:
-    kind_of = KINDS[each.kind]
-    metavar = kind_of.metavar
-    if kind_of.many and not each.flag:
+    kind = KINDS[each.kind]
+    if not each.flag and kind.many:
         return click.Argument(
-            [each.name], nargs=-1, type=click.STRING, required=each.required, metavar=metavar
+            [each.name], nargs=-1, type=click.STRING, required=each.required, metavar=kind.metavar
         )
     if not each.flag:
-        kind = _FILE if kind_of.read else str  # what nothing reads may be words, such as a motion
-        return click.Argument([each.name], type=kind, required=each.required, metavar=metavar)
-    kind = str if each.default is not None or not kind_of.read or kind_of.choices else _FILE
-    usual = f"  [default: {each.default_help}]" if each.default_help and not each.required else ""
+        value_type = (
+            _PATH if kind.read else str
+        )  # An argument that is not read can be text, such as a motion.
+        return click.Argument([each.name], type=value_type, required=each.required, metavar=kind.metavar)
+    is_text = each.default is not None or not kind.read or bool(kind.choices)
+    default_help = f"  [default: {each.default_help}]" if each.default_help and not each.required else ""
     return click.Option(
         [each.flag, each.name],
-        type=kind,
-        metavar=metavar,
-        help=each.help + usual,
+        type=str if is_text else _PATH,
+        metavar=kind.metavar,
+        help=each.help + default_help,
         required=each.required,
-        multiple=kind_of.many,
-        callback=(lambda _, __, values: values or None) if kind_of.many else None,
+        multiple=kind.many,
+        callback=(lambda _, __, values: values or None) if kind.many else None,
         **_default(each.default),
     )
 
 
 def _default(value: object) -> dict[str, Any]:
-    """Return how click is told a default: None, said as one, would stand for what is required."""
+    """Return click's arguments for a default. An explicit None would mark the option as required."""
     return {} if value is None else {"default": value, "show_default": True}
 
 
 def _option(field: Field) -> click.Option:
-    said, option = field.option.help, field.option
+    option, names = field.option, [field.flag, field.name]
+    help_text = option.help
     if field.type is bool:
-        # an option that is on by default is named for turning it off
-        return click.Option(
-            [field.flag, field.name], is_flag=True, flag_value=not field.default, default=None, help=said
-        )
+        # The flag inverts the default. An option that is on by default has a flag that turns it off.
+        return click.Option(names, is_flag=True, flag_value=not field.default, default=None, help=help_text)
     default = None if field.many or field.default is None else field.default
     if default is None and option.default_help:
-        said += f"  [default: {option.default_help}]"
-    if field.many:
-        return click.Option(
-            [field.flag, field.name],
-            type=_type(field),
-            multiple=True,
-            help=said,
-            metavar=option.metavar or None,
-            callback=lambda _, __, values: values or None,
-        )
+        help_text += f"  [default: {option.default_help}]"
     if option.metavar == "TIME":
         default = f"{1e3 * field.default:g}ms"
     return click.Option(
-        [field.flag, field.name],
+        names,
         type=_type(field),
         default=default,
         show_default=default is not None,
-        help=said,
-        metavar=option.metavar or None,
+        multiple=field.many,
+        help=help_text,
+        metavar=_metavar(field),
+        callback=(lambda _, __, values: values or None) if field.many else None,
     )
 
 
+def _metavar(field: Field) -> str | None:
+    """Return the placeholder of a value: its unit if it is a number."""
+    unit = field.option.unit
+    if field.option.metavar or field.item not in (int, float):
+        return field.option.metavar or None
+    return _UNIT_METAVARS.get(unit, unit.upper())
+
+
 class _Time(click.ParamType[float]):
-    """A time such as 1ms, 500us or 0.001s, in seconds."""
+    """A time such as 1ms, 500us or 0.001s, converted to seconds."""
 
     name = "time"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's own
-        found = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", str(value), re.IGNORECASE)
-        if found is None:
-            self.fail(f"{value!r} is not a time; expected such as 1ms, 500us or 0.001s", param, ctx)
-        return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2].lower()]
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - required by click
+        match = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", str(value), re.IGNORECASE)
+        if match is None:
+            self.fail(
+                f"{value!r} is not a time; expected a number and a unit, such as 1ms, 500us or 0.001s",
+                param,
+                ctx,
+            )
+        return float(match[1]) * _TIME_UNITS_S[match[2].lower()]
 
 
-class _Number(click.FloatRange):
-    """A number in a range; what is not is told in the words of the field, with its unit."""
+class _Number(click.ParamType[float]):
+    """A number within a range. The message about an invalid number states range and unit."""
 
-    def __init__(self, field: Field, low: float | None, high: float | None) -> None:
-        option = field.item_option
-        super().__init__(low, high, min_open=option.least is None, max_open=option.most is None)
-        words = [field.item_words, option.range_words if field.many else ""]
-        self._words = f"{', '.join(filter(None, words))}. {field.option.remedy}".removesuffix(". ")
+    name = "number"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's own
+    def __init__(self, field: Field) -> None:
+        self._type, self._option = field.item, field.item_option
+        words = [field.item_words, self._option.range_words if field.many else ""]
+        self._expected = f"{', '.join(filter(None, words))}. {field.option.remedy}".removesuffix(". ")
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - required by click
         try:
-            return super().convert(float(value), param, ctx)
-        except (ValueError, click.BadParameter):
-            self.fail(f"{value!r}; expected {self._words}", param, ctx)
+            number: float = self._type(value)
+        except ValueError:
+            number = math.nan
+        if not self._option.holds(number):
+            self.fail(f"{value!r}; expected {self._expected}", param, ctx)
+        return number
 
 
 def _type(field: Field) -> click.ParamType[Any]:
-    """Return what click checks a value by."""
-    item, option = field.item, field.item_option
+    """Return the type with which click checks a value."""
+    option = field.item_option
     if option.metavar == "TIME":
         return _Time()
     if field.choices and option.among is None:
         return click.Choice(field.choices)
-    low = option.above if option.least is None else option.least
-    high = option.below if option.most is None else option.most
-    if item is int:
-        top = None if high is None else int(high) - (option.most is None)
-        return (
-            click.INT
-            if low is None and top is None
-            else click.IntRange(None if low is None else int(low), top)
-        )
-    if item is float:
-        if low is None and high is None:
-            return click.FLOAT
-        return _Number(field, low, high)
-    return _FILE if item is Path else click.STRING
+    if field.item in (int, float):
+        return _Number(field)
+    return _PATH if field.item is Path else click.STRING

@@ -1,4 +1,4 @@
-"""What a person sees in the terminal: live progress on standard error, tables on standard output."""
+"""Output for people: progress on standard error, tables on standard output."""
 
 from __future__ import annotations
 
@@ -16,29 +16,37 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 Answer = Mapping[str, Any]
 
-_LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
+REFRESH_INTERVAL_MIN_S = 0.1  # Terminals over a network are slow.
+FILE_WIDTH = 110  # Tables in a file need not fit a window.
 
 
 @contextmanager
-def on_progress(word: str = "run", *, ctrl_c: str = "leaves nothing") -> Iterator[Progress]:
-    """Give a function that shows how far a job is; it does nothing when standard error is no terminal."""
+def progress_line(word: str = "run", *, ctrl_c: str) -> Iterator[Progress]:
+    """Yield a function that shows the progress of a job. It does nothing if there is no terminal.
+
+    Parameters
+    ----------
+    word : name of the counted unit
+    ctrl_c : what Ctrl-C does, as a verb and its object
+    """
     if not sys.stderr.isatty():
         yield silent
         return
-    shown = [0.0]
+    refreshed_at = 0.0
     with Live(Text(""), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
 
         def show(update: ProgressUpdate) -> None:
-            clock = time.monotonic()
-            if clock - shown[0] >= _LEAST_INTERVAL:
-                shown[0] = clock
-                of = "" if update.total is None else f" of {update.total:,}"
-                text = f"{word} {update.done + 1:,}{of}  {update.text}  (Ctrl-C {ctrl_c})"
+            nonlocal refreshed_at
+            now = time.monotonic()
+            if now - refreshed_at >= REFRESH_INTERVAL_MIN_S:
+                refreshed_at = now
+                total = "" if update.total is None else f" of {update.total:,}"
+                text = f"{word} {update.done + 1:,}{total}  {update.text}  (Ctrl-C {ctrl_c})"
                 live.update(Text(text), refresh=True)
 
         yield show
 
 
 def open_console() -> Console:
-    """Return the console of standard output, wide enough for the tables when that is a file."""
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 110)
+    """Return the console of standard output."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() else FILE_WIDTH)

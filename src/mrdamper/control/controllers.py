@@ -49,6 +49,8 @@ UNPOWERED_COMMAND_MAX = 1e-3
 
 _WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
 _BANKS = ("paper", "paper-unaware")
+NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
+"""Controllers that need a card with the delay of the force after the current."""
 
 # Time for which the temperature estimate is held, and maximum time for which it is extrapolated.
 _HELD_S, _LONGEST_S = 10.0, 1800.0
@@ -196,9 +198,16 @@ class ForceController(Stepper):
         return replace(self, config=replace(self.config, gains=named))
 
 
-def names_for(law: str) -> tuple[str, ...]:
-    """Return the names of the controllers of a law: a law with an implicit step has no bank of models."""
-    return tuple(name for name in NAMES if law not in STEPPED or name not in _BANKS)
+def names_for(law: str, *, has_lag: bool = True) -> tuple[str, ...]:
+    """Return the names of the controllers that a card supports.
+
+    Parameters
+    ----------
+    law : a law with an implicit step has no bank of models
+    has_lag : whether the card contains the delay of the force after the current
+    """
+    excluded = (_BANKS if law in STEPPED else ()) + (() if has_lag else NEED_LAG)
+    return tuple(name for name in NAMES if name not in excluded)
 
 
 def check_name(name: str, law: str) -> None:

@@ -1,8 +1,8 @@
 """Frames: runs that lie in memory, as frames of pandas or Polars, structured arrays, or columns by name.
 
 A frame is read as a file's table is (``proposal``): a column's name says its quantity and unit (``force_N``,
-``Force [kN]``), nothing is guessed, and what is missing is asked for. Keywords say of which column a quantity
-is, or give the column itself: ``read(frame, force_kN="Load", current_A=1.0)``.
+``Force [kN]``), nothing is guessed, and what is missing is asked for. ``columns`` names the column of a
+quantity, or is the column itself: ``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
 """
 
 from __future__ import annotations
@@ -12,25 +12,42 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Layout, Table, Texts, as_column
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.proposal.recordings import RigFile, runs_in
-from mrdamper.data.records import RigRun
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
+from mrdamper.schema import unknown_name
 
 _CONSTANT = ("current", "voltage", "temperature")
 _REMEDY = (
-    "Name columns with their unit (force_N), or say which is which: "
-    'read(frame, time_s="t", displacement_mm="Pos", force_kN="Load", current_A=1.0)'
+    "Name columns with their unit (force_N), or name the columns: "
+    'read(frame, {"time_s": "t", "displacement_mm": "Pos", "force_kN": "Load", "current_A": 1.0})'
 )
+
+
+class Columns(Protocol):
+    """A frame of pandas or Polars."""
+
+    @property
+    def columns(self) -> Any: ...  # noqa: ANN401
+
+    def __getitem__(self, name: Any, /) -> Any: ...  # noqa: ANN401
+
+
+FrameLike = Columns | Mapping[str, Any] | NDArray[Any]
+"""A frame of pandas or Polars, a mapping of columns, or a structured array."""
+
+Runs = Dataset | RigRun | FrameLike | str | Path | Sequence[RigRun | FrameLike | str | Path]
+"""Runs, frames and paths of files or folders; a mapping may name several frames."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,44 +201,43 @@ def _name_of(name: object) -> str:
     return " ".join(words)
 
 
-# ------------------------------------------------------------------------------------------- keywords
+# ------------------------------------------------------------------------------------------- columns
 
 
-def speaks_of_column(keyword: str) -> bool:
-    """Tell whether a keyword says something of a column: a quantity, with its unit or without; a rate."""
-    return keyword == "rate_Hz" or keyword.partition("_")[0] in QUANTITIES
-
-
-def said_columns(given: Any, said: Mapping[str, Any]) -> tuple[Any, ChannelMap | None]:  # noqa: ANN401
-    """Return what was given, with columns that keywords hold, and what the keywords say as a channel map.
+def named_columns(
+    given: Runs | None, columns: Mapping[str, str | float | ArrayLike]
+) -> tuple[Any, ChannelMap | None]:
+    """Return runs with additional columns, and the channel map of named columns.
 
     Parameters
     ----------
-    given : paths, runs or frames; None: the keywords hold the columns
-    said : by quantity, with its unit (``force_kN``) or without: the name of a column, or the column itself,
-        or one number for the whole run; and ``rate_Hz``
+    given : paths, runs or frames; None: the columns are the run
+    columns : by quantity, with its unit (``force_kN``) or without: the name of a column, the column itself,
+        or one number for the whole run; ``rate_Hz``
 
     Raises
     ------
     InputError
-        A keyword names no quantity or unit, or holds a column where several frames are given.
+        A key is no quantity or unit, or there are columns for several frames.
     """
-    if not said:
+    if not columns:
         return given, None
     channels: dict[str, dict[str, str]] = {}
     constant: dict[str, float] = {}
-    columns: dict[str, Any] = {}
-    for keyword, value in said.items():
-        role, _, unit = keyword.partition("_")
+    added: dict[str, Any] = {}
+    for key, value in columns.items():
+        role, _, unit = key.partition("_")
+        if key != "rate_Hz" and role not in QUANTITIES:
+            raise unknown_name(f"there is no quantity {role!r}", role, QUANTITIES, "columns")
         if isinstance(value, str):
             channels[role] = {"name": value} | ({"unit": unit} if unit else {})
-        elif isinstance(value, Real) and (keyword == "rate_Hz" or role in _CONSTANT):
-            constant[keyword] = float(value)
+        elif isinstance(value, Real) and (key == "rate_Hz" or role in _CONSTANT):
+            constant[key] = float(value)
         else:
-            columns[keyword] = value
-            channels[role] = {"name": keyword}
+            added[key] = value
+            channels[role] = {"name": key}
     chosen = ChannelMap.from_dict({"channel": channels, "constant": constant}, "columns")
-    return _with_columns(given, columns), chosen
+    return _with_columns(given, added), chosen
 
 
 def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN401

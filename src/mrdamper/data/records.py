@@ -22,6 +22,7 @@ from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
+from mrdamper.results import Picture
 from mrdamper.schema import unknown_name
 
 WITHOUT_MOTION = (
@@ -78,7 +79,7 @@ class Recording:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RigRun(Recording):
+class RigRun(Recording, Picture):
     """One run of one damper on a rig, as measured: a recording without faults.
 
     Arrays have shape (n,), the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz" (""
@@ -137,7 +138,7 @@ class RigRun(Recording):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Dataset:
+class Dataset(Picture):
     """Runs with unique names, in the order given, and what is known of how their files were read."""
 
     runs: tuple[RigRun, ...]

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from mrdamper.data.prepare import Preparation, PreparedRun, decimate
+from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.assess import Assessment, assess
@@ -23,7 +23,7 @@ from mrdamper.identify.confidence.proposals import propose_tests
 from mrdamper.identify.evaluate import finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
-from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelope_of
+from mrdamper.identify.problem import Estimate, FitProblem, FittedDamper, SearchResult, envelope_of
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
@@ -51,24 +51,16 @@ ACTUATION_RATE_Hz_MIN = 200.0
 
 
 @dataclass(frozen=True)
-class Identification:
-    """A fit with what it was made from: all that assessing it and writing its card take."""
+class Identification(FittedDamper):
+    """A fit with all that its assessment and its card require."""
 
-    result: SearchResult
     problem: FitProblem
-    training: tuple[PreparedRun, ...]
-    held_out: tuple[PreparedRun, ...]
-    preparation: Preparation
     fingerprint: str
     cpu_s: float  # of preparation and fit; from the job, of choosing and judging too
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
     actuation: ActuationFit | None = None  # from the training runs whose command steps
     force_band: ForceBand | None = None  # of motions that were left out; None: not known
     next_tests: tuple[str, ...] = ()  # that reduce the uncertainty of the force most, the best first
-
-    @property
-    def damper(self) -> Damper:
-        return self.result.damper
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -164,10 +156,10 @@ def fit_law(
             band = with_changing_current(band, result.damper.on_limits(), data.changing)
     return Identification(
         result,
-        problem,
         data.training,
         data.held_out,
         data.preparation,
+        problem,
         data.fingerprint,
         cpu_seconds() - clock,
         python_law,

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -188,19 +188,18 @@ class SearchResult:
     covariance: FloatArray | None = None
 
 
-class FittedDamper(Protocol):
-    """A fit with the runs that it was made from, such as ``fit.Identification``."""
+@dataclass(frozen=True)
+class FittedDamper:
+    """A fit with the runs that it was made from."""
+
+    result: SearchResult
+    training: tuple[PreparedRun, ...]
+    held_out: tuple[PreparedRun, ...]
+    preparation: Preparation
 
     @property
-    def damper(self) -> Damper: ...
-    @property
-    def result(self) -> SearchResult: ...
-    @property
-    def training(self) -> Sequence[PreparedRun]: ...
-    @property
-    def held_out(self) -> Sequence[PreparedRun]: ...
-    @property
-    def preparation(self) -> Preparation: ...
+    def damper(self) -> Damper:
+        return self.result.damper
 
 
 def canonical(damper: Damper) -> Damper:

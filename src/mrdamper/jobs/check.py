@@ -29,6 +29,7 @@ from mrdamper.identify.consistency.runs import find_deviations
 from mrdamper.jobs.channel_map import WrittenMap, write_map
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 _USUAL = CheckOptions()
@@ -83,10 +84,11 @@ class CheckedRun:
         return self.findings[0].severity if self.findings else None
 
 
-@dataclass(frozen=True, slots=True)
-class CheckResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class CheckResult(JobResult):
     """What is wrong with runs, and with the files that they are in."""
 
+    _job = "check"
     files: tuple[CheckedFile, ...]
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]

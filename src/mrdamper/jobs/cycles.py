@@ -14,6 +14,7 @@ from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.jobs.options import CyclesOptions
 from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
+from mrdamper.results import JobResult
 
 _DEFAULT = CyclesOptions()
 GROUP_COUNT_MAX = 2048  # Points of a curve on the page.
@@ -31,10 +32,11 @@ class FigureSummary:
     trend_per_1000_cycles: float | None  # Least squares; None for a single cycle.
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CyclesResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class CyclesResult(JobResult):
     """The cycles of a record, and the findings about it."""
 
+    _job = "cycles"
     source: str
     understood: str  # Layout of the file.
     rows: int

@@ -18,6 +18,7 @@ from mrdamper.models.card import SPLITS, ModelCard
 from mrdamper.models.card_draws import draws_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
+from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool
 
 if TYPE_CHECKING:
@@ -26,10 +27,11 @@ if TYPE_CHECKING:
 _USUAL = EvaluateOptions()
 
 
-@dataclass(frozen=True, slots=True)
-class EvaluateResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class EvaluateResult(JobResult):
     """The errors of a model on runs; it is the sequence of them, too."""
 
+    _job = "evaluate"
     law: str
     errors: tuple[RunError, ...]
     notes: tuple[str, ...]  # where the runs leave what the card was identified on

@@ -13,6 +13,7 @@ from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing import DamperDrawing
@@ -28,10 +29,11 @@ class CodeExport:
     record: Verification
 
 
-@dataclass(frozen=True, slots=True)
-class ExportResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class ExportResult(JobResult):
     """The result of an export: code, written as C folder and as FMU, and a force map."""
 
+    _job = "export"
     card: ModelCard
     name: str
     what: tuple[str, ...]  # of c, fmu, table, matlab

@@ -31,6 +31,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_draws import CardDraws
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
+from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import interrupt_ends_all
@@ -40,10 +41,11 @@ AUTO = "auto"
 """The name of the law that is chosen by what was left out."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitResult(Identification):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FitResult(JobResult, Identification):
     """A fit with what is known about it: all that its card and its report are made of."""
 
+    _job = "fit"
     assessment: Assessment
     selection: Selection | None = None  # None if the law was given
     posterior: CardDraws | None = None

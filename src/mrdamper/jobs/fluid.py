@@ -19,14 +19,16 @@ from mrdamper.models.fluids.fits import Study, fit_viscosity, fit_yield_stress
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import to_degC
+from mrdamper.results import JobResult
 
 FLUX_DENSITY_MAX_T = 5.0  # A larger value has a wrong unit: no rheometer reaches it.
 
 
-@dataclass(frozen=True, slots=True)
-class FluidResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class FluidResult(JobResult):
     """The fits of rheometer tables, the fluid made of them, and notes."""
 
+    _job = "fluid"
     fluid: Fluid
     like: Fluid
     viscosity: Study | None

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+
+from numpy.typing import ArrayLike
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.frames import parts_of
+from mrdamper.data.frames import Runs, named_columns, parts_of
 from mrdamper.data.proposal.questions import parse_answers
-from mrdamper.data.proposal.recordings import RigFile
-from mrdamper.data.readers import ReadFiles, read_each, read_file, read_runs
+from mrdamper.data.readers import ReadFiles, read_each, read_runs
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, UsageError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.python_law import load_python_law
 
-Given = Any
-"""Paths, runs and frames, or one of them: ``frames.parts_of`` tells them apart."""
-
 
 def read_dataset(
-    given: Given,
-    channels: Path | ChannelMap | None = None,
+    given: Runs,
+    channels: str | Path | ChannelMap | None = None,
     *,
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
@@ -59,8 +56,38 @@ def read_dataset(
     return dataset
 
 
+def read(
+    runs: Runs | None = None,
+    columns: Mapping[str, str | float | ArrayLike] | None = None,
+    *,
+    channels: str | Path | None = None,
+    answer: Sequence[str] = (),
+    flip_force: bool = False,
+) -> Dataset:
+    """Return the runs in files, folders, frames and arrays.
+
+    Parameters
+    ----------
+    runs : paths, frames, runs or several of them; a mapping names its frames; None: ``columns`` are the run
+    columns : for each quantity with its unit (``force_kN``) the name of a column, the column itself, or one
+        number for the whole run; ``rate_Hz`` if there is no time
+    channels : channel map (TOML) for files; None: the file next to each file of measurements
+    answer : answers to questions about files, such as ``force.unit=kN``
+    flip_force : reverse the sign of the force, for load cells with positive compression
+
+    Raises
+    ------
+    InputError
+        A column is missing, has no unit, is not finite or has a different length; or time does not increase.
+    """
+    runs, named = named_columns(runs, columns or {})
+    if channels is not None and named is not None:
+        raise UsageError("channels and columns exclude each other", remedy="Use one of them")
+    return read_dataset([] if runs is None else runs, channels or named, answer=answer, flip_force=flip_force)
+
+
 def read_files(
-    given: Given, channels: Path | ChannelMap | None = None, *, answer: Sequence[str] | None = None
+    given: Runs, channels: Path | ChannelMap | None = None, *, answer: Sequence[str] | None = None
 ) -> ReadFiles:
     """Return what files and folders hold, whether or not it can be used.
 
@@ -78,17 +105,6 @@ def read_files(
     if not (read.files or runs or read.questions):
         raise read.fault() or InputError("no runs given", expected="files such as run.csv")
     return replace(read, runs=(*runs, *read.runs))
-
-
-def read_record(path: str | Path, channels: Path | None = None) -> RigFile:
-    """Return the recordings in one file as they are.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or a column or a unit is missing.
-    """
-    return read_file(path, channels)
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:

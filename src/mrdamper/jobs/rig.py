@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.jobs.options import RigOptions
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.virtual_rig.campaign import Campaign, PlannedRun, usual_campaign
 from mrdamper.virtual_rig.damper import PRESETS, draw_variant
@@ -29,10 +30,11 @@ class MeasuredRun:
     truth: Truth
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RigResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RigResult(JobResult):
     """The runs of a campaign on a virtual damper."""
 
+    _job = "rig"
     damper: VirtualDamper
     campaign: Campaign
     seed: int

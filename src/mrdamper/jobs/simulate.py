@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.frames import Frame, parts_of
+from mrdamper.data.frames import Frame, FrameLike, parts_of
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.data.readers import read_file
@@ -24,15 +23,17 @@ from mrdamper.models import simulate as models
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.quantities import ZERO_CELSIUS_K, roles_of_unit
+from mrdamper.results import JobResult
 from mrdamper.thermal.duty import motion_at_command
 
 _USUAL = SimulateOptions()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulateResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SimulateResult(JobResult):
     """A motion with the card's force along it."""
 
+    _job = "simulate"
     title: str  # of the card
     motion: str
     command_unit: str
@@ -43,7 +44,9 @@ class SimulateResult:
     interval: tuple[FloatArray, FloatArray] | None = None  # of 90 % [N], where posterior draws are followed
 
 
-def simulate(card: ModelCard, motion: Any, options: SimulateOptions = _USUAL) -> SimulateResult:  # noqa: ANN401
+def simulate(
+    card: ModelCard, motion: str | Path | RigRun | FrameLike | Trajectory, options: SimulateOptions = _USUAL
+) -> SimulateResult:
     """Return a card's force along a motion.
 
     Parameters
@@ -84,7 +87,7 @@ def simulate(card: ModelCard, motion: Any, options: SimulateOptions = _USUAL) ->
     return SimulateResult(card.title, name, unit, path, force, measured, scored_from, interval)
 
 
-def _run_of(motion: Any) -> tuple[RigRun, bool]:  # noqa: ANN401 - a path, run or frame
+def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
     """Return the one run that is meant, and whether its force was measured."""
     part = parts_of(motion)[0]
     if isinstance(part, RigRun):

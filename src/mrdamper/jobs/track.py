@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.controllers import check_name, controllers_for
+from mrdamper.control.controllers import NEED_LAG, check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
@@ -31,6 +31,7 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
@@ -46,7 +47,6 @@ _LEAST_SHARE = 0.5  # of a target, within the damper's reach
 _STROKE_SLACK = 1.05  # of the card's displacement
 _ANOTHER = 1.5  # times the plant's force, or the plant's times this: the card is another damper's
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
-_NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,10 +160,11 @@ class Traced:
     posterior: tuple[PosteriorError, ...] = ()  # of the runs without a force sensor, where draws are followed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TrackResult(JobResult):
     """Errors of every controller on every target at every temperature, and what is drawn of them."""
 
+    _job = "track"
     card: ModelCard
     plant: str
     seeds: tuple[int, int]
@@ -533,7 +534,7 @@ def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
     late: dict[str, list[str]] = {}
     for name, (place, card) in cards.items():
         no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0
-        if no_actuator_lag and name.removesuffix("-unaware") in _NEED_LAG:
+        if no_actuator_lag and name.removesuffix("-unaware") in NEED_LAG:
             late.setdefault(place, []).append(name)
     for place, names in late.items():
         raise InputError(

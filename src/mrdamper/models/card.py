@@ -11,15 +11,18 @@ import statistics
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+import mrdamper
 from mrdamper.errors import InputError
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.force_band import ForceBand
 from mrdamper.quantities import to_degC
+from mrdamper.results import Picture, load
 from mrdamper.schema import did_you_mean
 
 SPLITS = ("training", "held_out")
@@ -61,7 +64,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ModelCard:
+class ModelCard(Picture):
     """A damper with its evidence.
 
     Inside the envelope the coefficients must be within the limits of the law. Outside, they are clipped to
@@ -81,6 +84,16 @@ class ModelCard:
     python_law: str | None = None
     force_band: ForceBand | None = None
     file: str = field(default="", compare=False)
+
+    # The jobs that begin with a card.
+    evaluate = mrdamper.evaluate
+    simulate = mrdamper.simulate
+    compare = mrdamper.compare
+    heat = mrdamper.heat
+    derate = mrdamper.derate
+    heatsink = mrdamper.heatsink
+    track = mrdamper.track
+    export = mrdamper.export
 
     def __post_init__(self) -> None:
         parameters = (*self.damper.parameters, LAG)
@@ -129,6 +142,15 @@ class ModelCard:
                     f"{found['worst_nrmse_percent']:.2f} % worst"
                 )
         return "\n".join(lines)
+
+    def summary(self) -> str:
+        """Return the law, the range and the errors of the card, a line each."""
+        return repr(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the card as JSON; the file appears whole or not at all."""
+        load("mrdamper.models.card_schema:write_card")(self, path)
+        return Path(path)
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:

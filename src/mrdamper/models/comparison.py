@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.characteristics import Characterisation, Scope, characterise, usual_scope
 from mrdamper.models.damper import OperatingEnvelope, Range
 from mrdamper.quantities import REFERENCE_K, to_degC
+from mrdamper.results import JobResult
 
 NEARLY_EVERYWHERE_FRACTION = 0.9
 TEMPERATURE_TOLERANCE_K = 5.0  # Temperatures closer than this count as the same.
@@ -34,10 +36,11 @@ class ParameterPair:
     z: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(JobResult):
     """Two cards with their characteristics; differences are second minus first."""
 
+    _job = "compare"
     cards: tuple[ModelCard, ModelCard]
     names: tuple[str, str]
     envelope: OperatingEnvelope  # common to both
@@ -91,8 +94,19 @@ class Comparison:
         )
 
 
-def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]) -> Comparison:
-    """Return two cards with their characteristics inside their common envelope.
+def _names(*files: str) -> tuple[str, str]:
+    """Return the names of the cards: that of the file, or of its folder if the file is called card."""
+    paths = [Path(file) for file in files]
+    first, second = (path.absolute().parent.name if path.stem == "card" else path.stem for path in paths)
+    return (first, second) if first != second and first and second else ("first", "second")
+
+
+def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str] | None = None) -> Comparison:
+    """Compare two cards inside their common envelope; differences are second minus first.
+
+    Parameters
+    ----------
+    names : names of the cards; None: those of their files
 
     Raises
     ------
@@ -100,6 +114,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
         Commands in different units, or no common envelope.
     """
     cards = (first, second)
+    names = names or _names(first.file, second.file)
     units = [card.damper.command_unit for card in cards]
     if units[0] != units[1]:
         raise InputError(

@@ -1,1 +1,1 @@
-"""The paper, claim by claim and figure by figure, beside what the demo's virtual rig gives."""
+"""Comparison of the demo on the virtual rig with the claims and figures of the paper."""

@@ -1,4 +1,4 @@
-"""The figures of the claims: each a small function of what the demo found."""
+"""Values of the claims: small functions of the results of the demo."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.temperature_rise import Rise
 
 HALF_HOUR_S, LIMIT_TEST_S = 1800.0, 2100.0
-_PAPER_SHARE = 62.5 / 900.0  # of the target: the paper's largest error
-_STILL_AIR_W_m2K = 15.0  # convection and radiation together, of a bare damper: more than it ever has
+_PAPER_ERROR_RATIO = 62.5 / 900.0  # Maximum error divided by the target in the paper.
+_STILL_AIR_W_m2K = 15.0  # Upper bound of convection and radiation of a damper without fins.
 
 # ------------------------------------------------------------------------------------------- tests and fluid
 
 
 def speed_mm_s(motion: str) -> float:
-    """Return the greatest speed of a sine [mm/s]."""
+    """Return the maximum speed of a sine [mm/s]."""
     sine = motion_from_text(motion)
     assert isinstance(sine, Sine)
     return 2e3 * np.pi * sine.frequency * sine.amplitude
 
 
 def largest_stroke_mm(found: Findings, motion: str) -> float | None:
-    """Return the largest displacement of a motion's runs [mm]."""
+    """Return the largest displacement in the runs of a motion [mm]."""
     runs = [run for run in (*found.fitted.training, *found.fitted.held_out) if motion in run.run.name]
     return 1e3 * max(float(np.abs(run.trajectory.displacement).max()) for run in runs) if runs else None
 
 
 def viscosity_fall_percent(found: Findings, cold: float, hot: float) -> float:
-    """Return how much of the viscosity at 20 degC is lost between two temperatures [%]."""
+    """Return the decrease of the viscosity between two temperatures in percent of the value at 20 degC."""
     factor = found.fluid.viscosity_factor
     return 100.0 * float(
         (factor.value(cold + ZERO_CELSIUS_K) - factor.value(hot + ZERO_CELSIUS_K))
@@ -45,22 +45,22 @@ def viscosity_fall_percent(found: Findings, cold: float, hot: float) -> float:
 
 
 def falls_per_K(found: Findings) -> tuple[float, float]:
-    """Return the fall of the viscosity from 20 to 60 degC and from 60 to 138 degC [% per K]."""
+    """Return the decrease of the viscosity from 20 to 60 degC and from 60 to 138 degC [% per K]."""
     return viscosity_fall_percent(found, 20.0, 60.0) / 40.0, viscosity_fall_percent(found, 60.0, 138.0) / 78.0
 
 
 def viscosity_drop(found: Findings) -> float:
-    """Return the fall of the viscosity from 20 to 100 degC [%]."""
+    """Return the decrease of the viscosity from 20 to 100 degC [%]."""
     return fall_percent(found.fluid.viscosity_factor)
 
 
 def yield_drop(found: Findings) -> float:
-    """Return the fall of the yield stress from 20 to 100 degC [%]."""
+    """Return the decrease of the yield stress from 20 to 100 degC [%]."""
     return fall_percent(found.fluid.yield_factor)
 
 
 def collapse_begins(found: Findings) -> float | None:
-    """Return where the collapse takes the first 10 % off the viscosity [degC]; None without one."""
+    """Return the temperature at which the collapse has reduced the viscosity by 10 % [degC], or None."""
     if found.fluid.collapse is None:
         return None
     warm = np.arange(100.0, 160.0, 0.05)
@@ -72,13 +72,13 @@ def collapse_begins(found: Findings) -> float | None:
 
 
 def peak_losses(found: Findings) -> dict[float, float]:
-    """Return by current [A] how much of the peak force is lost from 20 to 120 degC [%]."""
+    """Return the decrease of the peak force from 20 to 120 degC [%] for each current [A]."""
     losses = {current: _peak_loss_percent(found.judged, current) for current in (0.0, 1.0, 2.0)}
     return {current: loss for current, loss in losses.items() if loss is not None}
 
 
 def _peak_loss_percent(judged: Assessment, current: float) -> float | None:
-    """Return how much of the measured peak force is gone at the hottest of 20 to 120 degC."""
+    """Return the decrease of the measured peak force from 20 to 120 degC [%]."""
     runs = [e for e in judged.runs if e.command == current and "sine 5 mm 1 Hz" in e.motion]
     warm = {round(e.temperature_degC): e.peak_measured_N for e in runs if e.temperature_degC is not None}
     cold, hot = _nearest(warm, 20.0), _nearest(warm, 120.0)
@@ -86,59 +86,61 @@ def _peak_loss_percent(judged: Assessment, current: float) -> float | None:
 
 
 def _nearest(values: dict[int, float], degrees: float) -> float | None:
-    """Return the value at the temperature next to one, within 6 K."""
+    """Return the value at the nearest temperature within 6 K, or None."""
     near = min(values, key=lambda at: abs(at - degrees), default=None)
     return None if near is None or abs(near - degrees) > 6.0 else values[near]
 
 
 def bare(found: Findings) -> Rise:
-    """Return the warm-up without fins."""
+    """Return the heating without fins."""
     rise = found.warm_up.bare
-    assert rise is not None  # the paper's drawing has fins
+    assert rise is not None  # The damper of the paper has fins.
     return rise
 
 
-def at(rise: Rise, what: Literal["fluid", "wall"], time_s: float) -> float:
-    """Return a temperature of a rise at a time [degC]."""
+def temperature_at(rise: Rise, what: Literal["fluid", "wall"], time_s: float) -> float:
+    """Return a temperature of a simulation at a time [degC]."""
     if what == "fluid":
         return rise.fluid_at(time_s) - ZERO_CELSIUS_K
     return float(np.interp(time_s, rise.time, rise.wall_degC))
 
 
 def small_bare_degC(found: Findings) -> float:
-    """Return what the damper without fins reaches at 5 mm after half an hour [degC]."""
+    """Return the temperature of the damper without fins after 30 min at 5 mm [degC]."""
     small = found.small.bare
-    assert small is not None  # the paper's drawing has fins
-    return at(small, "fluid", HALF_HOUR_S)
+    assert small is not None  # The damper of the paper has fins.
+    return temperature_at(small, "fluid", HALF_HOUR_S)
 
 
 def slim_damper_degC(found: Findings) -> float:
-    """Return where a bare damper of 23 mm would settle under the warm-up's power at 120 degC [degC]."""
+    """Return the steady temperature of a damper of 23 mm without fins, with the power at 120 degC [degC]."""
     body = found.warm_up.drawing.body
     surface = np.pi * 0.023 * (body.length + 0.5 * 0.023)
-    power = work_J(found)[-1] + float(bare(found).coil_W[0])  # a cycle takes a second
+    power = work_J(found)[-1] + float(bare(found).coil_W[0])  # A cycle takes 1 s.
     return 20.0 + float(power / (_STILL_AIR_W_m2K * surface))
 
 
 def half_hour(found: Findings) -> tuple[float, float]:
-    """Return the fluid after half an hour with fins and without [degC]."""
-    return at(found.warm_up.rise, "fluid", HALF_HOUR_S), at(bare(found), "fluid", HALF_HOUR_S)
+    """Return the fluid temperatures after 30 min with and without fins [degC]."""
+    return temperature_at(found.warm_up.rise, "fluid", HALF_HOUR_S), temperature_at(
+        bare(found), "fluid", HALF_HOUR_S
+    )
 
 
 def rise_reduction_percent(found: Findings) -> float:
-    """Return by how much fins lower the rise above 20 degC [%]."""
+    """Return the reduction of the rise above 20 degC by the fins [%]."""
     finned, without = half_hour(found)
     return 100.0 * (without - finned) / (without - 20.0)
 
 
 def work_J(found: Findings) -> list[float]:
-    """Return the work of a cycle at 20, 40, 80 and 120 degC [J]."""
+    """Return the energy per cycle at 20, 40, 80 and 120 degC [J]."""
     work = found.works[0][1]
     return [float(work.power_at(degrees + ZERO_CELSIUS_K)) for degrees in (20.0, 40.0, 80.0, 120.0)]
 
 
 def loss_percent(rise: Rise, time_s: float) -> float:
-    """Return the loss of peak force at a time against 20 degC [%]."""
+    """Return the loss of peak force at a time compared with 20 degC [%]."""
     end = rise.force_loss_percent
     assert end is not None
     cold = rise.peak_force_N[-1] / (1.0 - end / 100.0)
@@ -149,13 +151,13 @@ def loss_percent(rise: Rise, time_s: float) -> float:
 
 
 def rmse_at(judged: Assessment, degrees: float) -> float | None:
-    """Return the RMS error over the runs at a temperature [N]; None where there is none."""
+    """Return the RMS error of the runs at a temperature [N], or None without runs."""
     found = _runs_at(judged, degrees)
     return float(np.sqrt(np.mean([e.rmse_N**2 for e in found]))) if found else None
 
 
-def split_at(judged: Assessment, degrees: float) -> str:
-    """Return how many of the runs at a temperature were held out, in words."""
+def held_out_text(judged: Assessment, degrees: float) -> str:
+    """Return the number of held-out runs at a temperature as text."""
     runs = _runs_at(judged, degrees)
     held = sum(e.split == "held_out" for e in runs)
     return f"{held} of {len(runs)} runs held out of the fit"
@@ -171,23 +173,23 @@ def _runs_at(judged: Assessment, degrees: float) -> list[RunError]:
     ]
 
 
-def worst_score(found: Findings, controller: str, target: str = "sine-900N-1Hz") -> Score:
-    """Return the worst of all temperatures."""
+def find_worst_score(found: Findings, controller: str, target: str = "sine-900N-1Hz") -> Score:
+    """Return the score at the worst temperature."""
     return next(r.score for r in found.track.worst if (r.controller, r.target) == (controller, target))
 
 
 def unaware_ratio(found: Findings, aware: str, unaware: str) -> float | None:
-    """Return the largest error without temperature over that with it; None where one is not known."""
-    known, blind = (worst_score(found, name).max_feasible_N for name in (aware, unaware))
+    """Return the maximum error without temperature divided by the maximum error with it, or None."""
+    known, blind = (find_worst_score(found, name).max_feasible_N for name in (aware, unaware))
     return blind / known if known and blind is not None else None
 
 
 def works_up_to_degC(found: Findings, controller: str) -> float | None:
-    """Return the highest temperature tried up to which the error stays the paper's share of 900 N [degC]."""
+    """Return the highest tested temperature with an error ratio below that of the paper [degC]."""
     rows = [r for r in found.track.rows if (r.controller, r.target) == (controller, "sine-900N-1Hz")]
     works = None
     for row in sorted(rows, key=lambda row: row.temperature_degC):
-        if not (row.score.rmse_feasible_N or np.inf) <= _PAPER_SHARE * 900.0:
+        if not (row.score.rmse_feasible_N or np.inf) <= _PAPER_ERROR_RATIO * 900.0:
             break
         works = row.temperature_degC
     return works

@@ -1,10 +1,9 @@
-"""A claim of the paper: what it says, what is found here, where that comes from, and how they compare.
+"""A claim of the paper: statement, simulated value, origin of the value, and verdict.
 
-The origin says what agreement is worth: a figure that was set, given to the model, calibrated to this very
-number or built into the virtual rig proves nothing. Only what was predicted, or tried, has a verdict. It is
-computed from two figures: ``within`` the stated tolerance, ``better`` past it, ``short`` of it, or
-``contradicts``. Where the paper contradicts itself or physics is a finding of its own, computed too. The
-claims themselves are in ``claim_table``.
+Only predicted or tested values have a verdict. A value that was set, calibrated with the paper, or built
+into the virtual rig proves nothing. The verdict compares two values. It is ``within`` the stated tolerance,
+``better``, ``short`` of the value, or ``contradicts``. Contradictions of the paper with itself or with
+physics are computed, too. The module ``claim_table`` has the claims.
 """
 
 from __future__ import annotations
@@ -20,43 +19,56 @@ Origin = Literal[
     "setting",
     "input",
     "follows from an input",
-    "calibrated to this figure",
+    "calibrated to this value",
     "built into the rig",
     "predicted",
-    "tried with the paper's method",
-    "tried with our method",
-    "nothing to compare",
+    "tested with the method of the paper",
+    "tested with the method of mrdamper",
+    "not comparable",
 ]
-"""Where a figure comes from: what was asked of the rig, what the model was given, ..."""
+"""Origin of a simulated value: input of the rig, input of the model, ..."""
 
-JUDGED: tuple[Origin, ...] = ("predicted", "tried with the paper's method", "tried with our method")
-"""Origins whose figures can be wrong, and have a verdict."""
+JUDGED: tuple[Origin, ...] = (
+    "predicted",
+    "tested with the method of the paper",
+    "tested with the method of mrdamper",
+)
+"""Origins whose values can be wrong and have a verdict."""
 
 Verdict = Literal["within", "better", "short", "contradicts"]
 
 Judge = Callable[[float, float], Verdict]
-"""Given our figure and the one that it is compared with."""
+"""Function that compares the simulated value with another value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """One claim: what the paper says, what is found, where from, and how they compare."""
+    """One claim of the paper with the simulated value and the verdict.
 
-    claim: str  # a stable name
-    row: int  # of the paper's statements
-    says: str  # the statement in words
+    Attributes
+    ----------
+    claim : name of the claim in JSON
+    row : number of the statement in the paper
+    compared_with : the value of the paper, or of the same dampers with another method
+    verdict : None if the value cannot be wrong, or cannot be compared
+    contradiction : True if the paper contradicts itself or physics
+    """
+
+    claim: str
+    row: int
+    statement: str
     origin: Origin
     paper: float | str | None
     ours: float | str | None
-    compared_with: float | str | None  # the paper's figure, or what the same dampers gave another way
+    compared_with: float | str | None
     unit: str
-    verdict: Verdict | None  # None: nothing that could be wrong, or nothing to compare with
-    contradiction: bool  # the paper contradicts itself or physics here
+    verdict: Verdict | None
+    contradiction: bool
     why: str
 
     @property
     def outcome(self) -> str:
-        """The verdict in words; empty where there is none."""
+        """The verdict as text, or an empty string."""
         return self.verdict or ""
 
     def to_json(self) -> Json:
@@ -65,26 +77,32 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One row of the table of claims: how a claim's figure is computed, and how it is judged.
+    """One row of the table of claims: calculation and judgement of a value.
+
+    Attributes
+    ----------
+    against : returns the value to compare with, if it is not the value of the paper
+    contradicts : returns True if the paper contradicts itself or physics
+    when : returns False if there is no value
 
     Raises
     ------
     ValueError
-        A verdict on what cannot be wrong, or a prediction without one.
+        If a value that cannot be wrong has a judge, or a prediction has none.
     """
 
-    row: int  # of the paper's statements
-    claim: str  # a stable name
-    says: str
+    row: int
+    claim: str
+    statement: str
     origin: Origin
     paper: float | str | None = None
     ours: Callable[[Findings], float | None] = lambda _: None
     unit: str = ""
     judged: Judge | None = None
-    against: Callable[[Findings], float | None] | None = None  # in place of the paper's figure
-    contradicts: Callable[[Findings], bool] = lambda _: False  # whether the paper contradicts itself
+    against: Callable[[Findings], float | None] | None = None
+    contradicts: Callable[[Findings], bool] = lambda _: False
     why: str | Callable[[Findings], str]
-    when: Callable[[Findings], bool] = lambda _: True  # whether there is anything to compare
+    when: Callable[[Findings], bool] = lambda _: True
 
     def __post_init__(self) -> None:
         if (self.judged is not None and self.origin not in JUDGED) or (
@@ -93,13 +111,13 @@ class Row:
             raise ValueError(f"claim {self.claim}: origin is {self.origin}, and judged is {self.judged}")
 
     def claim_of(self, found: Findings) -> Claim:
-        """Return the claim with what was found."""
+        """Return the claim with the simulated value."""
         ours = self.ours(found)
         compared = self.paper if self.against is None else self.against(found)
         return Claim(
             claim=self.claim,
             row=self.row,
-            says=self.says,
+            statement=self.statement,
             origin=self.origin,
             paper=self.paper,
             ours=ours,
@@ -124,9 +142,9 @@ def judge(
     less_is_better: bool = False,
     more_is_better: bool = False,
 ) -> Verdict:
-    """Return the verdict on a figure: inside the tolerance, past it on the good side, or short of it.
+    """Return the verdict on a value: within the tolerance, better, or short of the other value.
 
-    Where neither side is good, a figure outside the tolerance contradicts.
+    If neither larger nor smaller is better, a value outside the tolerance contradicts.
     """
     if abs(ours - paper) <= within:
         return "within"
@@ -135,8 +153,10 @@ def judge(
     return "short" if less_is_better or more_is_better else "contradicts"
 
 
-def near(within: float = 0.0, *, less_is_better: bool = False, more_is_better: bool = False) -> Judge:
-    """Judge our figure by the other one."""
+def within_tolerance(
+    within: float = 0.0, *, less_is_better: bool = False, more_is_better: bool = False
+) -> Judge:
+    """Return a judge that allows a relative tolerance."""
 
     def verdict(ours: float, paper: float) -> Verdict:
         return judge(ours, paper, within=within, less_is_better=less_is_better, more_is_better=more_is_better)
@@ -144,6 +164,6 @@ def near(within: float = 0.0, *, less_is_better: bool = False, more_is_better: b
     return verdict
 
 
-def above(ours: float, paper: float) -> Verdict:
-    """Judge a figure of which the paper says only that it is larger than another."""
+def is_larger(ours: float, paper: float) -> Verdict:
+    """Return the verdict on a value which the paper states only as larger than another one."""
     return "within" if ours > paper else "contradicts"

@@ -1,9 +1,9 @@
-"""The demo: every job in order on the embedded default, the virtual rig, along the paper.
+"""The job ``demo``: all jobs on simulated runs, in the order of the paper.
 
-A campaign on the preset ``nominal`` is written as files. A model is selected and fitted, and tested on
-held-out temperatures and motions. It is compared with the law of the paper. The preset ``paper``, which loses
-its force as the paper's damper does, is heated, finned and cooled. Controllers track forces on the virtual
-damper with a card of ``double-bouc-wen``, and are exported and verified.
+A campaign on the preset ``nominal`` is written as files. A model is selected, fitted, and tested on held-out
+temperatures and motions. It is compared with the law of the paper. The heating and heat sinks are simulated
+with the preset ``paper``, which loses the same force as the damper of the paper. Controllers from a card of
+``double-bouc-wen`` track forces on the virtual damper. They are exported and verified.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from mrdamper.paper.claim_table import claims_of
 from mrdamper.paper.claims import Claim
 from mrdamper.paper.findings import Findings
 from mrdamper.report.rig import write_runs
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import interrupt_ends_all
 from mrdamper.thermal.drawing_file import read_drawing
@@ -52,20 +53,20 @@ from mrdamper.virtual_rig.plant import find_preset
 
 LABEL = "simulated: virtual rig, damper nominal; not measured"
 CONTROL_LAW = "double-bouc-wen"
-SEED = 0
+NOISE_SEED = 0
 _USUAL = DemoOptions()
-_WARM_UP = "sine:15mm:1Hz:2A:2100s"  # the paper's 35 min
+_WARM_UP = "sine:15mm:1Hz:2A:2100s"  # 35 min as in the paper
 _HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
 _OTHERS = ("sine:5mm:1Hz:2A:1800s", "sine:3mm:2Hz:2A:1800s")
 _WARMED = Campaign(
     temperatures_degC=(20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)
-)  # 140: the paper's hottest
+)  # The highest temperature of the paper is 140 degC.
 _QUICKLY_WARMED = Campaign(
     motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm"),
     currents_A=(0.0, 1.0, 2.0),
     temperatures_degC=(20.0, 60.0, 100.0, 140.0),
 )
-_QUICK = Campaign(  # 30 runs that still have a temperature and a motion to hold out
+_QUICK = Campaign(  # 30 runs include held-out runs of a temperature and of a motion.
     motions=("sine5mm1Hz", "nonperiodic"),
     currents_A=(0.0, 1.0, 2.0),
     temperatures_degC=(20.0, 60.0, 80.0, 120.0),
@@ -79,10 +80,11 @@ _STEPS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DemoResult:
-    """All that came of the jobs, and the paper's claims beside it."""
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DemoResult(JobResult):
+    """Results of all jobs, and the claims of the paper."""
 
+    _job = "demo"
     options: DemoOptions
     campaign: RigResult
     fitted: FitResult  # model selected by cross-validation
@@ -99,15 +101,16 @@ class DemoResult:
 def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> DemoResult:
     """Run every job on the virtual rig.
 
-    ``quick`` runs a small campaign, tracks at two temperatures and judges heat sinks by the network alone.
+    ``quick`` runs a small campaign, tracks at two temperatures, and evaluates heat sinks only with the
+    network.
     """
     clock = time.process_time()
-    steps = _told(on_progress)
+    steps = _report_steps(on_progress)
     quick = options.quick
-    settings = FitSettings(random_start_count=1 if quick else 3)  # of the fits that are compared
-    with interrupt_ends_all():  # claims are made of whole fits
+    settings = FitSettings(random_start_count=1 if quick else 3)  # for the compared fits
+    with interrupt_ends_all():  # Claims require complete fits.
         next(steps)
-        campaign = rig(RigOptions(seed=SEED), campaign=_QUICK if quick else Campaign())
+        campaign = rig(RigOptions(seed=NOISE_SEED), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
         next(steps)
         fitted = fit(dataset, options=FitOptions(hold_out=hold_out))
@@ -122,7 +125,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         control_card = control.card(title=f"{CONTROL_LAW}, for controllers", sources=(LABEL,))
         cold_runs = dataset.select("*_020C_*")
         cold = fit_law(FitData.prepare(cold_runs, temperature="none", settings=settings))
-        cold_card = cold.card(title="identified at 20 degC alone")
+        cold_card = cold.card(title="fitted only at 20 degC")
         next(steps)
         warm = _paper_damper(settings, options)
         next(steps)
@@ -162,24 +165,24 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
     )
 
 
-def _told(on_progress: Progress) -> Iterator[None]:
-    """Tell of each step before it is taken."""
+def _report_steps(on_progress: Progress) -> Iterator[None]:
+    """Report the progress before each step."""
     for done, text in enumerate(_STEPS):
         on_progress(ProgressUpdate(done=done, total=len(_STEPS), text=text))
         yield
 
 
 def _read_back(campaign: RigResult) -> Dataset:
-    """Return the runs as they are read from a logger's files."""
+    """Write the runs as files and return the runs that are read from them."""
     with tempfile.TemporaryDirectory() as name:
         write_runs(campaign, Path(name))
         return read_dataset([name])
 
 
 def _paper_damper(settings: FitSettings, options: DemoOptions) -> ModelCard:
-    """Return the card of the preset that loses its force as the paper's damper does."""
+    """Return the card of the preset that loses the same force as the damper of the paper."""
     campaign = _QUICKLY_WARMED if options.quick else _WARMED
-    runs = Dataset(tuple(run for run, _ in measure(find_preset("paper"), campaign, seed=SEED)))
+    runs = Dataset(tuple(run for run, _ in measure(find_preset("paper"), campaign, seed=NOISE_SEED)))
     return fit_law(FitData.prepare(runs, settings=settings)).card(title="the virtual rig's preset paper")
 
 
@@ -189,12 +192,12 @@ def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatResult:
 
 def _tracked(card: ModelCard, cold: ModelCard, options: DemoOptions) -> TrackResult:
     temperatures = (20.0, 123.0) if options.quick else ()
-    chosen = TrackOptions(controllers=_CONTROLLERS, temperatures_degC=temperatures, seed=SEED + 1)
+    chosen = TrackOptions(controllers=_CONTROLLERS, temperatures_degC=temperatures, seed=NOISE_SEED + 1)
     return track(card, read_plant("nominal"), chosen, unaware=cold)
 
 
 def _exported(card: ModelCard) -> tuple[ExportResult | None, str]:
-    """Return controller and model as C and FMU, or say why not: no C compiler, say."""
+    """Return controller and model as C and FMU, or the reason if this is impossible (no C compiler)."""
     try:
         return export(card, ExportOptions(what=("c", "fmu"))), ""
     except InputError as fault:

@@ -1,4 +1,4 @@
-"""Sections of the demo's report in the order of the paper, and the figures that no other report has."""
+"""Sections of the demo's report in the order of the paper, and figures that only this report has."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from mrdamper.models.characteristics import spread_out
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.palette import colour_of_warmth
+from mrdamper.report.figures.palette import colour_of_temperature
 from mrdamper.report.figures.style import (
     HELD_OUT,
     INK,
     MEASURED,
     TRAINING,
-    WIDE,
+    WIDTH_INCH,
     colour_of,
     drawing_style,
     svg_of,
@@ -30,33 +30,34 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_LOOPS = 4
-_SHOWN_S, _THIN_S = 2.0, 2e-3  # of a tracked force, and between two drawn samples
+# Plotted time of a tracked force, and interval between two points.
+_SHOWN_S, _THIN_S = 2.0, 2e-3
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
 
 
 @dataclass(frozen=True, slots=True)
 class PaperFigure:
-    """One picture, the figures of the paper that it repeats, and a caption."""
+    """A figure with a caption, and the numbers of the figures in the paper that it reproduces."""
 
     figures: str
     title: str
-    said: str
+    caption: str
     svg: str
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of the paper: its claims by row, its pictures, and the report with the other pictures."""
+    """A part of the paper: rows of its claims, figures, and the report with more figures."""
 
     title: str
-    said: str
+    caption: str
     rows: tuple[int, ...]
     report: str = ""
     plates: tuple[PaperFigure, ...] = ()
 
 
 def sections_of(found: Findings) -> list[Section]:
-    """Return the parts of the paper in its order."""
+    """Return the parts of the paper in their order."""
     return [
         Section(
             "The fluid",
@@ -66,28 +67,28 @@ def sections_of(found: Findings) -> list[Section]:
         ),
         Section(
             "Tests and hysteresis",
-            "Sections 2.1, 2.3 and 4.1, Figures 6 to 10: loops over temperature and current, and the model "
-            "that is identified from them, here on the virtual rig.",
+            "Sections 2.1, 2.3 and 4.1, Figures 6 to 10: loops versus temperature and current, and the model "
+            "fitted to them, here with runs of the virtual rig.",
             (1, 2, 12, 13, 14, 15, 29),
             "identification/report.html",
             (_error_plate(found),),
         ),
         Section(
             "Heating",
-            "Sections 2.1, 3.1 and 3.3, Figures 2, 11 to 13, 19 and 20: 15 mm, 1 Hz and 2 A, with the five "
-            "fins and without.",
+            "Sections 2.1, 3.1 and 3.3, Figures 2, 11 to 13, 19 and 20: 15 mm, 1 Hz and 2 A, with and "
+            "without the five fins.",
             (3, 17, 18, 24, 25, 26, 27, 28),
             "heating/heat.html",
         ),
         Section(
             "Heat sinks",
-            "Section 3.2, Figures 14 to 18: widths and numbers of fins, and the sink to build instead.",
+            "Section 3.2, Figures 14 to 18: widths and numbers of fins, and a better heat sink.",
             (19, 20, 21, 22, 23),
             "sink/sink.html",
         ),
         Section(
             "Force tracking",
-            "Section 4.2, Figures 28 to 31: a target force without a force sensor. The controller has only "
+            "Section 4.2, Figures 28 to 31: a target force without a force sensor. The controller uses only "
             "the card of the virtual damper.",
             (30, 31, 32, 33, 34, 35),
             "tracking/track.html",
@@ -97,8 +98,8 @@ def sections_of(found: Findings) -> list[Section]:
 
 
 def way_figure(found: Findings) -> Figure:
-    """Return the way from loops over heating to the controller, a panel each."""
-    figure = Figure(figsize=(WIDE, 3.3))
+    """Return loops, heating and force tracking in one figure, one panel each."""
+    figure = Figure(figsize=(WIDTH_INCH, 3.3))
     loops, heating, tracking = figure.subplots(1, 3)
     _draw_loops(loops, Campaign(found.fitted, found.judged.runs))
     _draw_heating(heating, found)
@@ -127,7 +128,7 @@ def _draw_heating(axes: Axes, found: Findings) -> None:
     for (title, rise), colour in zip(found.warm_up.rises, (TRAINING, HELD_OUT), strict=False):
         axes.plot(rise.time / 60.0, rise.fluid_degC, color=colour, linewidth=1.4, label=title)
     limit = found.warm_up.rise.limit_K - ZERO_CELSIUS_K
-    axes.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (5, 2)), label="the fluid's limit")
+    axes.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (5, 2)), label="limit of the fluid")
     axes.set_title("Heating of the fluid", loc="left")
     axes.set_xlabel("minutes")
     axes.set_ylabel("fluid, °C")
@@ -158,7 +159,7 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
     if fluid.collapse is not None:
         viscosity = viscosity * fluid.collapse.value(over + ZERO_CELSIUS_K)
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.9))
+        figure = Figure(figsize=(WIDTH_INCH, 2.9))
         left, right = figure.subplots(1, 2)
         left.plot(over, 1e3 * viscosity, color=HELD_OUT, linewidth=1.6)
         left.axvspan(20.0, 60.0, color="#f1efe9", linewidth=0, zorder=0)
@@ -170,7 +171,7 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
             right.plot(
                 warm,
                 stress / 1e3,
-                color=colour_of_warmth(k, range(len(_FIELDS_T))),
+                color=colour_of_temperature(k, range(len(_FIELDS_T))),
                 label=f"{1e3 * tesla:.0f} mT",
             )
         right.set_ylim(bottom=0.0)
@@ -184,8 +185,8 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
     return PaperFigure(
         "4 and 5",
         "Viscosity without field, yield stress at four fields",
-        "A law through the paper's 65 % fall, with its collapse above 138 °C; Carlson's formula, "
-        "falling linearly.",
+        "A law with the decrease of 65 % from the paper and a collapse above 138 °C; the formula of Carlson, "
+        "with a linear decrease.",
         svg,
     )
 
@@ -194,19 +195,19 @@ def _error_plate(found: Findings) -> PaperFigure:
     return PaperFigure(
         "21 to 27",
         "RMS error over temperature",
-        "Every run of constant current; the line joins the means. The law of the paper, one Bouc-Wen element "
-        "with polynomials in current and temperature, is fitted to the same runs.",
+        "All runs with constant current; the line joins the means. The law of the paper, one Bouc-Wen "
+        "element with polynomials in current and temperature, is fitted to the same runs.",
         _errors(found),
     )
 
 
 def _errors(found: Findings) -> str:
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.7))
+        figure = Figure(figsize=(WIDTH_INCH, 2.7))
         axes = figure.add_subplot()
         for judged, colour, label in (
-            (found.paper_law, HELD_OUT, "the paper's law"),
-            (found.judged, TRAINING, f"{found.fitted.damper.law.name}, the usual law"),
+            (found.paper_law, HELD_OUT, "law of the paper"),
+            (found.judged, TRAINING, f"{found.fitted.damper.law.name}, selected law"),
         ):
             points = [
                 (round(e.temperature_degC), e.rmse_N)
@@ -223,7 +224,7 @@ def _errors(found: Findings) -> str:
             "D",
             color=INK,
             markersize=4.0,
-            label="printed in the paper (its own damper)",
+            label="values of the paper (another damper)",
         )
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("temperature, °C", labelpad=1.5)

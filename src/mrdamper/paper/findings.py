@@ -1,4 +1,4 @@
-"""What the demo found, job by job: all that claims and figures are made from. Nothing is computed here."""
+"""Results of the demo's jobs, from which claims and figures are computed."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mrdamper.thermal.dissipation import LoopWork
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """The demo's results; temperatures of the thermal runs are those of the rig's preset ``paper``."""
+    """Results of the jobs. The thermal simulations use the preset ``paper`` of the rig."""
 
-    fitted: Identification  # preset nominal, the usual law
+    fitted: Identification  # preset nominal, selected law
     judged: Assessment
-    paper_law: Assessment  # the same runs, one Bouc-Wen law with polynomials, as in the paper
+    paper_law: Assessment  # the same runs, one Bouc-Wen law with polynomials as in the paper
     fluid: Fluid
-    warm_up: HeatResult  # 15 mm, 1 Hz, 2 A for 35 min, past the limit, with fins and without
+    warm_up: HeatResult  # 15 mm, 1 Hz, 2 A for 35 min, past the limit, with and without fins
     small: HeatResult  # 5 mm, 1 Hz
     fast: HeatResult  # 3 mm, 2 Hz
     works: tuple[tuple[str, LoopWork], ...]  # the same three motions

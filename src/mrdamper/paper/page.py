@@ -1,4 +1,4 @@
-"""The demo's report: the way from loops to controller at first, then the paper figure by figure."""
+"""Page of the demo: loops, heating and control on the first screen, then the figures of the paper."""
 
 from __future__ import annotations
 
@@ -15,43 +15,45 @@ from mrdamper.paper.figures import sections_of, way_figure
 from mrdamper.report.base import FirstScreen, Page, Tile
 
 _FILES = (
-    ("card.json", "the model card: all that the other jobs need of a damper"),
-    ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),
-    ("heating/heat.html", "heating of the preset paper, with the paper's heat sink and without"),
-    ("sink/heatsink.html", "search of heat sinks"),
-    ("sink/best.toml", "the best heat sink, as mrdamper heat reads it"),
+    ("card.json", "model card, the input of all other jobs"),
+    ("identification/report.html", "fit: loops, errors by run, parameters with uncertainty"),
+    ("heating/heat.html", "heating of the preset paper, with and without the heat sink of the paper"),
+    ("sink/heatsink.html", "optimisation of heat sinks"),
+    ("sink/best.toml", "best heat sink, an input of mrdamper heat"),
     ("tracking/track.html", "force tracking"),
     ("c/README.md", "model and controller as C99, with the record of their verification"),
-    ("damper.fmu", "the same as a functional mock-up unit (FMI 2.0), sources inside"),
-    ("summary.json", "all figures, with the claims"),
+    ("damper.fmu", "the same as a functional mock-up unit (FMI 2.0) with source code"),
+    ("summary.json", "all values and claims"),
 )
 _VERDICTS: Mapping[Verdict, str] = {
     "within": "within tolerance",
     "better": "better",
-    "short": "short of the paper",
-    "contradicts": "in contradiction to it",
+    "short": "worse than the paper",
+    "contradicts": "in contradiction to the paper",
 }
 _EXPORTED = ("c/README.md", "damper.fmu")
 
 
 def target_in_words(found: DemoResult) -> str:
-    """Return what was exported, and how it was proved."""
+    """Return a sentence on the exported code and its verification."""
     code = None if found.export is None else found.export.code
     if code is None:
         return f"C code and FMU were not written: {found.why_not_exported}"
     controller = "" if code.target.controller is None else code.target.controller.name
     return (
-        f"C code and FMU: the controller {controller} and the model in {code.target.precision}, a step every "
-        f"{1e3 * code.target.period_s:g} ms, compiled here and compared with the model in Python over "
-        f"{code.record.samples} samples."
+        f"C code and FMU: controller {controller} and model in {code.target.precision} with a period of "
+        f"{1e3 * code.target.period_s:g} ms, compiled on this computer and compared with the model in "
+        f"Python in {code.record.samples} samples."
     )
 
 
 def _verdict(claims: Sequence[Claim]) -> str:
-    """Return how many figures have a verdict, and how those came out."""
+    """Return the number of values with a verdict, and the verdicts."""
     found = Counter(claim.verdict for claim in claims if claim.verdict is not None)
-    said = ", ".join(f"{found[verdict]} {words}" for verdict, words in _VERDICTS.items() if found[verdict])
-    return f"of {len(claims)} figures of the paper {found.total()} have a verdict: {said}"
+    verdicts = ", ".join(
+        f"{found[verdict]} {words}" for verdict, words in _VERDICTS.items() if found[verdict]
+    )
+    return f"{found.total()} of {len(claims)} values of the paper have a verdict: {verdicts}"
 
 
 def _first(found: DemoResult) -> FirstScreen:
@@ -62,39 +64,37 @@ def _first(found: DemoResult) -> FirstScreen:
     tracked = min((row for row in findings.track.worst), key=lambda row: row.score.rmse_N)
     score = tracked.score
     least = score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
-    quick = (
-        "; quick demo: a small campaign, figures differ from the whole one's" if found.options.quick else ""
-    )
+    quick = ". This is a quick demo with a small campaign, whose values differ" if found.options.quick else ""
     return FirstScreen(
         title="The paper on the virtual rig",
-        subject="From a test campaign to a temperature-dependent model, the heating, a heat sink, a force "
-        f"controller and its C code, beside the paper's figures{quick}.",
+        subject="From a test campaign to a temperature-dependent model, heating, a heat sink, a force "
+        f"controller and C code, compared with the values of the paper{quick}.",
         verdict=_verdict(found.claims),
         tiles=(
             Tile(
                 f"{unseen['median']:.1f} %",
-                "error of the model on held-out runs, median",
+                "median error of the model on held-out runs",
                 f"worst {unseen['worst']:.1f} %",
             ),
             Tile(
                 f"{search.gain.middle:.1f} K",
-                "cooler with the best heat sink than with the paper's",
-                f"90 %: {search.gain.low:.1f} to {search.gain.high:.1f} K; without any "
+                "cooler with the best heat sink than with the heat sink of the paper",
+                f"90 % interval {search.gain.low:.1f} to {search.gain.high:.1f} K; without heat sink "
                 f"{bare.fluid_degC[-1]:.0f} °C",
             ),
             Tile(
                 f"{least:.1f} N",
-                f"RMS error, {tracked.controller} on {tracked.target}, where feasible",
-                f"at all times {score.rmse_N:.1f} N",
+                f"RMS error of {tracked.controller} on {tracked.target} while the target is feasible",
+                f"{score.rmse_N:.1f} N at all times",
             ),
         ),
-        caption="From the loops (grey measured, coloured modelled) over the heating to the controller "
-        "(dashed: the target; grey band: the attainable force)",
+        caption="Loops (measured grey, modelled coloured), heating, and force tracking "
+        "(dashed: target, grey band: attainable force)",
         flags=[
             (
-                "Nothing here was measured",
-                "The dampers are simulated by physics that is none of the identified laws (the presets "
-                "nominal and paper of the virtual rig); the models know them only through noisy runs",
+                "This is a simulation, not a measurement",
+                "The simulated dampers (presets nominal and paper of the virtual rig) have other "
+                "equations than the fitted models, which use only noisy runs",
             )
         ],
     )
@@ -113,7 +113,7 @@ def _sections(found: DemoResult) -> dict[str, object]:
         "origins": [(origin, origins[origin]) for origin in get_args(Origin) if origins[origin]],
         "judged": [claim for claim in claims if claim.verdict is not None],
         "contradictions": [claim for claim in claims if claim.contradiction],
-        "calibrated": [claim for claim in claims if claim.origin == "calibrated to this figure"],
+        "calibrated": [claim for claim in claims if claim.origin == "calibrated to this value"],
         "files": [
             (name, words) for name, words in _FILES if found.export is not None or name not in _EXPORTED
         ],

@@ -1,4 +1,4 @@
-"""What the demo found: the answer's keys, laws and claims on a terminal, the page and all jobs' files."""
+"""Result of ``demo`` as JSON, terminal output, page, and the files of each of its jobs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _answer(found: DemoResult) -> Json:
 
 
 def _law_line(found: FitResult) -> Json:
-    """Return one law's line of the comparison."""
+    """Return the errors of one law for the comparison."""
     return {
         "law": found.damper.law.name,
         "summary": summaries(found.assessment.runs),
@@ -64,7 +64,7 @@ def _law_line(found: FitResult) -> Json:
 
 
 def _target(found: DemoResult) -> Json:
-    """Return what was exported, and its proof."""
+    """Return the main values of the export and of its verification."""
     if found.export is None:
         return {"written": False, "why": found.why_not_exported}
     answer = EXPORT_REPORT.answer(found.export)
@@ -76,29 +76,25 @@ def _target(found: DemoResult) -> Json:
 
 
 def _show(found: DemoResult, console: Console) -> None:
-    """Print the laws side by side, then the paper's claims with their verdicts."""
+    """Print the errors of both laws, then the claims of the paper with their verdicts."""
     console.print(escape(f"The runs are {LABEL}."))
     laws = []
     for each in (found.fitted, found.paper_law):
         summary = summaries(each.assessment.runs)
         cells = [_median_worst(summary.get(split)) for split in ("training", "held_out")]
         laws.append((each.damper.law.name, *cells))
-    title = "Laws side by side: error in % of the force's spread, median (worst)"
+    title = "Errors of two laws in % of the standard deviation of the force: median (worst)"
     console.print(terminal_table(title, ("law", "training", "held out"), laws, left=("law",)))
     claims = []
     for claim in found.claims:
         cells = [_figure(value) for value in (claim.paper, claim.ours)]
-        claims.append((str(claim.row), claim.says, *cells, claim.unit, claim.origin, claim.outcome))
-    title = "The paper's figures, and what came out here (reasons are in the report)"
-    words = ("the paper says", "unit", "origin", "verdict")
-    names = ("#", words[0], "paper", "here", *words[1:])
+        claims.append((str(claim.row), claim.statement, *cells, claim.unit, claim.origin, claim.outcome))
+    title = "Values in the paper and in this simulation. The report gives the reasons."
+    words = ("claim", "unit", "origin", "verdict")
+    names = ("#", words[0], "paper", "simulation", *words[1:])
     console.print(terminal_table(title, names, claims, left=words))
     for line in _claims_in_words(found):
         console.print(escape(line))
-
-
-def _wrote(_: DemoResult, answer: Json, console: Console) -> None:
-    console.print(escape(f"report: {answer['report']}"))
 
 
 def _median_worst(values: Json | None) -> str:
@@ -121,31 +117,37 @@ def _summary(found: DemoResult) -> list[str]:
 
 
 def _claims_in_words(found: DemoResult) -> list[str]:
-    """Return how many figures prove something, and how those came out."""
+    """Return the numbers of claims with and without a verdict."""
     judged = [claim for claim in found.claims if claim.verdict is not None]
-    proved = Counter(f"{claim.origin}: {claim.verdict}" for claim in judged)
-    rest = Counter(claim.origin for claim in found.claims if claim.verdict is None)
-    doubted = sum(claim.contradiction for claim in found.claims)
+    verdicts = Counter(f"{claim.origin}: {claim.verdict}" for claim in judged)
+    others = Counter(claim.origin for claim in found.claims if claim.verdict is None)
+    contradictions = sum(claim.contradiction for claim in found.claims)
     return [
-        f"{len(found.claims)} figures of the paper, {len(judged)} of them with a verdict: "
-        + ", ".join(f"{count} {words}" for words, count in sorted(proved.items())),
-        "no proof of anything: " + ", ".join(f"{count} {words}" for words, count in sorted(rest.items())),
-        f"at {doubted} figures the paper contradicts itself or physics",
+        f"The paper has {len(found.claims)} values. {len(judged)} have a verdict: "
+        + ", ".join(f"{count} {words}" for words, count in sorted(verdicts.items())),
+        "Without a verdict: " + ", ".join(f"{count} {words}" for words, count in sorted(others.items())),
+        f"{contradictions} values contradict other values of the paper, or physics",
     ]
 
 
 # ------------------------------------------------------------------------------------------- the files
 
 
-def _part(
-    report: Report[Any], of: Callable[[DemoResult], Any], card: str
+def _job_writer(
+    report: Report[Any], result_of: Callable[[DemoResult], Any], card: str
 ) -> Callable[[DemoResult, Place], None]:
-    """Return what writes a job's files into a folder of their own; ``card`` is what it was done with."""
+    """Return a function that writes the files of one job to its own folder.
+
+    Parameters
+    ----------
+    result_of : returns the result of the job
+    card : name of the card that the job has read
+    """
 
     def write(found: DemoResult, place: Place) -> None:
         place.stage.mkdir()
         head = {"card": str(place.path.parent / card), **({} if card == "card.json" else {"damper": "paper"})}
-        write_report(report, of(found), {"": place}, head)
+        write_report(report, result_of(found), {"": place}, head)
 
     return write
 
@@ -153,15 +155,15 @@ def _part(
 def _write_runs(found: DemoResult, place: Place) -> None:
     places = {
         "": place,
-        "truth": Place(*(each.with_name("runs.truth") for each in (place.stage, place.path))),
+        "truth": Place(*(path.with_name("runs.truth") for path in (place.stage, place.path))),
     }
-    for each in places.values():
-        each.stage.mkdir()
+    for folder in places.values():
+        folder.stage.mkdir()
     write_report(RIG_REPORT, found.campaign, places, {})
 
 
 def _write_identification(found: DemoResult, place: Place) -> None:
-    """Write the identification's files; the card lies at the top."""
+    """Write the files of the fit, except for the card, which is in the parent folder."""
     place.stage.mkdir()
     write_report(IDENTIFY_REPORT, found.fitted, {"": place}, {})
     (place.stage / "card.json").unlink()
@@ -169,7 +171,7 @@ def _write_identification(found: DemoResult, place: Place) -> None:
 
 def _write_export(found: DemoResult, place: Place) -> None:
     assert found.export is not None
-    fmu = Place(*(each.with_name("damper.fmu") for each in (place.stage, place.path)))
+    fmu = Place(*(path.with_name("damper.fmu") for path in (place.stage, place.path)))
     write_report(EXPORT_REPORT, found.export, {"c": place, "fmu": fmu}, {})
 
 
@@ -180,7 +182,6 @@ def _rows(found: DemoResult) -> list[Json]:
 REPORT = Report(
     answer=_answer,
     show=_show,
-    wrote=_wrote,
     summary=_summary,
     page=PAGE,
     files=(
@@ -193,13 +194,15 @@ REPORT = Report(
         WrittenFile(name="identification", write_in=_write_identification),
         WrittenFile(
             name="heating",
-            write_in=_part(HEAT_REPORT, lambda found: found.findings.warm_up, "paper_card.json"),
+            write_in=_job_writer(HEAT_REPORT, lambda found: found.findings.warm_up, "paper_card.json"),
         ),
         WrittenFile(
-            name="sink", write_in=_part(SINK_REPORT, lambda found: found.findings.sink, "paper_card.json")
+            name="sink",
+            write_in=_job_writer(SINK_REPORT, lambda found: found.findings.sink, "paper_card.json"),
         ),
         WrittenFile(
-            name="tracking", write_in=_part(TRACK_REPORT, lambda found: found.findings.track, "card.json")
+            name="tracking",
+            write_in=_job_writer(TRACK_REPORT, lambda found: found.findings.track, "card.json"),
         ),
         WrittenFile(name="c", write_in=_write_export, when=lambda found: found.export is not None),
         WrittenFile(name="summary.json", key="summary_file"),

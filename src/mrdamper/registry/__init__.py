@@ -1,48 +1,50 @@
-"""The jobs, one row each: what they read, take, do, and how their results are shown.
+"""Registry of the jobs: one row with inputs, options, function and report for each job.
 
-Every face is made from these rows: commands and their help, the server's requests and forms, columns of
-sweeps, the tables of options in the documentation, and ``mrdamper.heat(...)`` in Python. A new job is a
-module in ``jobs``, one in ``report``, and a row here.
+All interfaces are generated from these rows: commands and their help, requests and forms of the server,
+columns of sweeps, tables of options in the documentation, and functions such as ``mrdamper.heat``. A new job
+consists of a module in ``jobs``, a module in ``report`` and a row here.
 
-Rows name modules as text (``"mrdamper.jobs.thermal.heat:heat"``), so that reading the table loads nothing.
-What is done with a row is the business of ``job``, what jobs read that of ``kinds``.
+Rows contain the names of modules as text (``"mrdamper.jobs.thermal.heat:heat"``), so that the table loads no
+module. The module ``job`` runs a row. The module ``kinds`` defines the kinds of inputs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from mrdamper.registry.job import Job
-from mrdamper.registry.kinds import KINDS, Input, Kind, Output, load
+from mrdamper.registry.kinds import KINDS, Input, Kind, Output
+from mrdamper.results import load
 
 __all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load", "public_names"]
 
-CARD = Input(name="card", kind="card", help="The model card.")
+CARD = Input(name="card", kind="card", help="Read this model card.")
 CARD_OF_ANY_LAW = replace(CARD, kind="card of any law")
-RUNS = Input(name="runs", kind="runs", help="Files, folders or patterns of runs.", label="Runs")
+RUNS = Input(name="runs", kind="runs", help="Read these runs: files, folders or patterns.", label="Runs")
 PREPARATION = Input(
     name="preparation",
     kind="preparation",
     flag="-",
     required=False,
-    help="How runs are prepared; None: as the job does by itself.",
+    help="Prepare the runs with these settings. None selects the settings of the job.",
 )
 FIT_SETTINGS = Input(
     name="settings",
     kind="settings",
     flag="-",
     required=False,
-    help="FitSettings, the numerical settings of the fit; None: the default ones.",
+    help="Use these numerical settings (FitSettings). None selects the default settings.",
 )
 DRAWING = Input(
     name="drawing",
     kind="drawing",
     flag="--damper",
     key="damper",
-    help="The drawing of the damper (TOML), or the paper's.",
+    help="Read the dimensions of the damper from this geometry file (TOML).",
     default_help="paper",
-    label="Damper's drawing",
+    label="Geometry file",
 )
 DUTY = Input(
     name="duty",
@@ -50,35 +52,39 @@ DUTY = Input(
     flag="--duty",
     default="sine:15mm:1Hz:2A:1800s",
     required=False,
-    help="MOTION:COMMAND:DURATION, or a CSV of time, motion and command.",
+    help="Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.",
 )
 
 _ROWS = (
     Job(
         name="check",
-        help="""Tell what is wrong with runs before they are fitted, and how their files were understood.
+        help="""Check test data before a fit.
 
-        PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
+        PATH is a file, a folder or a pattern. The command finds problems of single runs, such as noise,
+        drift, clipping or a wrong unit, and differences between runs. A fault prevents a fit, a warning makes
+        a fit worse, and a note is information.
         """,
         inputs=(replace(RUNS, name="files", kind="files"),),
         run="mrdamper.jobs.check:check",
         options="mrdamper.jobs.options:CheckOptions",
         report="mrdamper.report.check:REPORT",
-        files_help="For check.html, check.json, findings.csv.",
+        files_help="Write check.html, check.json and findings.csv to this folder.",
         outputs=(
             Output(
                 name="write_map",
                 metavar="FILE",
-                help="Write the channel map by which the files were read, to be corrected and kept.",
+                help="Write the channel map with which the files were read. It can be edited and used "
+                "with --channels.",
             ),
         ),
     ),
     Job(
         name="fit",
         out="card",
-        help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
+        help="""Fit a hysteresis model to test data.
 
-        PATH: files, folders or patterns of runs.
+        One model describes all currents and temperatures of the runs. PATH is a file, a folder or a pattern.
+        Each run needs time, displacement, force and current or voltage. Temperature is optional.
         """,
         inputs=(
             RUNS,
@@ -87,19 +93,21 @@ _ROWS = (
                 kind="law",
                 flag="--law",
                 required=False,
-                help="chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, "
-                "dahl, bingham, tanh; auto (chosen by what is left out); or file.py:Class.",
+                help="Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, "
+                "bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The "
+                "choice auto selects a model by cross-validation.",
                 default_help="auto",
-                label="Law",
+                label="Hysteresis model",
             ),
             Input(
                 name="fluid",
                 kind="fluid",
                 flag="--fluid",
                 required=False,
-                help="Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
+                help="Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid "
+                "file. The card marks it as assumed.",
                 default_help="none",
-                label="Fluid, where runs do not tell",
+                label="Fluid, if the runs have one temperature",
             ),
             PREPARATION,
             FIT_SETTINGS,
@@ -107,66 +115,82 @@ _ROWS = (
         options="mrdamper.jobs.options:FitOptions",
         run="mrdamper.jobs.fit:fit",
         report="mrdamper.report.identification.report:REPORT",
-        files_help="For card.json, report.html, errors.csv.",
+        files_help="Write card.json, report.html and errors.csv to this folder.",
         out_required=True,
         progress_word="start",
-        ctrl_c="keeps the best",
+        ctrl_c="writes the best result so far",
     ),
     Job(
         name="evaluate",
-        help="Score a model card on runs that it has not seen.",
+        help="Compute the errors of a model on test data.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
         options="mrdamper.jobs.options:EvaluateOptions",
         run="mrdamper.jobs.evaluate:evaluate",
         report="mrdamper.report.cards.evaluate:REPORT",
-        files_help="For evaluate.html, errors.csv.",
+        files_help="Write evaluate.html and errors.csv to this folder.",
         progress_word="",
     ),
     Job(
         name="simulate",
-        help="Simulate a card's force along a motion: in words, a measured run, or a frame.",
+        help="Simulate the damper force for a motion.",
         inputs=(
             CARD_OF_ANY_LAW,
             Input(
                 name="motion",
                 kind="motion",
-                help="MOTION:COMMAND:DURATION, such as sine:10mm:1Hz:1A:2s, or a run's file.",
+                help="Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the "
+                "file of a run.",
             ),
         ),
         options="mrdamper.jobs.options:SimulateOptions",
         run="mrdamper.jobs.simulate:simulate",
         report="mrdamper.report.simulate:REPORT",
-        files_help="For simulate.html, simulate.svg, simulate.json, simulate.csv.",
+        files_help="Write simulate.html, simulate.svg, simulate.json and simulate.csv to this folder.",
         progress_word="",
     ),
     Job(
         name="compare",
-        help="""Compare two dampers, or one before and after: forces, energy, response, numbers.
+        help="""Compare two damper models.
 
-        Differences are second minus first, inside what both were identified on.
+        The command compares forces, energy per cycle, response time and parameters within the range of both
+        cards. Differences are the second card minus the first.
         """,
         inputs=(
-            Input(name="first", kind="card of any law", help="The card before.", in_answer=False),
-            Input(name="second", kind="card of any law", help="The card after.", in_answer=False),
+            Input(
+                name="first", kind="card of any law", help="Read this card as the reference.", in_answer=False
+            ),
+            Input(
+                name="second",
+                kind="card of any law",
+                help="Compare this card with the reference.",
+                in_answer=False,
+            ),
         ),
-        run="mrdamper.jobs.compare:compare",
+        run="mrdamper.models.comparison:compare_cards",
         report="mrdamper.report.cards.compare:REPORT",
-        files_help="For compare.html, compare.json.",
+        files_help="Write compare.html and compare.json to this folder.",
         progress_word="",
     ),
     Job(
         name="cycles",
-        help="Count the cycles of a record: energy, peak forces, stiffness and temperature of each.",
-        inputs=(Input(name="record", kind="record", help="The record's file."),),
+        help="""Evaluate all cycles of a long record.
+
+        The command computes energy, peak forces, stiffness and temperature of each cycle.
+        """,
+        inputs=(Input(name="record", kind="record", help="Read this record."),),
         options="mrdamper.jobs.options:CyclesOptions",
         run="mrdamper.jobs.cycles:cycles",
         report="mrdamper.report.cycles:REPORT",
-        files_help="For cycles.csv, cycles.html, summary.json.",
+        files_help="Write cycles.csv, cycles.html and summary.json to this folder.",
         progress_word="",
     ),
     Job(
         name="heat",
-        help="Tell how hot a damper gets under a duty, how soon, and where the heat goes.",
+        help="""Simulate the heating of a damper in a load cycle.
+
+        The command computes temperatures, the time until a limit is reached, the heat flows and the loss of
+        force.
+        """,
         inputs=(
             CARD,
             DRAWING,
@@ -176,9 +200,9 @@ _ROWS = (
                 kind="sink",
                 flag="--sink",
                 required=False,
-                help="A heat sink (TOML table [sink]) in place of the drawing's.",
-                default_help="the drawing's",
-                label="Heat sink of the study",
+                help="Use the heat sink of this file (TOML table [sink]).",
+                default_help="the heat sink of the geometry file",
+                label="Heat sink",
                 group="More",
             ),
             Input(
@@ -186,38 +210,45 @@ _ROWS = (
                 kind="curve",
                 flag="--calibrate",
                 required=False,
-                help="A curve measured under this duty (time_s and fluid_degC, body_degC or coil_degC): it "
-                "corrects the drawing and narrows the interval.",
-                label="Measured curve, to calibrate by",
+                help="Calibrate the geometry file with a measured heating curve of the same load cycle. "
+                "The CSV file has the columns time_s and fluid_degC, body_degC or coil_degC.",
+                label="Measured curve for calibration",
                 group="More",
             ),
         ),
         options="mrdamper.jobs.options:HeatOptions",
         run="mrdamper.jobs.thermal.heat:heat",
         report="mrdamper.report.thermal.heat:REPORT",
-        files_help="For heat.html, heat.json, heat.csv.",
+        files_help="Write heat.html, heat.json and heat.csv to this folder.",
         progress_word="step",
     ),
     Job(
         name="derate",
-        help="Tell the largest current (stroke, duty) that keeps every limit, over ambient, wind and time.",
+        help="""Compute the permissible current, stroke or duty cycle.
+
+        The command computes the largest value that keeps all temperature limits, for several ambient
+        temperatures, air speeds and durations.
+        """,
         inputs=(CARD, DRAWING, DUTY),
         options="mrdamper.jobs.options:DerateOptions",
         run="mrdamper.jobs.thermal.derate:derate",
         report="mrdamper.report.thermal.derate:REPORT",
-        files_help="For derate.html, derate.json, derate.csv, derate.h.",
+        files_help="Write derate.html, derate.json, derate.csv and derate.h to this folder.",
         progress_word="step",
     ),
     Job(
         name="fluid",
-        help="Fit viscosity and yield-stress laws to rheometer tables.\n\nTABLE.csv: temperature_degC and "
-        "viscosity_mPas, or field_mT (field_kA_m), temperature_degC and yield_stress_kPa.",
+        help="""Fit fluid properties to rheometer data.
+
+        TABLE.csv has the columns temperature_degC and viscosity_mPas, or field_mT (or field_kA_m),
+        temperature_degC and yield_stress_kPa.
+        """,
         inputs=(
             Input(
                 name="tables",
                 kind="rheometer table",
                 in_answer=True,
-                help="Rheometer tables.",
+                help="Read these rheometer tables.",
                 label="Rheometer tables",
             ),
             Input(
@@ -226,18 +257,22 @@ _ROWS = (
                 flag="--like",
                 default="paper",
                 required=False,
-                help="Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
-                label="What they do not hold, from",
+                help="Take properties that the tables do not have from this fluid: paper, "
+                "lord-mrf-132dg, or a fluid file (TOML).",
+                label="Other properties from",
             ),
         ),
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
         progress_word="",
-        files_help="For fluid.html, fluid.toml and fluid.svg.",
+        files_help="Write fluid.html, fluid.toml and fluid.svg to this folder.",
     ),
     Job(
         name="track",
-        help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",
+        help="""Simulate force tracking with a controller.
+
+        The controllers are designed from the card and need no force sensor. A virtual damper is controlled.
+        """,
         inputs=(
             CARD,
             Input(
@@ -246,16 +281,17 @@ _ROWS = (
                 flag="--plant",
                 default="nominal",
                 required=False,
-                help="The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a "
-                "card (JSON).",
-                label="Damper to be controlled",
+                help="Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), "
+                "or a card (JSON).",
+                label="Controlled damper",
             ),
             Input(
                 name="targets",
                 kind="scenario",
                 flag="--target",
                 required=False,
-                help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).",
+                help="Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario "
+                "file. Repeatable.",
                 default_help="all",
                 label="Targets",
                 begins=("sine-900N-1Hz",),
@@ -265,27 +301,33 @@ _ROWS = (
                 kind="card",
                 flag="-",
                 required=False,
-                help="Identified at one temperature: adds recommended-unaware and paper-unaware.",
+                help="Add the controllers recommended-unaware and paper-unaware from this card, which "
+                "was fitted at one temperature.",
             ),
         ),
         options="mrdamper.jobs.options:TrackOptions",
         run="mrdamper.jobs.track:track",
         report="mrdamper.report.track:REPORT",
-        files_help="For track.html, track.json, track.csv.",
+        files_help="Write track.html, track.json and track.csv to this folder.",
     ),
     Job(
         name="heatsink",
-        help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
+        help="""Optimise an annular-fin heat sink.
+
+        The command searches the Pareto front of fluid temperature and mass within the given limits.
+        """,
         inputs=(CARD, DRAWING, DUTY),
         options="mrdamper.jobs.options:HeatsinkOptions",
         run="mrdamper.jobs.thermal.heatsink:heatsink",
         report="mrdamper.report.thermal.heatsink:REPORT",
-        files_help="For heatsink.html, heatsink.json, front.csv, best.toml.",
+        files_help="Write heatsink.html, heatsink.json, front.csv and best.toml to this folder.",
     ),
     Job(
         name="export",
-        help="Export a card as C source, FMU, force map or for MATLAB. The code is compared with the model "
-        "before it is written.",
+        help="""Generate C code, an FMU, or a force map.
+
+        The code is compiled and compared with the model before it is written.
+        """,
         inputs=(
             CARD,
             Input(
@@ -293,26 +335,30 @@ _ROWS = (
                 kind="drawing",
                 flag="--damper",
                 required=False,
-                help="The drawing (TOML): adds the thermal model, and tells a frozen thermometer.",
+                help="Add the thermal model of this geometry file (TOML), which also detects a frozen "
+                "temperature sensor.",
                 default_help="no thermal model",
-                label="Drawing, for the thermal model",
+                label="Geometry file for the thermal model",
             ),
         ),
         options="mrdamper.jobs.options:ExportOptions",
         run="mrdamper.jobs.export:export",
         report="mrdamper.report.export:REPORT",
         outputs=(
-            Output(name="c", metavar="DIR", help="Write C99 source and its report there."),
-            Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU (FMI 2.0)."),
-            Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators."),
-            Output(name="matlab", metavar="DIR", help="Write card and force map for MATLAB there."),
+            Output(name="c", metavar="DIR", help="Write C99 source code and its report to this folder."),
+            Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU (FMI 2.0) to this file."),
+            Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators to this file."),
+            Output(name="matlab", metavar="DIR", help="Write card and force map for MATLAB to this folder."),
         ),
         progress_word="part",
     ),
     Job(
         name="rig",
         out="runs",
-        help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
+        help="""Simulate a test campaign on a virtual rig.
+
+        The virtual damper has other equations than the hysteresis models. The runs include sensor errors.
+        """,
         inputs=(
             Input(
                 name="preset",
@@ -320,7 +366,8 @@ _ROWS = (
                 flag="--preset",
                 default="nominal",
                 required=False,
-                help="Virtual damper: a preset, or a file (TOML) with a preset and changed parameters.",
+                help="Test this virtual damper: a preset, or a TOML file with a preset and changed "
+                "parameters.",
                 label="Damper",
             ),
             Input(
@@ -328,15 +375,15 @@ _ROWS = (
                 kind="campaign",
                 flag="--campaign",
                 required=False,
-                help="Motions, currents, temperatures, sensors (short, or TOML).",
-                default_help="the damper's usual one",
+                help="Run this campaign of motions, currents and temperatures: short, or a TOML file.",
+                default_help="the campaign of the damper",
                 begins="short",
             ),
         ),
         options="mrdamper.jobs.options:RigOptions",
         run="mrdamper.jobs.rig:rig",
         report="mrdamper.report.rig:REPORT",
-        files_help="For the runs (CSV); the truth goes to DIR.truth beside it.",
+        files_help="Write the runs (CSV) to this folder, and the exact values to DIR.truth.",
         out_required=True,
     ),
     Job(
@@ -352,37 +399,47 @@ _ROWS = (
         name="data fetch",
         out="runs",
         python="fetch_data",
-        help="Fetch a public data set and print where its files lie.",
-        inputs=(Input(name="name", kind="name", help="Of the set, as the list has it."),),
+        help="Fetch a public data set and print the paths of its files.",
+        inputs=(
+            Input(
+                name="name",
+                kind="name",
+                help="Fetch the data set with this name. The command data list prints the names.",
+            ),
+        ),
         run="mrdamper.jobs.public_data.datasets:fetch_data",
         report="mrdamper.report.datasets:FETCHED",
-        files_help="For the set's files, each with its channel map.",
+        files_help="Write the files to this folder, each with its channel map.",
         progress_word="set",
     ),
     Job(
         name="demo",
-        help="Run every job on the virtual rig and compare with the paper (no measured data needed).",
+        help="""Run all steps on simulated test data.
+
+        The command compares the results with the values of the paper. It needs no measured data.
+        """,
         inputs=(),
         options="mrdamper.jobs.options:DemoOptions",
         run="mrdamper.paper.demo:demo",
         report="mrdamper.paper.report:REPORT",
-        files_help="Where to.",
+        files_help="Write the results to this folder.",
         out_default="build/demo",
         progress_word="step",
     ),
     Job(
         name="sweep",
-        help="""Fit many campaigns, track random dampers, or search heat sinks for several dampers.
+        help="""Run many fits, simulations or optimisations.
 
-        PATH: files, folders or patterns of runs, each fitted by itself. With --samples or --damper a card
-        is tracked on random dampers or heats each damper instead.
+        PATH is a file, a folder or a pattern. A model is fitted to each path. With --samples, controllers
+        of a
+        card are tested on random dampers. With --damper, the heat sinks of several dampers are optimised.
         """,
         inputs=(
             Input(
                 name="campaigns",
                 kind="campaigns",
                 required=False,
-                help="Files, folders or patterns of runs to fit.",
+                help="Fit a model to each of these files, folders or patterns.",
                 label="Campaigns to fit",
                 in_answer=False,
             ),
@@ -392,8 +449,8 @@ _ROWS = (
                 kind="drawings",
                 flag="--damper",
                 required=False,
-                help="Search the heat sink of this damper: paper, or a geometry file (may be repeated).",
-                label="Dampers that get a heat sink",
+                help="Optimise the heat sink of this damper: paper, or a geometry file. Repeatable.",
+                label="Dampers with a heat sink",
             ),
             DUTY,
             Input(
@@ -401,24 +458,51 @@ _ROWS = (
                 kind="law",
                 flag="--law",
                 required=False,
-                help="Hysteresis model of the fits.",
+                help="Fit this hysteresis model.",
                 default_help="auto",
-                label="Law",
+                label="Hysteresis model",
             ),
         ),
         run="mrdamper.jobs.sweep.sweep:sweep",
         options="mrdamper.jobs.options:SweepOptions",
         report="mrdamper.report.sweep:REPORT",
         checkpoint="mrdamper.jobs.sweep.store:open_store",
-        files_help="For the results.",
+        files_help="Write the results to this folder.",
         out_required=True,
         progress_word="task",
-        ctrl_c="keeps the results",
+        ctrl_c="keeps the finished results",
     ),
 )
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}
 """The jobs by name, in the order of the help."""
+
+QUERIES: Mapping[str, str] = MappingProxyType(
+    {
+        "preview": "mrdamper.jobs.previews.runs:look",
+        "preview_head": "mrdamper.jobs.previews.runs:glance",
+        "findings": "mrdamper.jobs.previews.runs:findings_in",
+        "channels": "mrdamper.jobs.channel_map:channels_toml",
+        "runs": "mrdamper.jobs.previews.series:keep_runs",
+        "window": "mrdamper.jobs.previews.series:keep_window",
+        "model": "mrdamper.jobs.previews.series:keep_model",
+        "heat_curve": "mrdamper.jobs.previews.heat:QuickHeat.curve",
+        "damper": "mrdamper.jobs.previews.heat:damper_facts",
+        "drawn": "mrdamper.jobs.previews.heat:draw_damper",
+        "card": "mrdamper.jobs.previews.card:require_card",
+        "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
+    }
+)
+"""Function that answers a query, by name. Queries are short computations for web pages."""
+
+PICTURES: Mapping[str, str] = MappingProxyType(
+    {
+        "Dataset": "mrdamper.report.figures.runs:measured_loops",
+        "RigRun": "mrdamper.report.figures.runs:measured_loops",
+        "ModelCard": "mrdamper.report.cards.picture:card_figure",
+    }
+)
+"""Function that draws a value, by the name of its class."""
 
 
 def public_names() -> dict[str, Job]:

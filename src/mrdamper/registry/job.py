@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from glob import has_magic
-from inspect import get_annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import is_folder, is_there
-from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output, load
+from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output
+from mrdamper.results import load
 from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ class Job:
     out_required: bool = False
     out_default: str = ""
     outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
-    check: str = ""  # module:function(given, options), before anything is read
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
     checkpoint: str = ""  # module:function(folder, resume=), opens what ``run`` takes as ``checkpoint``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
@@ -44,13 +43,6 @@ class Job:
     @property
     def attribute(self) -> str:
         return self.python or self.name
-
-    @property
-    def result_type(self) -> type:
-        """The class that ``run`` says it returns."""
-        module, _, _ = self.run.partition(":")
-        found: type = load(f"{module}:{get_annotations(load(self.run))['return']}")
-        return found
 
     @property
     def options_type(self) -> type:
@@ -107,12 +99,31 @@ class Job:
             required may be missing
         options : of the job's own type
         """
-        return self._run(given, self._read(given, options), options, on_progress)
+        return self._run(given, self._read(given), options, on_progress)
 
-    def _read(self, given: Mapping[str, Any], options: Any) -> dict[str, Any]:  # noqa: ANN401
-        """Return the things that the job works on, by name."""
-        if self.check:
-            load(self.check)(given, options)
+    def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
+        """Run the job with the arguments of its Python function.
+
+        Raises
+        ------
+        InputError
+            An input is None, or an option is invalid.
+        """
+        missing = [each.name for each in self.inputs if each.required and given[each.name] is None]
+        if missing:
+            place = f"mrdamper.{self.attribute}"
+            raise InputError(f"{', '.join(missing)} is None", place=place, expected="a path or an object")
+        options = self.options_from({field.name: given[field.name] for field in self.fields})
+        reading = self.reading_from({field.name: given[field.name] for field in self.reading})
+        things = {each.name: given[each.name] for each in self.inputs} | reading
+        progress = given.get("on_progress")
+        outputs = {each.name: Path(given[each.name]) for each in self.outputs if given[each.name]}
+        if outputs:
+            return self.perform(things, options, outputs=outputs, on_progress=progress)[0]
+        return self(things, options, progress)
+
+    def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the inputs by name."""
         return {each.name: self._value(each, given) for each in self.inputs}
 
     def _value(self, each: Input, given: Mapping[str, Any]) -> Any:  # noqa: ANN401
@@ -160,41 +171,27 @@ class Job:
         outputs : places of what has one of its own, by the output's name
         resume : go on with the finished parts of the same job in the same folder
         """
+        from mrdamper.report.base import write_report
+
         options = self.options_type() if options is None else options
         if outputs and any(field.name == "what" for field in self.fields):
             options = replace(options, what=tuple(outputs))
-        reported = self.reported  # loaded now: what an interrupted job has found can be written at once
-        things = self._read(given, options)
-        head = self._head(given)
-        if out is not None or outputs:
-            places = self._places(out, outputs)
-            return self._into(places, given, things, options, head, on_progress, resume=resume)
-        result = self._run(given, things, options, on_progress)
-        return result, {**head, **reported.answer(result)}
-
-    def _into(
-        self,
-        folders: Mapping[str, Path],
-        given: Mapping[str, Any],
-        things: Mapping[str, Any],
-        options: Any,  # noqa: ANN401
-        head: Mapping[str, object],
-        on_progress: Progress | None,
-        *,
-        resume: bool,
-    ) -> tuple[Any, Json]:
-        """Run the job on things that are read, its files into their places; return (result, answer)."""
-        from mrdamper.report.base import write_report
-
+        reported = (
+            self.reported
+        )  # Loaded before the job, so that an interrupted job writes its files at once.
+        things = self._read(given)
+        if out is None and not outputs:
+            result = self._run(given, things, options, on_progress)
+            return result, {**self._head(given), **reported.answer(result)}
+        folders = self._places(out, outputs)
         more: dict[str, Any] = {}
         with ExitStack() as stack:
             if self.checkpoint:
                 more["checkpoint"] = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
-            # The places first: one that cannot be written to is reported before anything is computed.
-            read = _files_read(given)
-            places = stack.enter_context(self._staged(folders, read))
+            # A path that is not writable is reported before the computation.
+            places = stack.enter_context(self._staged(folders, _files_read(given)))
             result = self._run(given, things, options, on_progress, **more)
-            answer = write_report(self.reported, result, places, head)
+            answer = write_report(reported, result, places, self._head(given))
         return result, answer
 
     def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
@@ -238,10 +235,6 @@ class Job:
         """The outputs that are a file."""
         return {each.name for each in self.outputs if each.metavar != "DIR"}
 
-    def page_answer(self, result: object) -> Json:
-        """Return what a web page shows of a result beside its answer: curves, mostly."""
-        return self.reported.for_page(result)
-
     def _head(self, given: Mapping[str, Any]) -> Json:
         """Return what an answer begins with: the files that were named, by key."""
         named = {each.told: given.get(each.name) for each in self.inputs if each.named_in_answer}
@@ -253,11 +246,11 @@ class Job:
         }
         return {**one, **many}
 
-    def save(self, result: object, out: Path | None = None, *, outputs: Mapping[str, Path] = NOTHING) -> Json:
-        """Write a result's files into a folder, or where ``outputs`` says, all or none; return the answer."""
+    def save(self, result: object, out: str | Path) -> Json:
+        """Write a result's files into a folder, all or none; return the answer."""
         from mrdamper.report.base import write_report
 
-        with self._staged(self._places(out, outputs)) as places:
+        with self._staged(self._places(Path(out), NOTHING)) as places:
             return write_report(self.reported, result, places, NOTHING)
 
 

@@ -7,21 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
-from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from mrdamper.results import load
 from mrdamper.schema import Field, fields_of
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-
-
-def load(name: str) -> Any:  # noqa: ANN401 - whatever has this name
-    """Return the object that ``module:name`` names."""
-    module, _, attribute = name.partition(":")
-    return attrgetter(attribute)(import_module(module))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +53,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "record": Kind(
         "RECORD",
-        "mrdamper.jobs.inputs:read_record",
+        "mrdamper.data.readers:read_file",
         place="records",
         options="mrdamper.jobs.options:MapReading",
     ),

@@ -1,4 +1,4 @@
-"""What a job's result can be turned into: each report module fills one ``Report``."""
+"""The outputs of a job's result: JSON, terminal, page and files. Each report module builds one ``Report``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Generic
 from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
-from mrdamper.report.page import FirstScreen, Page, Result, Tile
+from mrdamper.report.page import FirstScreen, Page, Result, Tile, sentence
 from mrdamper.report.sections import table_of
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
@@ -39,28 +39,36 @@ __all__ = [
 
 
 Rows = Sequence[Mapping[str, object]]
+NOTE_COUNT_MAX = 3  # More notes would hide the values of the result in a terminal.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How a job ended: the exit code of its command, and what that says on standard error."""
+    """How a job ended: the exit code of its command, and messages for standard error."""
 
     exit_code: int = 0
-    said: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
 
 
 DONE = Outcome()
-BEST_SO_FAR = "what was written is the best so far, marked as cancelled"
+BEST_SO_FAR = "The written files have the best result so far and are marked as cancelled."
+NO_FILES = "No files were written. Use --out DIR to write a report."
 
 
-def interrupted(left: str = BEST_SO_FAR) -> Outcome:
-    """Return the outcome of a job that an interrupt has cut short; ``left`` is what there is of it."""
-    return Outcome(exit_code=ConvergenceError.exit_code, said=(f"interrupted: {left}",))
+def interrupted(remaining: str = BEST_SO_FAR) -> Outcome:
+    """Return the outcome of an interrupted job; ``remaining`` is a sentence about its files."""
+    return Outcome(exit_code=ConvergenceError.exit_code, messages=(f"Interrupted. {remaining}",))
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A folder or file: where it is written until all are, and where it will lie."""
+    """A folder or file that a job writes.
+
+    Attributes
+    ----------
+    stage : temporary path, used until all files are complete
+    path : final path
+    """
 
     stage: Path
     path: Path
@@ -71,18 +79,29 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFile(Generic[Result]):
-    """One of the files that a result is written to, or a folder of them."""
+    """A file, or a folder of files, that a result is written to.
 
-    name: str | Callable[[Result], str]  # empty: ``write`` is given the folder itself
-    key: str = ""  # of the answer, under which its path stands; empty: it is not told
-    write: Callable[[Result, Path], object] | None = None  # None: the answer itself, as JSON
-    write_in: Callable[[Result, Place], object] | None = None  # in its stead, where a part's answer has paths
+    Attributes
+    ----------
+    name : name of the file; if empty, ``write`` receives the folder
+    key : key of the path in the answer; if empty, the answer has no path
+    write : writes the file; if None, the file is the answer as JSON
+    write_in : replaces ``write`` if the function needs the final path
+    when : returns False if a result has no such file
+    folder : key of ``Report.beside``; if empty, the file is in the folder that the user names
+    output : name of the job's output that sets the path; if empty, no output does
+    """
+
+    name: str | Callable[[Result], str]
+    key: str = ""
+    write: Callable[[Result, Path], object] | None = None
+    write_in: Callable[[Result, Place], object] | None = None
     when: Callable[[Result], bool] = lambda _: True
-    folder: str = ""  # of ``Report.beside``; empty: the one that the user names
-    output: str = ""  # of the job's outputs, which have an option each; empty: none
+    folder: str = ""
+    output: str = ""
 
     def where(self, result: Result, places: Mapping[str, Place]) -> Place | None:
-        """Return the place of this file: that of its output, else its name in a folder; None: nowhere."""
+        """Return the path of this file, or None if it is not written."""
         if self.output and self.output in places:
             return places[self.output]
         if self.folder not in places or not self.when(result):
@@ -90,40 +109,39 @@ class WrittenFile(Generic[Result]):
         return places[self.folder] / (self.name if isinstance(self.name, str) else self.name(result))
 
 
-def _wrote(_: object, answer: Json, console: Console) -> None:
-    """Print where the files are that a person would open."""
+def wrote_sentence(_: object, answer: Json) -> list[str]:
+    """Return a sentence that names the written files which a user would open."""
     paths = [
         answer[key]
         for key in ("report", "file", "picture", "drawing", "channel_map")
         if answer.get(key) is not None
     ]
-    if paths:
-        console.print(f"wrote {' and '.join(paths)}", markup=False)
+    return [f"Wrote {' and '.join(paths)}." if paths else NO_FILES]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report(Generic[Result]):
-    """The faces of one job's result.
+    """The outputs of one job's result.
 
     Attributes
     ----------
     answer : the object that ``--json`` prints; its keys are documented
-    show : prints tables and notes to a terminal
-    wrote : prints what was written, after them; it is given the answer, too
-    summary : a few lines that answer the user's question; None: those of the page's first screen
-    page : the HTML page, with the first screen that every report has; None where there is nothing to draw
-    files : what is written into the folder that the user names beside the page, all or nothing
-    beside : further folders, by name: each follows from the one that the user names
-    in_folder : further keys of the answer, which follow from that folder
-    lists_files : the answer's ``files`` names all that was written
+    show : prints the result to a terminal, the most important values first
+    closing : returns the last lines on a terminal; the first line names the written files
+    summary : returns a few lines with the main values; if None, the first screen of the page has them
+    page : the HTML page, with the first screen that every report has; None if there is no page
+    files : further files in the folder that the user names; all files are written, or none
+    beside : further folders, by name; each path is computed from the folder that the user names
+    in_folder : further keys of the answer that depend on that folder
+    lists_files : True if the answer's ``files`` names all written files
     curves : further keys of the answer, for the plots of a web page
-    rows : the result as a table, one mapping a row; None where rows make no sense
-    outcome : how the job ended, where that is not always well
+    rows : the result as a table, with one mapping for each row; None if the result has no rows
+    outcome : exit code and messages
     """
 
     answer: Callable[[Result], Json]
     show: Callable[[Result, Console], None]
-    wrote: Callable[[Result, Json, Console], None] = _wrote
+    closing: Callable[[Result, Json], Sequence[str]] = wrote_sentence
     summary: Callable[[Result], Sequence[str]] | None = None
     page: Page[Result] | None = None
     files: tuple[WrittenFile[Result], ...] = ()
@@ -136,23 +154,23 @@ class Report(Generic[Result]):
 
     @property
     def figure(self) -> Callable[[Result], Figure | None] | None:
-        """The picture that answers the question; None where there is none."""
+        """The main figure of the page, or None if the page has no figure."""
         return None if self.page is None else self.page.figure
 
     def lines(self, result: Result) -> Sequence[str]:
-        """Return a few lines that answer the user's question."""
+        """Return a few lines with the main values of the result."""
         if self.summary is not None:
             return self.summary(result)
         return () if self.page is None else self.page.first(result).lines
 
     def for_page(self, result: Result) -> Json:
-        """Return what a web page shows of a result beside its answer: curves, first screen, tables."""
+        """Return the data that a web page needs in addition to the answer: curves, first screen, tables."""
         shown = {} if self.page is None else {"shown": self.page.shown(result)}
         return {**self.curves(result), **shown}
 
     @property
     def written(self) -> tuple[WrittenFile[Result], ...]:
-        """All that is written, the page first."""
+        """All files of a result, the page first."""
         if self.page is None:
             return self.files
         page = WrittenFile(
@@ -167,13 +185,13 @@ class Report(Generic[Result]):
 def write_report(
     report: Report[Result], result: Result, places: Mapping[str, Place], head: Mapping[str, object]
 ) -> Json:
-    """Write a result's files; return the answer, with their paths.
+    """Write the files of a result and return the answer with their paths.
 
     Parameters
     ----------
-    places : the folder that the user named, under the empty name, and further folders and outputs by their
-        names; what has no place is not written
-    head : what the answer begins with
+    places : folders and outputs by name; the empty name is the folder that the user named. A file without a
+        place is not written.
+    head : first keys of the answer
     """
     found = ((file, file.where(result, places)) for file in report.written)
     files = [(file, place) for file, place in found if place is not None]
@@ -198,10 +216,10 @@ def write_report(
 
 
 def picture_file(name: str, draw: Callable[[Result], Figure], label: str) -> WrittenFile[Result]:
-    """Return the file of a picture (SVG) that a report writes beside its page."""
+    """Return the SVG file of a figure, written next to the page."""
 
     def write(result: Result, path: Path) -> None:
-        from mrdamper.report.figures.style import drawing_style, svg_of  # loads Matplotlib: only where drawn
+        from mrdamper.report.figures.style import drawing_style, svg_of  # imports Matplotlib
 
         with drawing_style():
             path.write_text(svg_of(draw(result), label), encoding="utf-8")
@@ -220,7 +238,7 @@ def course_report(
     label: str,
     rows: Callable[[Result], Rows],
 ) -> Report[Result]:
-    """Return the report of a result that is a course: the page and a CSV file have its rows."""
+    """Return the report of a time series. The page and a CSV file contain its rows."""
     return Report(
         answer=answer,
         show=show,
@@ -246,6 +264,9 @@ def _files_of(path: Path) -> Iterable[Path]:
 
 
 def print_notes(notes: Iterable[str], console: Console) -> None:
-    """Print what a reader of a result should know, one line each."""
-    for note in notes:
-        console.print(f"- {escape(note)}")
+    """Print the first notes on a result. The report has all of them."""
+    sentences = [sentence(note) for note in notes]
+    for note in sentences[:NOTE_COUNT_MAX]:
+        console.print(f"Note: {escape(note)}")
+    if len(sentences) > NOTE_COUNT_MAX:
+        console.print(f"The report has {len(sentences) - NOTE_COUNT_MAX} more notes.")

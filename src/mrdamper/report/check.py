@@ -1,4 +1,4 @@
-"""What ``check`` found: the answer's keys, the tables of a terminal, the page, findings as CSV."""
+"""Result of ``check`` as JSON, terminal output, page and CSV file of the findings."""
 
 from __future__ import annotations
 
@@ -14,12 +14,20 @@ from mrdamper.data.readers import UnreadableFile
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
-from mrdamper.report.sections import Column, Section, Table
+from mrdamper.report.page import sentence
+from mrdamper.report.sections import Column, Section, Table, print_compact
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# The terminal shows the most important lines. The report has all of them.
+RUN_COUNT_MAX = 8
+FINDING_COUNT_MAX = 4
+QUESTION_COUNT_MAX = 4
+FORMAT_COUNT_MAX = 2
+INFERENCE_COUNT_MAX = 3
 
 _COLOUR: dict[Severity, str] = {"fault": "red", "warning": "yellow", "note": "cyan"}
 _COLUMNS = (
@@ -39,28 +47,33 @@ _COLUMNS = (
 
 def _first(result: CheckResult) -> FirstScreen:
     runs = result.runs
-    number = f"{len(runs)} run{'' if len(runs) == 1 else 's'}"
-    verdict, found = _verdict(result)
+    number = _run_count(len(runs))
+    verdict, counts = _verdict(result)
     worst = next((finding for finding, _ in by_kind(result.findings)), None)
     forces = [run.force_range_N for run in runs if run.force_range_N is not None]
     strokes = [run.stroke_mm for run in runs if run.stroke_mm is not None]
     clean = sum(not run.findings for run in runs)
     return FirstScreen(
         title=f"Check of {number}",
-        subject=f"{len(result.files)} files were read, {len(result.unreadable)} were not.",
-        verdict=f"{number}: {verdict}; {found}"
-        + ("" if worst is None else f"; the gravest is in {worst.run or 'all runs'}: {worst.found}"),
+        subject=f"{len(result.files)} files were read. {len(result.unreadable)} files could not be read.",
+        verdict=f"{verdict}: {counts} in {number}"
+        + ("" if worst is None else f". The worst is in {worst.run or 'all runs'}: {worst.found}"),
         tiles=(
-            Tile(number, "that were read", f"{clean} of them without a finding"),
-            Tile(_span(forces, "N"), "range of force of a run, peak to peak"),
-            Tile(_span(strokes, "mm"), "stroke of a run, peak to peak"),
+            Tile(number, "were read", f"{clean} without findings"),
+            Tile(_range(forces, "N"), "force range of the runs, peak to peak"),
+            Tile(_range(strokes, "mm"), "stroke of the runs, peak to peak"),
         ),
-        caption="Measured force over displacement, samples all over each run; red: a run with a fault",
-        flags=[("A file was not read", each.error) for each in result.unreadable[:3]],
+        caption="Measured force versus displacement, evenly spaced samples of each run. Runs with a fault "
+        "are red.",
+        flags=[("A file could not be read", file.error) for file in result.unreadable[:3]],
     )
 
 
-def _span(values: Sequence[float], unit: str) -> str:
+def _run_count(count: int) -> str:
+    return f"{count} run{'' if count == 1 else 's'}"
+
+
+def _range(values: Sequence[float], unit: str) -> str:
     if not values:
         return "–"
     low, high = min(values), max(values)
@@ -68,7 +81,7 @@ def _span(values: Sequence[float], unit: str) -> str:
 
 
 def _figure(result: CheckResult) -> Figure | None:
-    from mrdamper.report.figures.check import runs_figure  # loads Matplotlib
+    from mrdamper.report.figures.check import runs_figure  # imports Matplotlib
 
     return runs_figure(result)
 
@@ -79,21 +92,26 @@ def _figure(result: CheckResult) -> Figure | None:
 def _sections(result: CheckResult) -> list[Section]:
     found: list[Section] = []
     if result.unreadable:
-        error: Column[UnreadableFile] = Column("what is wrong", "error")
+        error: Column[UnreadableFile] = Column("error", "error")
         found.append(Table(title="Files that could not be read", columns=[error], rows=result.unreadable))
     if result.findings:
         found.append(findings_table(result.findings, of_runs=True))
-    understood: list[Column[CheckedFile]] = [
+    columns: list[Column[CheckedFile]] = [
         Column("file", lambda file: str(file.path)),
-        Column("as", lambda file: file.layout.in_words()),
+        Column("format", lambda file: file.layout.in_words()),
         Column("columns", lambda file: "; ".join(f"{c.role}: {c.name} in {c.unit}" for c in file.columns)),
     ]
-    files = Table(title="How the files were understood", columns=understood, rows=result.files)
+    files = Table(title="Formats of the files", columns=columns, rows=result.files)
     return [*found, _runs_table(result.runs), files]
 
 
 def findings_table(findings: Sequence[Finding], *, of_runs: bool = False) -> Table[Finding]:
-    """Return the table of what is wrong, where, and what to do; ``of_runs``: they are of several runs."""
+    """Return the table of findings with effects and remedies.
+
+    Parameters
+    ----------
+    of_runs : True if the findings belong to several runs, which the table then names
+    """
     run: list[Column[Finding]] = [Column("run", "run", names_run=True)] if of_runs else []
     return Table(
         title="Findings",
@@ -101,16 +119,16 @@ def findings_table(findings: Sequence[Finding], *, of_runs: bool = False) -> Tab
             Column("", "severity"),
             *run,
             Column("where", _where),
-            Column("found", "found"),
-            Column("what it does to a fit" if of_runs else "what it does", "effect"),
-            Column("what to do", "remedy"),
+            Column("finding", "found"),
+            Column("effect on a fit" if of_runs else "effect", "effect"),
+            Column("remedy", "remedy"),
         ],
         rows=findings,
     )
 
 
 def _where(finding: Finding) -> str:
-    """Return the channel, and from when to when."""
+    """Return the channel and the time interval of a finding."""
     if finding.from_s is None:
         return finding.channel
     end = "" if finding.to_s in {None, finding.from_s} else f" to {finding.to_s:.6g}"
@@ -122,7 +140,7 @@ def _runs_table(runs: Sequence[CheckedRun]) -> Table[CheckedRun]:
         Column("run", "name", names_run=True),
         Column("samples", "samples", form="d"),
         Column("rate", "rate_Hz", "Hz", ".4g"),
-        Column("lasts", "duration_s", "s", ".4g"),
+        Column("duration", "duration_s", "s", ".4g"),
         Column("stroke", "stroke_mm", "mm", ".4g"),
         Column("force", "force_range_N", "N", ".4g"),
         Column("findings", lambda run: ", ".join(each.kind for each in run.findings) or None),
@@ -174,43 +192,66 @@ def _run(run: CheckedRun) -> Json:
 
 def _rows(result: CheckResult) -> list[dict[str, object]]:
     """Return the findings as a table."""
-    told = [finding.to_dict() for finding in result.findings]
-    return [{name: each[name] for name in _COLUMNS} for each in told]
+    rows = [finding.to_dict() for finding in result.findings]
+    return [{name: row[name] for name in _COLUMNS} for row in rows]
 
 
 # --------------------------------------------------------------------------------------------- the terminal
 
 
 def _show(result: CheckResult, console: Console) -> None:
-    """Print how files were understood, the runs, and the findings."""
-    for words, paths in _by_layout(result.files).items():
+    """Print the verdict, the findings, the runs with findings, open questions, and the file formats."""
+    verdict, counts = _verdict(result)
+    runs = [run for run in result.runs if run.findings]
+    if result.runs:
+        console.print(f"[bold]{verdict}[/bold]: {counts} in {_run_count(len(result.runs))}.")
+    else:
+        console.print("[bold]No run could be read.[/bold]")
+    show_findings(result.findings, console)
+    if len(runs) > 1:
+        columns: list[Column[CheckedRun]] = [
+            Column("run with findings", "name"),
+            Column("findings", lambda run: ", ".join(finding.kind for finding in run.findings)),
+        ]
+        table = Table(title="", columns=columns, rows=runs[:RUN_COUNT_MAX])
+        print_compact(table.printed(whole=True), console)
+        _print_rest(len(runs) - RUN_COUNT_MAX, "runs with findings", console)
+    _show_questions(result, console)
+    layouts = _by_layout(result.files)
+    for words, paths in list(layouts.items())[:FORMAT_COUNT_MAX]:
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         console.print(f"{escape(paths[0])}{more}: {escape(words)}")
-    for inference in (each for file in result.files for each in file.inferred):
+    _print_rest(len(layouts) - FORMAT_COUNT_MAX, "formats", console)
+
+
+def _show_questions(result: CheckResult, console: Console) -> None:
+    """Print values that were read from words, and questions that the files leave open."""
+    inferred = [inference for file in result.files for inference in file.inferred]
+    for inference in inferred[:INFERENCE_COUNT_MAX]:
         console.print(escape(inference.in_words()))
-    for question in result.questions:
+    _print_rest(len(inferred) - INFERENCE_COUNT_MAX, "values from the names of files and folders", console)
+    for question in result.questions[:QUESTION_COUNT_MAX]:
         choice = f" ({escape(', '.join(question.candidates[:6]))})" if question.candidates else ""
-        console.print(f"[cyan]asked[/cyan] {escape(question.file)}: {escape(question.text)}{choice}.")
-        console.print(f"  answer with --answer {question.key}=VALUE", markup=False)
-    if not result.runs:
-        console.print("[bold]no run could be read[/bold]")
-        return
-    console.print(_runs_table(result.runs).printed())
-    show_findings(result.findings, console)
-    verdict, counts = _verdict(result)
-    console.print(f"[bold]{verdict}[/bold]: {counts}")
+        console.print(f"[cyan]Question[/cyan] {escape(question.file)}: {escape(question.text)}{choice}.")
+        console.print(f"  Answer it with --answer {question.key}=VALUE", markup=False)
+    _print_rest(len(result.questions) - QUESTION_COUNT_MAX, "questions", console)
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
     """Print the largest finding of each kind, the worst first."""
-    for finding, run_count in by_kind(findings):
+    kinds = by_kind(findings)
+    for finding, run_count in kinds[:FINDING_COUNT_MAX]:
         colour, others = _COLOUR[finding.severity], max(run_count - 1, 0)
         more = f" (and in {others} more run{'s' if others > 1 else ''})" if others else ""
-        console.print(
-            f"[{colour}]{finding.severity}[/{colour}] {escape(finding.run or 'all runs')}: "
-            f"{escape(finding.found)}{more}. "
-            f"{escape(finding.effect)}. {escape(finding.remedy)}."
-        )
+        text = f"{finding.run or 'all runs'}: {finding.found}{more}. {finding.effect}. {finding.remedy}"
+        console.print(f"[{colour}]{finding.severity.capitalize()}[/{colour}]: {escape(sentence(text))}")
+    _print_rest(len(kinds) - FINDING_COUNT_MAX, "kinds of findings", console)
+
+
+def _print_rest(count: int, name: str, console: Console) -> None:
+    """Print the number of omitted lines, if any."""
+    if count > 0:
+        console.print(f"The report has {count} more {name}.")
 
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
@@ -218,22 +259,22 @@ def _verdict(result: CheckResult) -> tuple[str, str]:
     counts = ", ".join(
         f"{number} {severity}{'s' if number != 1 else ''}" for severity, number in result.counts.items()
     )
-    return "the runs can be fitted" if result.usable else "not to be fitted as they are", counts
+    return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, list[str]]:
-    """Return the files by how they were understood, columns and all."""
-    found: dict[str, list[str]] = {}
+    """Return the paths of the files by format and columns."""
+    paths: dict[str, list[str]] = {}
     for file in files:
-        columns = ", ".join(f"{each.role} {each.name!r} in {each.unit}" for each in file.columns)
-        found.setdefault(f"{file.layout.in_words()}; {columns}", []).append(str(file.path))
-    return found
+        columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)
+        paths.setdefault(f"{file.layout.in_words()}; {columns}", []).append(str(file.path))
+    return paths
 
 
 def _outcome(result: CheckResult) -> Outcome:
     if result.unreadable:
-        said = tuple(each.error for each in result.unreadable)
-        return Outcome(exit_code=InputError.exit_code, said=said)
+        messages = tuple(file.error for file in result.unreadable)
+        return Outcome(exit_code=InputError.exit_code, messages=messages)
     return DONE if result.usable else Outcome(exit_code=CheckError.exit_code)
 
 
@@ -253,7 +294,7 @@ REPORT: Report[CheckResult] = Report(
             name="channels.toml",
             key="channel_map",
             write=lambda result, path: path.write_text(result.channel_map.text, encoding="utf-8"),
-            when=lambda _: False,  # written only where the user names a file
+            when=lambda _: False,  # Only --write-map writes it.
             output="write_map",
         ),
     ),

@@ -1,4 +1,4 @@
-"""What ``cycles`` found: the answer's keys, the tables of a terminal, page, figures."""
+"""Result of ``cycles`` as JSON, terminal output, page and files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mrdamper.report.base import (
     WrittenFile,
 )
 from mrdamper.report.check import findings_table
-from mrdamper.report.figures.style import HELD_OUT, TRAINING, WIDE
+from mrdamper.report.figures.style import HELD_OUT, TRAINING, WIDTH_INCH
 from mrdamper.report.sections import Column, Section, Table
 from mrdamper.schema import Json
 
@@ -40,26 +40,26 @@ _PANELS = (
     ("temperature_degC",),
 )
 
-_MOST_FLAGS = 2  # findings on the first screen
+FLAG_COUNT_MAX = 2  # The first screen has space for two findings.
 
 
 def _first(result: CyclesResult) -> FirstScreen:
     count = len(result.cycles)
     stroke = f"a cycle has a stroke of more than {1e3 * result.stroke_min_m:.4g} mm"
     size = result.group_size
-    groups = "" if size == 1 else f": means of {size} cycles, bands from min to max"
+    groups = "" if size == 1 else f". Points are means of {size} cycles, bands are their range"
     return FirstScreen(
         title=f"{count} cycles of {Path(result.source).name}",
         subject=f"{result.source}: {result.rows:,} rows ({result.understood}); {stroke}.",
         verdict=f"{count:,} cycles dissipate {result.energy_J:.5g} J",
         tiles=_tiles(result),
-        caption=f"Values by number of the cycle{groups}",
-        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:_MOST_FLAGS]],
+        caption=f"Values versus cycle number{groups}",
+        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:FLAG_COUNT_MAX]],
     )
 
 
 def _tiles(result: CyclesResult) -> tuple[Tile, Tile, Tile]:
-    """Return energy, force and temperature (or stiffness) of a cycle."""
+    """Return the tiles of energy, force, and temperature or stiffness."""
     named = [("energy_J", "J", "energy per cycle"), ("highest_force_N", "N", "highest force")]
     warm = "temperature_degC" in result.columns
     named.append(
@@ -79,14 +79,14 @@ def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
 
 
 def _over_cycles(result: CyclesResult) -> Figure | None:
-    """Return a panel for each value by number of the cycle: means of the groups and their range."""
+    """Return one panel for each value versus cycle number, with the means and ranges of the groups."""
     groups, number = result.groups, result.group_number
     panels = [panel for panel in _PANELS if panel[0] in groups]
     if not panels:
         return None
     count = -(-len(panels) // 2)
     height = 1.35 * count + 0.4
-    figure = Figure(figsize=(WIDE, height))
+    figure = Figure(figsize=(WIDTH_INCH, height))
     places = figure.subplots(count, min(len(panels), 2), sharex=True, squeeze=False).ravel(order="F")
     for axes, panel in zip(places, panels, strict=False):
         for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
@@ -94,8 +94,8 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
             if result.group_size > 1:
                 axes.fill_between(number, low, high, color=colour, alpha=0.25, linewidth=0)
             axes.plot(number, mean, "-" if len(number) > 1 else ".", color=colour, linewidth=1.0)
-        said = "; ".join(TITLES[name] for name in panel)
-        axes.set_title(said[0].upper() + said[1:], loc="left", pad=3)
+        text = "; ".join(TITLES[name] for name in panel)
+        axes.set_title(text[0].upper() + text[1:], loc="left", pad=3)
     for axes in places[len(panels) :]:
         axes.remove()
     for axes in places[count - 1 : len(panels) : count]:
@@ -117,9 +117,9 @@ def _sections(result: CyclesResult) -> list[Section]:
 def _figures_table(
     result: CyclesResult, title: str, words: Mapping[str, str] = TITLES
 ) -> Table[tuple[str, FigureSummary]]:
-    """Return the table of each value over the cycles; ``words`` are its titles."""
+    """Return the table of all values. The titles of the values are in ``words``."""
     count, figures = result.group_size, result.figures
-    ends = f"means of the first and the last {count} cycles at most" if count > 1 else "single cycles"
+    ends = f"means of up to {count} cycles at the start and at the end" if count > 1 else "single cycles"
 
     def figure(title: str, form: str = ".5g") -> Column[tuple[str, FigureSummary]]:
         return Column(title, lambda row: getattr(row[1], title), form=form)
@@ -133,14 +133,15 @@ def _figures_table(
             Column("per 1000 cycles", lambda row: row[1].trend_per_1000_cycles, form=".5g"),
         ],
         rows=[(name, figures[name]) for name in TITLES if name in figures],
-        caption=f"First and last are {ends}; the trend is a straight line by least squares. Energy: the "
-        "integral of force over displacement by the trapezoidal rule, closed over the cycle. Stiffness: "
-        "the secant through the extremes of displacement. Every cycle is in cycles.csv.",
+        caption=f"First and last are {ends}. The trend is the slope of a least-squares line. The energy "
+        f"is the "
+        "integral of force over displacement by the trapezoidal rule. The stiffness is the slope of the line "
+        "between the extremes of displacement. The file cycles.csv has all cycles.",
     )
 
 
 def _change(name: str, figure: FigureSummary) -> float | None:
-    """Return how much more the last cycles have than the first [%]; None for degrees, which have no share."""
+    """Return the change from the first to the last cycles [%], or None for temperatures."""
     return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
 
 
@@ -148,7 +149,7 @@ def _change(name: str, figure: FigureSummary) -> float | None:
 
 
 def _answer(result: CyclesResult) -> Json:
-    """Return the answer of ``mrdamper cycles --json`` without the files."""
+    """Return the object that ``mrdamper cycles --json`` prints, without the paths of the files."""
     return {
         "record": result.source,
         "understood": result.understood,
@@ -164,14 +165,14 @@ def _answer(result: CyclesResult) -> Json:
 
 
 def _rows(result: CyclesResult) -> list[dict[str, object]]:
-    """Return the means of the groups as a table."""
+    """Return the means of the groups as table rows."""
     columns = {"cycle": result.group_number, **{name: mean for name, (mean, _, _) in result.groups.items()}}
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def _write_table(result: CyclesResult, path: Path) -> None:
-    """Write every cycle as CSV; a missing value is an empty cell."""
+    """Write all cycles as CSV. The cell of a missing value is empty."""
     found = result.cycles
     columns = {
         "cycle": range(1, len(found) + 1),
@@ -193,7 +194,7 @@ def _write_table(result: CyclesResult, path: Path) -> None:
 
 
 def _show(result: CyclesResult, console: Console) -> None:
-    """Print the figures over the cycles, and what is wrong with the record."""
+    """Print the values of the cycles and the findings of the record."""
     title = f"{len(result.cycles):,} cycles in {result.rows:,} rows"
     console.print(_figures_table(result, title, words={}).printed())
     for finding in result.findings:
@@ -204,7 +205,7 @@ _PAGE = Page(
     name="cycles.html",
     first=_first,
     picture=_over_cycles,
-    label="Figures over the cycles",
+    label="Values versus cycle number",
     sections=_sections,
 )
 

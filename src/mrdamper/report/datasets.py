@@ -1,4 +1,4 @@
-"""Public data sets: their list, and where a fetched one lies; its runs with their channel maps."""
+"""Results of ``data list`` and ``data fetch``: the list of data sets, and the files of a fetched one."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from mrdamper.jobs.public_data.catalog import DataSet
 from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.schema import Json
-
-"""What the name of a file's channel map ends with, beside the file."""
 
 
 def _entry(each: DataSet) -> Json:
@@ -40,12 +38,14 @@ def _show_list(found: PublicData, console: Console) -> None:
     for entry in _entries(found):
         console.print(f"[bold]{escape(entry.pop('name'))}[/bold]")
         for key, value in entry.items():
-            console.print(f"  {key}: {escape(str(value))}")
+            if value is not None:
+                console.print(f"  {key}: {escape(str(value))}")
 
 
 LISTED = Report(
     answer=lambda found: {"datasets": _entries(found)},
     show=_show_list,
+    closing=lambda _, __: [],
     summary=lambda found: [f"{each.name}: {each.title}" for each in found.sets],
     rows=_entries,
 )
@@ -53,7 +53,7 @@ LISTED = Report(
 
 def _fetched(found: FetchedData) -> Json:
     data = found.data
-    more = [f"not there: {', '.join(found.missing)}"] if found.missing else []
+    more = [f"missing: {', '.join(found.missing)}"] if found.missing else []
     return {
         "name": data.name,
         "folder": str(found.folder),
@@ -69,13 +69,13 @@ def _fetched(found: FetchedData) -> Json:
 
 
 def _show_fetched(found: FetchedData, console: Console) -> None:
-    """Print one path a line."""
+    """Print the paths, one in each line, so that a script can read them."""
     for path in found.files:
         console.print(str(path), markup=False, soft_wrap=True)
 
 
 def _write_runs(found: FetchedData, folder: Path) -> None:
-    """Write each file with its channel map beside it, ready to be fitted."""
+    """Write each file with its channel map, so that ``fit`` can read it."""
     for path in found.runs:
         shutil.copyfile(path, folder / path.name)
         shutil.copyfile(found.channels, folder / f"{path.name}{MAP_SUFFIX}")
@@ -84,6 +84,7 @@ def _write_runs(found: FetchedData, folder: Path) -> None:
 FETCHED = Report(
     answer=_fetched,
     show=_show_fetched,
+    closing=lambda _, __: [],
     summary=lambda found: [f"{found.data.name}: {len(found.runs)} files in {found.folder}"],
     files=(WrittenFile(name="", write=_write_runs),),
 )

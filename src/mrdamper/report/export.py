@@ -16,9 +16,9 @@ from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
 from mrdamper.report.cards.picture import card_figure
 from mrdamper.runtime.outputs import write_json
-from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
+LISTED_FILE_COUNT_MAX = 3  # The closing line gives only the number of files if there are more.
 _CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
 
 
@@ -69,10 +69,10 @@ def _summary(found: ExportResult) -> list[str]:
 
 def _comparison(record: Verification) -> str:
     worst = record.worst_ulp
-    same = "the same bits" if worst == 0 else f"at most {worst} units in the last place from it"
+    same = "identical bits" if worst == 0 else f"a difference of at most {worst} units in the last place"
     return (
-        f"compiled with {record.compiler_version}, run over {record.samples} samples and compared with the "
-        f"model in Python: {same}"
+        f"compiled with {record.compiler_version} and compared with the model in Python in {record.samples} "
+        f"samples: {same}"
     )
 
 
@@ -87,7 +87,7 @@ def _thermal(target: Target, record: Verification) -> list[str]:
         return []
     worst = max(record.thermal_K.values())
     return [
-        f"thermal model: {target.thermal.states} states; compiled, it differs from Python by at most "
+        f"thermal model: {target.thermal.states} states, maximum difference between compiled code and Python "
         f"{1e3 * worst:.2g} mK"
     ]
 
@@ -99,8 +99,13 @@ def _show(found: ExportResult, console: Console) -> None:
     print_notes(found.notes, console)
 
 
-def _wrote(found: ExportResult, answer: Json, console: Console) -> None:
-    console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {', '.join(answer['files'])}"))
+def _closing(_: ExportResult, answer: Json) -> list[str]:
+    """Return the written files, or their number and folders if there are many."""
+    files = [Path(name) for name in answer["files"]]
+    if len(files) <= LISTED_FILE_COUNT_MAX:
+        return [f"Wrote {', '.join(map(str, files))}."]
+    folders = dict.fromkeys(str(file.parent) for file in files)
+    return [f"Wrote {len(files)} files to {', '.join(folders)}."]
 
 
 # -------------------------------------------------------------------------------------------- the page
@@ -112,7 +117,7 @@ def _first(found: ExportResult) -> FirstScreen:
     return FirstScreen(
         title=f"Exported: {found.card.title or 'a card'}",
         subject="" if code is None else _summary(found)[0] + ".",
-        verdict="no code was exported" if code is None else _verdict(code.record),
+        verdict="No code was exported" if code is None else _verdict(code.record),
         tiles=(_comparison_tile(code), _size_tile(code), _error_tile(found)),
         caption="Force versus peak velocity of the card's damper, one curve for each command",
         notes=() if code is None else [*_thermal(code.target, code.record), *found.notes],
@@ -121,36 +126,36 @@ def _first(found: ExportResult) -> FirstScreen:
 
 def _verdict(record: Verification) -> str:
     same = (
-        "the model's own bits"
+        "is identical to the model in all bits"
         if record.worst_ulp == 0
-        else "the model's numbers except for their last digits"
+        else "differs from the model only in the last digits"
     )
-    return f"the compiled code gives {same} in {record.samples:,} samples ({record.compiler_version})"
+    return f"The compiled code {same}, in {record.samples:,} samples ({record.compiler_version})"
 
 
 def _comparison_tile(code: CodeExport | None) -> Tile:
     if code is None:
-        return Tile("–", "no code was exported")
+        return Tile("–", "no exported code")
     record = code.record
     differing = sum(each.samples_differing for each in record.outputs.values())
     off = f"{record.worst_ulp} ulp" if record.worst_ulp else "0 bits"
-    return Tile(off, "largest difference to Python", f"{differing:,} of {record.samples:,} samples differ")
+    return Tile(off, "maximum difference from Python", f"{differing:,} of {record.samples:,} samples differ")
 
 
 def _size_tile(code: CodeExport | None) -> Tile:
     sizes = {} if code is None else code.record.sizes_bytes
     if "code" not in sizes:
-        return Tile("–", "size of the code not measured")
+        return Tile("–", "size of the code is not available")
     rest = ", ".join(f"{part} {1e-3 * sizes[part]:.1f} kB" for part in ("tables", "state") if part in sizes)
-    return Tile(f"{1e-3 * sizes['code']:.1f} kB", "of code, compiled on this machine", rest)
+    return Tile(f"{1e-3 * sizes['code']:.1f} kB", "code size, compiled on this computer", rest)
 
 
 def _error_tile(found: ExportResult) -> Tile:
     band = found.card.force_band
     if band is None:
-        return Tile("–", "the card has no expected error of its force")
+        return Tile("–", "the card has no expected error")
     worst = f"worst {band.worst_nrmse_percent:.1f} %, over {band.folds} left-out {band.left_out}"
-    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of the card's force", worst)
+    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of the model", worst)
 
 
 def _output_rows(found: ExportResult) -> list[dict[str, object]]:
@@ -171,7 +176,7 @@ def _output_rows(found: ExportResult) -> list[dict[str, object]]:
 
 
 def _write_folder(found: ExportResult, folder: Path) -> None:
-    """Write the C sources with their record and the page."""
+    """Write the C source files with their record and the page."""
     assert found.code is not None
     target = found.code.target
     folder.mkdir(exist_ok=True)
@@ -200,14 +205,14 @@ def _write_matlab(found: ExportResult, folder: Path) -> None:
 REPORT = Report(
     answer=_answer,
     show=_show,
-    wrote=_wrote,
+    closing=_closing,
     summary=_summary,
     page=Page(
         name="export.html",
         first=_first,
         picture=lambda found: card_figure(found.card),
         label="Force versus peak velocity",
-        sections=lambda found: table_of(_output_rows(found), "Compiled code against the model"),
+        sections=lambda found: table_of(_output_rows(found), "Compiled code compared with the model"),
     ),
     files=(
         WrittenFile(

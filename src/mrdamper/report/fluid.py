@@ -1,4 +1,4 @@
-"""Report of ``fluid``: JSON, the laws on the terminal, the file of the fluid and its figure."""
+"""Result of ``fluid`` as JSON, terminal output, fluid file and figure."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _fall(quantity: str, fit: LawFit) -> str:
 
 
 def _rows(result: FluidResult) -> list[dict[str, object]]:
-    """Return one row for each parameter of each law, the best law of a quantity first."""
+    """Return one row for each parameter of each law. The best law of a quantity is first."""
     return [
         {
             "quantity": quantity,
@@ -101,7 +101,7 @@ def _rows(result: FluidResult) -> list[dict[str, object]]:
 
 
 def _show(result: FluidResult, console: Console) -> None:
-    for table in table_of(_rows(result), "Laws, the best of each quantity first"):
+    for table in table_of(_rows(result), "Laws, the best one of each quantity first"):
         console.print(table.printed(whole=True))
     for quantity, study in _studies(result):
         console.print(f"{_fall(quantity, study.best)} ({np.count_nonzero(study.used)} points)")
@@ -115,7 +115,7 @@ def _figure(result: FluidResult) -> Figure:
 def _first(result: FluidResult) -> FirstScreen:
     studies = list(_studies(result))
     falls = [
-        Tile(f"{study.best.fall_percent:.1f} %", f"{quantity}: fall from 20 to 100 °C")
+        Tile(f"{study.best.fall_percent:.1f} %", f"{quantity}: decrease from 20 to 100 °C")
         for quantity, study in studies
     ]
     residuals = [
@@ -123,14 +123,15 @@ def _first(result: FluidResult) -> FirstScreen:
         for quantity, study in studies
     ]
     low, high = map(to_degC, result.fluid.valid_K)
-    valid = Tile(f"{low:g} to {high:g} °C", "valid", f"the rest as {result.like.name}")
+    valid = Tile(f"{low:g} to {high:g} °C", "valid range", f"other properties from {result.like.name}")
     tiles = [*falls, *residuals, valid]
     return FirstScreen(
         title=f"The fluid {result.fluid.name}",
-        subject=f"Laws fitted to rheometer tables; the rest as {result.like.name}.",
+        subject=f"Laws fitted to rheometer tables. Other properties are those of {result.like.name}.",
         verdict="; ".join(_fall(quantity, study.best).replace("degC", "°C") for quantity, study in studies),
         tiles=(tiles[0], tiles[1], tiles[2]),
-        caption="Points: measured (hollow: not fitted); thick: the best law; dashed: the other laws",
+        caption="Points are measured, hollow points are not used. The thick line is the best law, dashed "
+        "lines are the other laws",
         notes=result.notes,
     )
 

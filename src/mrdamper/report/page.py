@@ -1,9 +1,9 @@
-"""The HTML page of a result: a first screen that answers, then what the answer rests on.
+"""HTML page of a result: a first screen with the verdict, followed by sections with the details.
 
-A report declares one ``Page``. Its first screen is the same in every report: title, verdict, three figures
-with their band, the picture, caveats. What follows are its sections, tables and more pictures. A web page
-shows the same first screen and tables beside plots of its own.
-Pages open offline, print well, and hold names that users chose as text. The same input gives the same bytes.
+A report declares one ``Page``. All first screens have the same structure: title, verdict, three values with
+their uncertainty, a figure, and notes. The sections below are tables and figures. A web page shows the same
+first screen and tables together with its own plots.
+Pages work offline and can be printed. Names from users are escaped. The same input gives the same bytes.
 """
 
 from __future__ import annotations
@@ -25,30 +25,37 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Result = TypeVar("Result")
-_LEGIBLE = 0.92  # CSS pixels for a point of a figure: its letters of 7 points have 6.5 pixels
+LEGIBLE_PX_PER_PT = 0.92  # Letters of 7 points are then 6.5 CSS pixels high.
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One of the three figures of a first screen."""
+    """One of the three values of a first screen.
 
-    value: str  # with its unit
-    label: str  # what it is
-    band: str = ""  # its interval, spread or worst case, in words
+    Attributes
+    ----------
+    value : number with its unit
+    label : name of the value
+    band : interval, spread or worst case as text
+    """
+
+    value: str
+    label: str
+    band: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstScreen:
-    """What a reader sees before scrolling.
+    """The part of a page that is visible without scrolling.
 
     Attributes
     ----------
-    verdict : one sentence that answers the user's question
-    tiles : three figures with their band
-    subject : what was computed from what (card, duty, model), one line
-    caption : how to read the picture
-    flags : what would mislead if it were overlooked, as (lead, text)
-    notes : further caveats, one sentence each
+    verdict : one sentence with the main result
+    tiles : three values with their uncertainty
+    subject : one line with the inputs (card, load cycle, model)
+    caption : explanation of the figure
+    flags : important warnings as (title, text)
+    notes : further notes, one sentence each
     """
 
     title: str
@@ -61,11 +68,11 @@ class FirstScreen:
 
     @property
     def lines(self) -> list[str]:
-        """The verdict and the figures as plain text."""
-        told = [
+        """The verdict and the values as plain text."""
+        values = [
             f"{each.value}: {each.label}" + (f" ({each.band})" if each.band else "") for each in self.tiles
         ]
-        return [sentence(self.verdict), *told]
+        return [sentence(self.verdict), *values]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,14 +81,14 @@ class Page(Generic[Result]):
 
     Attributes
     ----------
-    name : of its file
+    name : name of the file
     first : the first screen
-    picture : the picture of the first screen, which ``plot()`` gives in Python; None: nothing to draw
-    label : what the picture shows, for readers who hear the page
-    sections : what follows, tables and pictures; a web page shows the tables, too
-    template : lays them out; one of its own has the result (``it``), the sections and ``values``
-    values : further values for that template
-    when : whether there is a page
+    picture : returns the figure of the first screen, which is also the result of ``plot()`` in Python
+    label : description of the figure for screen readers
+    sections : returns the tables and figures below; a web page shows the tables, too
+    template : Jinja template of the page; it receives the result (``it``), the sections and ``values``
+    values : returns further values for the template
+    when : returns False if a result has no page
     """
 
     name: str
@@ -94,14 +101,14 @@ class Page(Generic[Result]):
     when: Callable[[Result], bool] = lambda _: True
 
     def render(self, result: Result) -> str:
-        """Return the page's HTML."""
+        """Return the HTML text of the page."""
         first, picture = self.first(result), self._svg(result)
         template = environment().get_template(self.template)
-        told = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
-        return template.render(**told, **self.values(result))
+        context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
+        return template.render(**context, **self.values(result))
 
     def shown(self, result: Result) -> Json:
-        """Return the first screen, but for its picture, and the tables, as a web page lays them out."""
+        """Return the first screen without its figure, and the tables, for a web page."""
         first = self.first(result)
         return {
             **asdict(first),
@@ -112,14 +119,14 @@ class Page(Generic[Result]):
         }
 
     def _svg(self, result: Result) -> str:
-        from mrdamper.report.figures.style import drawing_style, svg_of  # loads Matplotlib
+        from mrdamper.report.figures.style import drawing_style, svg_of  # imports Matplotlib
 
         with drawing_style():
             figure = self.picture(result)
             return "" if figure is None else svg_of(figure, self.label)
 
     def figure(self, result: Result) -> Figure | None:
-        """Return the picture; the caller sets the style of drawing."""
+        """Return the figure of the first screen. The caller sets the drawing style."""
         return self.picture(result)
 
     def write(self, result: Result, path: Path) -> None:
@@ -128,9 +135,9 @@ class Page(Generic[Result]):
 
 
 def sentence(text: str) -> str:
-    """Return a text as a sentence: a word at its beginning capitalised, a full stop at its end.
+    """Return a text with a capital first letter and a full stop.
 
-    A text that is a sentence already is left alone: a user's name may begin it.
+    A text that ends like a sentence is returned unchanged because it can begin with a name.
     """
     if text.endswith((".", "!", "?")):
         return text
@@ -139,18 +146,19 @@ def sentence(text: str) -> str:
 
 
 def _zoomed(svg: str) -> str:
-    """Return one of our own figures, whose texts Matplotlib has escaped, to be enlarged by click or key.
+    """Return the HTML of a figure that is enlarged by a click or a key.
 
-    ``--legible`` is the least width at which its letters can be read on a phone.
+    The variable ``--legible`` is the smallest width with legible letters on a phone. Matplotlib has escaped
+    the texts of the figure.
     """
     width = re.search(r'width="([\d.]+)pt"', svg)
-    legible = round(_LEGIBLE * float(width[1])) if width else 0
+    legible = round(LEGIBLE_PX_PER_PT * float(width[1])) if width else 0
     box = '<input type="checkbox" aria-label="enlarge">'
     return f'<label class="zoom" style="--legible: {legible}px">{box}{svg}</label>'
 
 
 def significant(value: float | None, digits: int = 3) -> str:
-    """Return a number with so many digits, its zeros among them; "" for what is none."""
+    """Format a number with the given number of digits, keeping trailing zeros; "" for NaN."""
     if value is None or not math.isfinite(value):
         return ""
     rounded = float(f"{value:.{digits}g}")
@@ -161,7 +169,7 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def environment() -> Environment:
-    """Return the templates with the filters they use: a user's names are text, figures are markup."""
+    """Return the template environment. Names from users are escaped, and figures are markup."""
     import jinja2
     from markupsafe import Markup
 

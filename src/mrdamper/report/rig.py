@@ -1,7 +1,7 @@
-"""What ``rig`` ran: the answer's keys, runs by motion, the runs' files, and the truth in a folder beside.
+"""Result of ``rig`` as JSON, terminal output and files.
 
-The runs go to ``DIR``, as any rig's runs would. The truth goes to ``DIR.truth`` beside it. Both are written
-when the whole campaign is done, or not at all.
+The runs are written to ``DIR``, and the exact values without sensor errors to ``DIR.truth``. Files are
+written only if the whole campaign is complete.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
@@ -19,9 +18,9 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import CurrentSteps, RandomCurrent
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.page import sentence
 from mrdamper.report.sections import terminal_table
-from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 from mrdamper.virtual_rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.virtual_rig.measurement import Truth
@@ -44,13 +43,12 @@ def _rows(found: RigResult) -> list[Json]:
 
 
 def _in_folder(found: RigResult, out: Path) -> Json:
-    """Return where the files are, and what else lies there."""
-    strangers = sorted({path.stem for path in out.glob("*.csv")} - {each.plan.name for each in found.runs})
+    """Return the paths of the files, and a note if the folder has other runs."""
+    others = sorted({path.stem for path in out.glob("*.csv")} - {each.plan.name for each in found.runs})
     notes = []
-    if strangers:
+    if others:
         notes.append(
-            f"{out} holds other runs, {len(strangers)} of them, such as {strangers[0]}: identify takes every "
-            "run in the folder"
+            f"{out} has {len(others)} other runs, such as {others[0]}: fit reads every run in the folder"
         )
     return {
         "folder": str(out),
@@ -61,7 +59,7 @@ def _in_folder(found: RigResult, out: Path) -> Json:
 
 
 def _show(found: RigResult, console: Console) -> None:
-    """Print what was run, by motion."""
+    """Print the runs by motion."""
     rows = []
     for motion in dict.fromkeys(each.plan.label for each in found.runs):
         runs = [each for each in found.runs if each.plan.label == motion]
@@ -75,22 +73,23 @@ def _show(found: RigResult, console: Console) -> None:
 
 
 def _current_of(measured: MeasuredRun) -> str:
-    """Return the commanded current of a run in a word."""
+    """Return the current of a run as text."""
     given = measured.plan.current
     if isinstance(given, RandomCurrent):
         return f"random, up to {given.highest:g}"
     return "stepped" if isinstance(given, CurrentSteps) else f"{given:g}"
 
 
-def _wrote(found: RigResult, answer: Json, console: Console) -> None:
-    """Print where the runs lie, and how to identify them."""
+def _closing(found: RigResult, answer: Json) -> list[str]:
+    """Return the folder of the runs, the folder of the exact values, notes and the next command."""
     folder = answer["folder"]
-    print_notes(answer["notes"], console)
     held_out = [word for pattern in found.campaign.hold_out for word in ("--hold-out", f"'{pattern}'")]
-    console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {len(found.runs)} runs to {folder}"))
-    console.print(escape(f"the truth, for judging only: {answer['truth']}"))
-    arguments = " ".join([folder, *held_out])
-    console.print(escape(f"next: mrdamper fit {arguments} --out card"), soft_wrap=True)
+    return [
+        f"Wrote {len(found.runs)} runs to {folder}.",
+        f"Exact values, for comparison only: {answer['truth']}",
+        *(f"Note: {sentence(note)}" for note in answer["notes"]),
+        f"Next: mrdamper fit {' '.join([folder, *held_out])} --out card",
+    ]
 
 
 def _summary(found: RigResult) -> list[str]:
@@ -105,7 +104,7 @@ def _summary(found: RigResult) -> list[str]:
 
 
 def write_runs(found: RigResult, folder: Path) -> None:
-    """Write the runs as their logger would, with a channel map."""
+    """Write the runs as CSV files with a channel map, in the format of a data logger."""
     for each in found.runs:
         _write_run(folder / f"{each.run.name}.csv", each.run)
     (folder / "channels.toml").write_text(_channel_map(found.damper), encoding="utf-8")
@@ -120,11 +119,11 @@ def _write_truths(found: RigResult, folder: Path) -> None:
 
 
 def truth_folder(out: Path) -> Path:
-    """Return the folder of the truth beside a folder of runs: ``DIR.truth``."""
-    place = out if out.name not in {"", ".."} else out.resolve()
-    if not place.name:
-        raise InputError("has nothing beside it for the truth", place=out, remedy="choose another --out")
-    return place.with_name(f"{place.name}.truth")
+    """Return the folder of the exact values, which is ``DIR.truth`` for runs in ``DIR``."""
+    path = out if out.name not in {"", ".."} else out.resolve()
+    if not path.name:
+        raise InputError("has no parent folder for DIR.truth", place=out, remedy="choose another --out")
+    return path.with_name(f"{path.name}.truth")
 
 
 def _row(each: MeasuredRun) -> Json:
@@ -132,7 +131,7 @@ def _row(each: MeasuredRun) -> Json:
     return {
         "name": plan.name,
         "motion": plan.label,
-        "current_A": run.constant_command,  # None when it is stepped
+        "current_A": run.constant_command,  # None if the current changes.
         "temperature_degC": plan.temperature_degC,
         "duration_s": plan.duration_s,
         "samples": len(run),
@@ -141,9 +140,8 @@ def _row(each: MeasuredRun) -> Json:
 
 
 def _write_run(path: Path, run: RigRun) -> None:
-    """Write a run as its logger would; the first line says that nobody measured it."""
-    if run.temperature is None:  # never on this rig
-        raise InputError("has no temperature", place=run.name, expected="one")
+    """Write a run as CSV. The first line states that the run is simulated."""
+    assert run.temperature is not None  # The virtual rig records it in every run.
     header = "time_s,displacement_m,force_N,current_A,temperature_degC"
     columns = (run.time, run.displacement, run.force, run.command, run.temperature - ZERO_CELSIUS_K)
     _write(path, f"{run.source}; not measured", header, "%.4f,%.7f,%.2f,%.4f,%.2f", columns)
@@ -154,7 +152,7 @@ def _write_truth(path: Path, true: Truth) -> None:
     columns = (
         true.time, true.displacement, true.velocity, true.force, true.coil_current, true.temperature_degC,
     )  # fmt: skip
-    _write(path, "the truth of a simulated run", header, "%.4f,%.9f,%.9f,%.5f,%.7f,%.5f", columns)
+    _write(path, "exact values of a simulated run", header, "%.4f,%.9f,%.9f,%.5f,%.7f,%.5f", columns)
 
 
 def _write(path: Path, label: str, header: str, form: str, columns: Iterable[FloatArray]) -> None:
@@ -164,7 +162,7 @@ def _write(path: Path, label: str, header: str, form: str, columns: Iterable[Flo
 
 
 def _channel_map(damper: VirtualDamper) -> str:
-    """Return a channel map: the headers speak for themselves, the session does not."""
+    """Return a channel map. It is needed for the session because the headers name quantities and units."""
     columns = (
         ("time", "s"),
         ("displacement", "m"),
@@ -173,8 +171,8 @@ def _channel_map(damper: VirtualDamper) -> str:
         ("temperature", "degC"),
     )
     lines = [
-        "# The headers of these files speak for themselves: `mrdamper fit DIR` needs no map.",
-        "# With mrdamper fit --channels FILE the runs are one session with one tare of the force cell.",
+        "# The headers of these files name quantity and unit. `mrdamper fit DIR` needs no channel map.",
+        "# With mrdamper fit --channels FILE, all runs belong to one session with one zero of the load cell.",
         "[session]",
         f'name = "virtual rig {damper.name}"',
     ]
@@ -186,7 +184,7 @@ def _channel_map(damper: VirtualDamper) -> str:
 REPORT = Report(
     answer=_answer,
     show=_show,
-    wrote=_wrote,
+    closing=_closing,
     summary=_summary,
     files=(
         WrittenFile(name="", write=write_runs),

@@ -1,7 +1,7 @@
-"""Sections of a result, below its first screen: tables and pictures.
+"""Sections of a result, below its first screen: tables and figures.
 
-A table is declared once. A terminal prints it (``printed``); a report's template and a web page lay out the
-same cells (``shown``).
+A table is declared once. ``printed`` returns it for a terminal. ``shown`` returns the same cells for the HTML
+report and the web page.
 """
 
 from __future__ import annotations
@@ -12,14 +12,20 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
+from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table as RichTable
 from rich.text import Text
 
 from mrdamper.schema import Json
 
 Row = TypeVar("Row")
-_WIDEST, _LONGEST, _FOLDED = 7, 120, 40  # columns and rows of the general table; more rows than so many fold
+# Limits of the general table. A page with more columns or rows is hard to read.
+COLUMN_COUNT_MAX = 7
+ROW_COUNT_MAX = 120
+OPEN_ROW_COUNT_MAX = 40  # A longer table is folded on a page.
+NAME_LENGTH_MAX = 24  # Shorter words are not broken into lines. Other columns become narrower instead.
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +34,12 @@ class Column(Generic[Row]):
 
     Attributes
     ----------
-    value : a row's cell (a number, a text, None where it is not known), or the attribute that is it, dotted
-    unit : with degC, as a terminal spells it
-    form : the format of its cells, which are numbers and stand to the right (``.1%``: a share); empty: words
-    printed : whether a terminal has room for it; a text: its heading there, where title and unit are too long
-    names_run : its words are names of runs, which a web page can draw
+    value : returns the cell of a row (number, text, or None if it is unknown), or the dotted name of an
+        attribute of the row
+    unit : unit as text, degC for degrees Celsius
+    form : format of numbers, which are aligned to the right; empty for words
+    printed : False if a terminal omits the column; a text is the heading in a terminal
+    names_run : True if the cells are names of runs, which a web page can plot
     """
 
     title: str
@@ -44,11 +51,11 @@ class Column(Generic[Row]):
 
     @property
     def heading(self) -> str:
-        """What a terminal calls it: title and unit in one line."""
+        """Heading in a terminal: title and unit in one line."""
         return self.printed if isinstance(self.printed, str) else f"{self.title} {self.unit}".strip()
 
     def cell(self, row: Row) -> str | None:
-        """Return a row's cell as text; None where its value is not known."""
+        """Return the cell of a row as text, or None if its value is unknown."""
         value = attrgetter(self.value)(row) if isinstance(self.value, str) else self.value(row)
         if value is None or (isinstance(value, float) and math.isnan(value)):
             return None
@@ -61,10 +68,10 @@ class Table(Generic[Row]):
 
     Attributes
     ----------
-    caption : how to read it, in a sentence or more
-    held : whether a row stands out, as a held-out run does
-    part : rows of different parts are set apart on a terminal
-    folded : what the fold says that hides it on a page; empty: it is open
+    caption : explanation in one or more sentences
+    held : returns True if a row is highlighted, such as a held-out run
+    part : returns the group of a row; a terminal separates the groups by a line
+    folded : label of the folded table on a page; empty if the table is open
     """
 
     title: str
@@ -76,7 +83,7 @@ class Table(Generic[Row]):
     folded: str = ""
 
     def printed(self, *, whole: bool = False) -> RichTable:
-        """Return the table of a terminal; with ``whole`` no cell is broken into lines."""
+        """Return the table for a terminal. With ``whole``, no cell is broken into lines."""
         columns = [each for each in self.columns if each.printed]
         rows: list[list[str] | None] = []
         for k, row in enumerate(self.rows):
@@ -88,7 +95,7 @@ class Table(Generic[Row]):
         return terminal_table(self.title, [each.heading for each in columns], rows, left=left, whole=whole)
 
     def shown(self) -> Json:
-        """Return what a page lays out: headings, cells as texts (None: not known), rows that stand out."""
+        """Return headings, cells (text, or None if unknown) and highlighted rows for a page."""
         return {
             "title": self.title,
             "caption": self.caption,
@@ -111,7 +118,7 @@ class Table(Generic[Row]):
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture of a report, drawn as SVG when the report is written."""
+    """A figure of a report, drawn as SVG when the report is written."""
 
     title: str
     draw: Callable[[], str]
@@ -122,25 +129,25 @@ Section = Table[Any] | Picture
 
 
 def table_of(rows: Sequence[Mapping[str, object]], title: str = "Table") -> list[Table[Mapping[str, object]]]:
-    """Return the table of a result's rows: its first columns, and rows all over it."""
+    """Return a table of evenly spaced rows of a result, with the first columns only."""
     if not rows:
         return []
-    names = list(dict.fromkeys(name for row in rows for name in row))[:_WIDEST]
-    apart = max(-(-len(rows) // _LONGEST), 1)
-    some = rows[::apart]
+    names = list(dict.fromkeys(name for row in rows for name in row))[:COLUMN_COUNT_MAX]
+    step = max(-(-len(rows) // ROW_COUNT_MAX), 1)
+    selected = rows[::step]
     return [
         Table(
             title=title,
-            columns=[_named(name, some[0].get(name)) for name in names],
-            rows=some,
-            caption=f"One row in {apart}; the table (CSV) has all of them." if apart > 1 else "",
-            folded=f"{len(some)} rows" if len(some) > _FOLDED else "",
+            columns=[_column(name, selected[0].get(name)) for name in names],
+            rows=selected,
+            caption=f"The table shows one of {step} rows. The CSV file has all rows." if step > 1 else "",
+            folded=f"{len(selected)} rows" if len(selected) > OPEN_ROW_COUNT_MAX else "",
         )
     ]
 
 
-def _named(name: str, first: object) -> Column[Mapping[str, object]]:
-    """Return the column of a key of rows; ``first`` is its first cell."""
+def _column(name: str, first: object) -> Column[Mapping[str, object]]:
+    """Return the column of a key. The type of the first cell selects the format."""
     number = isinstance(first, int | float)
 
     def value(row: Mapping[str, object]) -> float | str | None:
@@ -152,9 +159,6 @@ def _named(name: str, first: object) -> Column[Mapping[str, object]]:
     return Column(name.replace("_", " "), value, form=".5g" if number else "")
 
 
-_A_NAME = 24  # letters at most: other columns give way before such a one is broken
-
-
 def terminal_table(
     title: str,
     columns: Iterable[str],
@@ -163,28 +167,34 @@ def terminal_table(
     left: Collection[str] = (),
     whole: bool = False,
 ) -> RichTable:
-    """Return a table whose texts are shown as they are: numbers to the right, words (``left``) to the left.
+    """Return a table for a terminal. Its texts are not interpreted as markup.
 
     Parameters
     ----------
-    rows : the cells of each; None: a line between two sections
-    left : names of the columns of words, whose long cells are folded; a name is not
-    whole : a cell is not broken into lines
+    rows : cells of each row; None draws a line between two groups
+    left : names of the columns with words, which are aligned to the left; long cells are broken into lines
+    whole : True if no cell is broken into lines
     """
     table = RichTable(title=escape(title))
-    names, told = list(columns), [None if row is None else list(row) for row in rows]
+    names, cell_rows = list(columns), [None if row is None else list(row) for row in rows]
     for k, name in enumerate(names):
         words = name in left
-        longest = max((len(row[k]) for row in told if row is not None), default=0)
+        longest = max((len(row[k]) for row in cell_rows if row is not None), default=0)
         table.add_column(
             escape(name),
             justify="left" if words else "right",
             overflow="fold" if words else "ellipsis",
-            no_wrap=whole or (words and longest <= _A_NAME),
+            no_wrap=whole or (words and longest <= NAME_LENGTH_MAX),
         )
-    for row in told:
+    for row in cell_rows:
         if row is None:
             table.add_section()
         else:
             table.add_row(*(escape(cell) if isinstance(cell, str) else cell for cell in row))
     return table
+
+
+def print_compact(table: RichTable, console: Console) -> None:
+    """Print a table without its frame and title."""
+    table.box, table.title = None, None
+    console.print(Padding(table, (0, 0, 0, 2), expand=False))

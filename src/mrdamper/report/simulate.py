@@ -1,4 +1,4 @@
-"""What ``simulate`` found: the force's range, the loops as a figure, every sample as a table."""
+"""Result of ``simulate``: range of the force, figure of the loops, table of all samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import INK, MEASURED, colour_of
 from mrdamper.schema import Json
 
-_MOST_POINTS = 4000
+POINT_COUNT_MAX = 4000  # More points make the figure large but not more accurate.
 
 
 def _answer(found: SimulateResult) -> Json:
@@ -43,13 +43,13 @@ def _summary(found: SimulateResult) -> list[str]:
     low, high = answer["force_N"]
     lines = [
         f"{found.motion}: {answer['samples']} samples of {1e3 * answer['step_s']:g} ms",
-        f"force {low:.4g} to {high:.4g} N, mean power {answer['power_W']:.4g} W",
+        f"force {low:.4g} to {high:.4g} N, mean dissipated power {answer['power_W']:.4g} W",
     ]
     if found.measured is not None:
-        lines.append(f"RMS error {answer['rmse_N']:.4g} N of the measured force")
+        lines.append(f"RMS error {answer['rmse_N']:.4g} N compared with the measured force")
     if found.interval is not None:
-        share = f"{100.0 * PROBABILITY:.0f} %"
-        lines.append(f"the parameters leave {answer['interval_width_N']:.3g} N of it open, with {share}")
+        width = f"mean width {answer['interval_width_N']:.3g} N"
+        lines.append(f"{100.0 * PROBABILITY:.0f} % interval of the force: {width}")
     return lines
 
 
@@ -59,9 +59,9 @@ def _show(found: SimulateResult, console: Console) -> None:
 
 
 def _figure(found: SimulateResult) -> Figure:
-    """Return the loops, force over displacement and over velocity; a measured force lies beneath."""
+    """Return the loops of force versus displacement and velocity, with a measured force in grey."""
     path = found.trajectory
-    thin = slice(None, None, max(1, len(path) // _MOST_POINTS))
+    thin = slice(None, None, max(1, len(path) // POINT_COUNT_MAX))
     level = float(np.abs(path.command).max())
     figure = Figure(figsize=(8.0, 3.4))
     both = zip(figure.subplots(1, 2, sharey=True), (path.displacement, path.velocity), strict=True)
@@ -99,11 +99,11 @@ def _rows(found: SimulateResult) -> list[dict[str, object]]:
 def _first(found: SimulateResult) -> FirstScreen:
     answer, path = _answer(found), found.trajectory
     low, high = answer["force_N"]
-    error = Tile(f"{len(path)}", "samples", f"a step of {1e3 * path.step:g} ms")
+    error = Tile(f"{len(path)}", "samples", f"time step {1e3 * path.step:g} ms")
     if found.measured is not None:
         spread = float(np.std(found.measured[found.scored_from :]))
         share = (
-            f"{100.0 * answer['rmse_N'] / spread:.1f} % of the measured force's spread"
+            f"{100.0 * answer['rmse_N'] / spread:.1f} % of the standard deviation of the measured force"
             if spread > 0.0
             else ""
         )
@@ -114,11 +114,11 @@ def _first(found: SimulateResult) -> FirstScreen:
         verdict=_summary(found)[-1],
         tiles=(
             Tile(f"{high:.4g} N", "largest force", f"from {low:.4g} N"),
-            Tile(f"{answer['power_W']:.4g} W", "mean power that the damper takes up"),
+            Tile(f"{answer['power_W']:.4g} W", "mean dissipated power"),
             error,
         ),
-        caption="Coloured: the card; grey, where there is one: the measured force"
-        + ("" if found.interval is None else "; dotted: the interval of 90 %"),
+        caption="Coloured lines are the model, grey lines the measured force"
+        + ("" if found.interval is None else ", and dotted lines the 90 % interval"),
     )
 
 

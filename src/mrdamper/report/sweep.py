@@ -1,4 +1,4 @@
-"""Report of ``sweep``: answer, table of figures over all tasks, page, and one row for each task."""
+"""Report of ``sweep``: answer, table of all values, page, and one row for each task."""
 
 from __future__ import annotations
 
@@ -12,14 +12,24 @@ from rich.markup import escape
 
 from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.jobs.sweep.sweep import FigureSummary, SweepResult, SweptTask
-from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
-from mrdamper.report.figures.style import INK, TRAINING, WIDE
+from mrdamper.report.base import (
+    DONE,
+    FirstScreen,
+    Outcome,
+    Page,
+    Report,
+    Tile,
+    WrittenFile,
+    interrupted,
+    wrote_sentence,
+)
+from mrdamper.report.figures.style import INK, TRAINING, WIDTH_INCH
 from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
-_MOST_PANELS = 12
-_COLUMNS = 4
+PANEL_COUNT_MAX = 12  # More panels do not fit on the page.
+PANELS_PER_ROW = 4
 _TITLES = {
     "campaigns": "Fits of many campaigns",
     "samples": "Tracking on random dampers",
@@ -34,7 +44,7 @@ def _table(run: SweepResult) -> Json:
         "seed": run.plan.seed,
         "tasks": len(run.plan.tasks),
         "failed": [{"name": task.name, "error": task.error} for task in run.failed],
-        "summary": {name: asdict(found) for name, found in run.summary.items()},
+        "summary": {name: asdict(found) for name, found in run.statistics.items()},
         "rows": [{"name": task.name, **task.figures} for task in run.whole],
     }
 
@@ -52,8 +62,8 @@ def _answer(run: SweepResult) -> Json:
 
 def _in_folder(run: SweepResult, out: Path) -> Json:
     if run.cancelled:
-        kept = f"{len(run.tasks)} of {len(run.plan.tasks)} results are in {out}; --resume goes on"
-        return {"notes": [kept]}
+        note = f"{len(run.tasks)} of {len(run.plan.tasks)} results are in {out}. Use --resume to continue."
+        return {"notes": [note]}
     return {"files": [str(out / name) for name in ("sweep.html", "sweep.json", "sweep.csv", RESULTS_FILE)]}
 
 
@@ -66,29 +76,29 @@ def _rows(run: SweepResult) -> list[Json]:
 
 
 def _show(run: SweepResult, console: Console) -> None:
-    """Print every figure over all tasks, and which tasks have no result."""
+    """Print the statistics of each value, and the failed tasks."""
     if run.cancelled:
         return
     count = len(run.tasks)
-    title = f"{count} task{'' if count == 1 else 's'}, {run.resumed} of them from an earlier run"
+    title = f"{count} task{'' if count == 1 else 's'}, of which {run.resumed} are from an earlier run"
     console.print(_figures_table(run, title).printed())
     for task in run.failed:
-        console.print(escape(f"no result: {task.name}: {task.error}"))
+        console.print(escape(f"Failed: {task.name}: {task.error}"))
 
 
 def _figures_table(run: SweepResult, title: str) -> Table[tuple[str, FigureSummary]]:
-    """Return the table of each figure over all tasks."""
+    """Return the table of minimum, percentiles and maximum of each value."""
 
     def figure(title: str, name: str) -> Column[tuple[str, FigureSummary]]:
         return Column(title, lambda row: getattr(row[1], name), form=".4g")
 
-    shown = (("least", "least"), ("5 %", "p5"), ("median", "median"), ("95 %", "p95"), ("most", "most"))
-    name: Column[tuple[str, FigureSummary]] = Column("figure", lambda row: row[0].replace("_", " "))
+    shown = (("min", "least"), ("5 %", "p5"), ("median", "median"), ("95 %", "p95"), ("max", "most"))
+    name: Column[tuple[str, FigureSummary]] = Column("value", lambda row: row[0].replace("_", " "))
     count: Column[tuple[str, FigureSummary]] = Column(
         "tasks", lambda row: row[1].count, "", "d", printed=False
     )
     columns = [name, count, *(figure(*each) for each in shown)]
-    return Table(title=title, columns=columns, rows=list(run.summary.items()))
+    return Table(title=title, columns=columns, rows=list(run.statistics.items()))
 
 
 def _sections(run: SweepResult) -> list[Section]:
@@ -98,20 +108,20 @@ def _sections(run: SweepResult) -> list[Section]:
     task: Column[SweptTask] = Column("task", "name")
     failed: list[Section] = []
     if run.failed:
-        why: Column[SweptTask] = Column("why", "error")
-        failed = [Table(title="Without a result", columns=[task, why], rows=run.failed)]
+        error: Column[SweptTask] = Column("error", "error")
+        failed = [Table(title="Failed tasks", columns=[task, error], rows=run.failed)]
     columns, folded = [task, *map(figure, run.names)], f"{len(run.whole)} tasks"
-    every = Table(title="Every task", columns=columns, rows=run.whole, folded=folded)
-    return [_figures_table(run, "Over all tasks"), *failed, every]
+    tasks = Table(title="Tasks", columns=columns, rows=run.whole, folded=folded)
+    return [_figures_table(run, "Statistics of all tasks"), *failed, tasks]
 
 
-def _wrote(run: SweepResult, answer: Json, console: Console) -> None:
-    console.print(escape("; ".join(answer["notes"]) if run.cancelled else f"report: {answer['report']}"))
+def _closing(run: SweepResult, answer: Json) -> list[str]:
+    return list(answer["notes"]) if run.cancelled else wrote_sentence(run, answer)
 
 
 def _outcome(run: SweepResult) -> Outcome:
-    left = "the results so far are kept; the same command with --resume goes on"
-    return interrupted(left) if run.cancelled else DONE
+    remaining = "The results so far are stored. Repeat the command with --resume to continue."
+    return interrupted(remaining) if run.cancelled else DONE
 
 
 # ------------------------------------------------------------------------------------------- the files
@@ -125,23 +135,23 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 
 def _figure(run: SweepResult) -> Figure | None:
-    """Return a panel for each figure: its values in rising order, the median marked; None without any."""
-    names = [name for name, found in run.summary.items() if found.least < found.most][:_MOST_PANELS]
+    """Return the cumulative distribution of each value, or None if all values are constant."""
+    names = [name for name, found in run.statistics.items() if found.least < found.most][:PANEL_COUNT_MAX]
     if not names:
         return None
-    rows = -(-len(names) // _COLUMNS)
+    rows = -(-len(names) // PANELS_PER_ROW)
     height = 1.75 * rows + 0.2
-    figure = Figure(figsize=(WIDE, height))
-    for place, name in enumerate(names):
-        axes = figure.add_subplot(rows, _COLUMNS, place + 1)
+    figure = Figure(figsize=(WIDTH_INCH, height))
+    for panel, name in enumerate(names):
+        axes = figure.add_subplot(rows, PANELS_PER_ROW, panel + 1)
         values = np.sort([v for task in run.whole if (v := task.figures.get(name)) is not None])
-        share = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
-        axes.plot(values, share, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
+        percent = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
+        axes.plot(values, percent, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
         axes.axvline(float(np.median(values)), color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
         axes.set_title(name, loc="left", pad=3, fontsize=6.5)
         axes.set_ylim(0.0, 100.0)
         axes.locator_params(axis="x", nbins=4)
-        if place % _COLUMNS == 0:
+        if panel % PANELS_PER_ROW == 0:
             axes.set_ylabel("% of tasks below")
     figure.subplots_adjust(
         left=0.05, right=0.985, top=1.0 - 0.22 / height, bottom=0.25 / height, wspace=0.22, hspace=0.45
@@ -151,7 +161,7 @@ def _figure(run: SweepResult) -> Figure | None:
 
 def _first(run: SweepResult) -> FirstScreen:
     plan, done, tasks = run.plan, len(run.whole), len(run.plan.tasks)
-    leading = list(run.summary.items())[:3]
+    leading = list(run.statistics.items())[:3]
     tiles = [
         Tile(
             f"{found.median:.4g}",
@@ -160,15 +170,15 @@ def _first(run: SweepResult) -> FirstScreen:
         )
         for name, found in leading
     ]
-    tiles += [Tile("–", "no further figure")] * (3 - len(tiles))
-    figures = ", ".join(f"{name.replace('_', ' ')} {found.median:.4g}" for name, found in leading[:1])
+    tiles += [Tile("–", "no further value")] * (3 - len(tiles))
+    medians = ", ".join(f"{name.replace('_', ' ')} {found.median:.4g}" for name, found in leading[:1])
     return FirstScreen(
         title=_TITLES[plan.kind],
         subject=f"{tasks} tasks, seed {plan.seed}.",
-        verdict=f"{done} of {tasks} tasks have a result" + (f"; median of {figures}" if figures else ""),
+        verdict=f"{done} of {tasks} tasks have a result" + (f"; median of {medians}" if medians else ""),
         tiles=(tiles[0], tiles[1], tiles[2]),
-        caption="Each panel: the tasks in rising order of one figure; dashed: the median",
-        notes=[f"No result of {task.name}: {task.error}" for task in run.failed[:5]],
+        caption="Cumulative distribution of each value in the tasks. The dashed line is the median.",
+        notes=[f"Task {task.name} failed: {task.error}" for task in run.failed[:5]],
     )
 
 
@@ -184,7 +194,7 @@ _PAGE = Page(
 REPORT = Report(
     answer=_answer,
     show=_show,
-    wrote=_wrote,
+    closing=_closing,
     page=_PAGE,
     files=(
         WrittenFile(

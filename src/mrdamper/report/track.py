@@ -1,4 +1,4 @@
-"""What ``track`` found: the answer's keys, tables, the page, traces, rows as CSV."""
+"""Result of ``track`` as JSON, terminal output, page, traces and CSV file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import asdict
 from functools import partial
 
 from rich.console import Console
+from rich.markup import escape
 
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
@@ -18,14 +19,15 @@ from mrdamper.report.figures.track import (
     error_figure,
     tracking_figure,
 )
-from mrdamper.report.sections import Column, Picture, Section, Table
+from mrdamper.report.page import sentence
+from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-_MOST_SAMPLES = 2000  # of a trace
+SAMPLE_COUNT_MAX = 2000  # A browser plots longer traces slowly.
 _CAPTION = (
-    "The target at its hottest test. The grey band is the attainable force; in the lower panels the target "
-    "is out of reach where the ground is grey"
+    "Tracking at the highest temperature. The grey band is the attainable force. The lower panels have a "
+    "grey background if the target is not feasible"
 )
 
 
@@ -33,36 +35,36 @@ def _first(run: TrackResult) -> FirstScreen:
     best = {target: _best(run, target) for target in run.targets}
     hardest = max(best.values(), key=lambda row: _feasible(row.score))
     card, score = run.card, hardest.score
-    at = ", ".join(f"{each:g}" for each in _temperatures(run))
+    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
     return FirstScreen(
         title=f"Force tracking on {run.plant}",
-        subject=f"Controllers made from the card {card.title or card.damper.law.name}, at {run.rate_Hz:g} Hz "
-        f"and {at} °C; noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two.",
+        subject=f"Controllers from the card {card.title or card.damper.law.name}, at {run.rate_Hz:g} Hz "
+        f"and {temperatures} °C. Values are the worse of the noise seeds {run.seeds[0]} and {run.seeds[1]}.",
         verdict=_verdict(best),
         tiles=(
             Tile(
                 f"{_feasible(score):.1f} N",
-                f"RMS error, {hardest.controller} on {hardest.target}, where feasible",
-                f"{score.rmse_over_range_percent:.1f} % of the range of the wanted force",
+                f"RMS error of {hardest.controller} on {hardest.target} while the target is feasible",
+                f"{score.rmse_over_range_percent:.1f} % of the range of the target force",
             ),
             Tile(
                 "–" if score.max_feasible_N is None else f"{score.max_feasible_N:.0f} N",
-                "largest error where feasible",
+                "maximum error while the target is feasible",
                 ""
                 if score.p99_feasible_N is None
-                else f"99 % of the time below {score.p99_feasible_N:.0f} N",
+                else f"below {score.p99_feasible_N:.0f} N for 99 % of the time",
             ),
             Tile(
                 f"{100 * score.feasible_share:.0f} %",
                 "of the time the target is feasible",
-                f"at all times the RMS error is {score.rmse_N:.0f} N",
+                f"RMS error at all times {score.rmse_N:.0f} N",
             ),
         ),
         caption=_CAPTION,
         flags=[
             (
-                "These are simulations, not measurements",
-                "The damper is a virtual one, and the controllers know it only through the card",
+                "This is a simulation, not a measurement",
+                "The damper is virtual. The controllers use only the card",
             )
         ],
         notes=[*_posterior_words(run), *run.notes],
@@ -70,7 +72,7 @@ def _first(run: TrackResult) -> FirstScreen:
 
 
 def _verdict(best: Mapping[str, Row]) -> str:
-    said = "; ".join(
+    return "Lowest RMS error while the target is feasible: " + "; ".join(
         f"{controller} with "
         + ", ".join(
             f"{_feasible(row.score):.1f} N RMS on {target}"
@@ -79,7 +81,6 @@ def _verdict(best: Mapping[str, Row]) -> str:
         )
         for controller in dict.fromkeys(row.controller for row in best.values())
     )
-    return f"The least error where the target is feasible: {said}"
 
 
 def _columns(*first: Column[Row]) -> list[Column[Row]]:
@@ -104,23 +105,22 @@ def _sections(run: TrackResult) -> list[Section]:
     best = [_best(run, target) for target in run.targets]
     target: Column[Row] = Column("target", "target")
     degrees: Column[Row] = Column("at", "temperature_degC", "degC", "g")
-    over = ", ".join(f"{each:g}" for each in _temperatures(run))
+    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
     return [
         Table(
-            title=f"Worst of {over} °C",
+            title=f"Worst of {temperatures} °C",
             columns=_columns(target),
             rows=run.worst,
-            caption="Feasible: the wanted force lies at least 20 N (2.5 % of a target below 800 N) inside "
-            "what the damper gives at constant zero and at constant highest current, along the same motion "
-            "and at the true temperature. "
-            "Errors are never taken against a clipped target. The first second is not scored. Marked: "
-            "the least error where feasible.",
+            caption="A target is feasible if it is at least 20 N inside the range between the forces at zero "
+            "and at maximum current, for the same motion and temperature. For targets below 800 N the margin "
+            "is 2.5 % of the target. Errors always refer to the full target. The first second is ignored. "
+            "The lowest error is highlighted.",
             held=lambda row: row in best,
         ),
-        Picture("Over temperature", lambda: draw_temperatures(run)),
+        Picture("Errors versus temperature", lambda: draw_temperatures(run)),
         *(Picture(f"Target {each.target}", partial(draw_tracking, each)) for each in run.traced[1:]),
         Table(
-            title="Every temperature",
+            title="All temperatures",
             columns=_columns(target, degrees),
             rows=run.rows,
             folded=f"{len(run.rows)} tests",
@@ -129,21 +129,21 @@ def _sections(run: TrackResult) -> list[Section]:
 
 
 def _best(run: TrackResult, target: str) -> Row:
-    """Return the controller with the least RMS error on a target, the worst over temperature."""
+    """Return the controller with the lowest RMS error on a target at its worst temperature."""
     rows = [row for row in run.worst if row.target == target]
     return min(rows, key=lambda row: _feasible(row.score))
 
 
 def _feasible(score: Score) -> float:
-    """Return the RMS error where the target is feasible, else that of all times [N]."""
+    """Return the RMS error while the target is feasible [N], or of all times if it never is."""
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 
 def _posterior_words(run: TrackResult) -> list[str]:
-    """Return the intervals of the errors that the card's posterior draws leave, a line a run."""
+    """Return the intervals of the errors due to the uncertainty of the parameters, one line for each run."""
     return [
-        f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: {error.rmse_N[0]:.1f} to "
-        f"{error.rmse_N[1]:.1f} N RMS with {100.0 * PROBABILITY:.0f} %, by what the card's runs leave open"
+        f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: {100.0 * PROBABILITY:.0f} % "
+        f"interval {error.rmse_N[0]:.1f} to {error.rmse_N[1]:.1f} N RMS, from posterior samples of the card"
         for each in run.traced
         for error in each.posterior
     ]
@@ -163,7 +163,7 @@ def _answer(run: TrackResult) -> Json:
         "plant": run.plant,
         "seeds": list(run.seeds),
         "rate_Hz": run.rate_Hz,
-        "scored": "the worse of the seeds; all samples after the first second, at the plant's steps",
+        "scored": "worse of the seeds; all samples after the first second, at the time steps of the plant",
         "posterior": [
             {
                 "target": each.target,
@@ -191,9 +191,9 @@ def _row(row: Row, plant: str) -> Json:
 
 
 def _trace(each: Traced) -> Json:
-    """Return a target's hottest test, every k-th sample of it."""
+    """Return evenly spaced samples of a target's test at the highest temperature."""
     course, reach = each.course, each.reach
-    part = slice(None, None, max(1, -(-len(course) // _MOST_SAMPLES)))
+    part = slice(None, None, max(1, -(-len(course) // SAMPLE_COUNT_MAX)))
     return {
         "target": each.target,
         "temperature_degC": each.temperature_degC,
@@ -216,17 +216,19 @@ def _trace(each: Traced) -> Json:
 
 
 def _show(run: TrackResult, console: Console) -> None:
-    """Print the worst of all temperatures by target, and what a reader should know."""
-    at = ", ".join(f"{each:g}" for each in _temperatures(run))
+    """Print the best controller, the errors at the worst temperature by target, and notes."""
+    console.print(escape(sentence(_verdict({target: _best(run, target) for target in run.targets}))))
+    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
     for target in run.targets:
         rows = [row for row in run.worst if row.target == target]
         feasible = rows[0].score.feasible_share
-        title = f"{target} on {run.plant}: worst of {at} degC; feasible {100.0 * feasible:.0f} % of the time"
-        console.print(Table(title=title, columns=_columns(), rows=rows).printed())
+        console.print(
+            f"{target} on {run.plant}, worst of {temperatures} degC, "
+            f"feasible {100.0 * feasible:.0f} % of the time:",
+            markup=False,
+        )
+        print_compact(Table(title="", columns=_columns(), rows=rows).printed(), console)
     print_notes([*_posterior_words(run), *run.notes], console)
-    console.print(
-        f"noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two; the first second is not scored"
-    )
 
 
 def _rows(run: TrackResult) -> list[Json]:

@@ -1,8 +1,8 @@
-"""The web app: a server over a folder of runs, cards and results, and the pages that it sends.
+"""The web application: a server for a folder of runs, cards and results, and its pages.
 
-``server`` joins the parts. Requests come through ``security``; names become paths in ``folder`` alone; what
-takes long is a job (``orders`` say what may be asked, ``queue`` starts and stops the processes, ``worker`` is
-such a process, ``work`` calls the job); what should take no time is asked of a process that stands by
-(``desk``, ``clerk``). The server itself reads no measured file and holds no physics: all of that is in the
-jobs of ``mrdamper.jobs``, which the command line calls, too.
+``server`` builds the application, and ``security`` checks every request. Only ``workspace`` turns names into
+paths. A long computation is a job: ``schemas`` validates the request, ``job_queue`` starts and stops
+processes, ``job_worker`` is the process of one job, and ``adapters`` calls the job function. Short queries
+run in processes of a pool (``worker_client``, ``query_worker``). The server reads no measured file and
+computes no physics. Both are in ``mrdamper.jobs``, which the command line calls as well.
 """

@@ -1,6 +1,6 @@
-"""What a worker does for each kind of job: names in the folder become paths, and the app's job is called.
+"""Calls of the job functions: names in the folder are replaced by paths.
 
-These are the functions that the command line calls; nothing is computed here.
+The command line calls the same job functions. Nothing is computed here.
 """
 
 from __future__ import annotations
@@ -23,29 +23,31 @@ from mrdamper.web.schemas import job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
 Say = Callable[..., None]
-"""Told of progress by keyword: done, of, text, and what a fit says beside them."""
+"""Callback for progress, with the keywords done, of, text, and further values of a fit."""
 
 _NOT_FETCHED = (
-    "nothing was fetched: the server's machine has no connection to github.com, where this set lies. Connect "
+    "nothing was fetched: the server's machine has no connection to github.com. Connect "
     "it and try again; or start the server with MRDAMPER_DATA set to a folder that holds the files; or "
     "download them elsewhere and drop them on the page Runs"
 )
 
 
 def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
-    """Do a job, its files into ``out`` (a card's into its own folder); return its answer.
+    """Run a job, write its files into ``out`` (a card into its own folder), and return its answer.
 
-    With ``resume`` a sweep goes on with its finished tasks.
+    With ``resume`` a sweep continues after its finished tasks.
     """
     answer = _perform(job_of(kind), options, folder, out, say, resume=resume)
     for part in ("c", "matlab") if kind == "export" else ():
         if part in options["what"]:
             _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
+    if kind == "export" and "fmu" in options["what"]:
+        answer["fmu_platforms"] = _platforms(out / f"{options['name']}.fmu")
     return answer
 
 
 def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool) -> Json:
-    """Do a job of the registry."""
+    """Run a job of the registry."""
     given: dict[str, Any] = {
         each.name: _thing(folder, each, options) for each in job.inputs if each.flag != "-"
     }
@@ -63,21 +65,21 @@ def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *
             resume=resume,
         )
     except InputError as fault:
-        if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):  # of requests, too
+        if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):
             raise
         raise InputError(place=options["name"], found=_NOT_FETCHED) from fault
-    return {**answer, **_in_folder(folder, job.page_answer(result))}
+    return {**answer, **_in_folder(folder, job.reported.for_page(result))}
 
 
 def _in_folder(folder: WorkFolder, told: Json) -> Json:
-    """Return what a page shows with paths as they are in the folder."""
+    """Return an answer whose paths are relative to the folder."""
     root = json.dumps(f"{folder.root}{os.sep}")[1:-1]
     found: Json = json.loads(json.dumps(told).replace(root, ""))
     return found
 
 
 def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several
-    """Return what of the folder a request means by an input."""
+    """Return the path, name or names for an input of a job."""
     kind = KINDS[each.kind]
     if kind.place == "runs":
         is_wanted = each.required or options["files"] is not None
@@ -105,19 +107,19 @@ def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN4
 
 
 def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
-    """Return the runs' files of these names, or all there are."""
+    """Return the run files of these names; None: all run files."""
     if names is not None:
         return [folder.run_file(name) for name in names]
     found = folder.run_files(tuple(run_formats()))
     if not found:
         raise InputError(
-            "no runs in the folder", remedy=f"add files first (those with {MAP_SUFFIX} go beside them)"
+            "no runs in the folder", remedy=f"add files first (and their {MAP_SUFFIX} to the same folder)"
         )
     return found
 
 
 def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa: ANN401 - None or a text
-    """Return a preset's name as it is, or the path of an input."""
+    """Return the name of a preset, or the path of an input."""
     presets = choices()[group]
     if name is None or name in presets:  # type: ignore[operator]  # a list
         return name
@@ -131,7 +133,7 @@ def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa:
 
 
 def _plant(folder: WorkFolder, name: str) -> str:
-    """Return a preset's name, the path of a virtual damper's TOML, or that of a card."""
+    """Return the name of a preset, the path of a virtual damper (TOML), or the path of a card."""
     try:
         return str(_preset_or_input(folder, name, "plants"))
     except InputError:
@@ -139,7 +141,7 @@ def _plant(folder: WorkFolder, name: str) -> str:
 
 
 def _duty(folder: WorkFolder, text: str) -> str:
-    """Return a duty in words as it is, or the path of a table; never a path from outside."""
+    """Return the text of a load cycle, or the path of a table inside the folder."""
     if not text.lower().endswith(".csv") and len(text.split(":")) >= 3:
         return text
     try:
@@ -151,7 +153,7 @@ def _duty(folder: WorkFolder, text: str) -> str:
 
 
 def _progress(say: Say, word: str) -> Progress:
-    """Return what tells of progress, the state of a search with it; ``word`` is of what it counts."""
+    """Return the progress callback of a job; ``word`` names the counted items."""
 
     def on_progress(now: ProgressUpdate) -> None:
         state = asdict(now.detail) if is_dataclass(now.detail) and not isinstance(now.detail, type) else {}
@@ -169,6 +171,13 @@ def _progress(say: Say, word: str) -> Progress:
 
 def _finite(value: float) -> float | None:
     return value if abs(value) < float("inf") else None
+
+
+def _platforms(fmu: Path) -> list[str]:
+    """Return the platforms of the binaries in an FMU, as FMI names them: linux64, win64."""
+    with zipfile.ZipFile(fmu) as archive:
+        parts = [name.split("/") for name in archive.namelist()]
+    return sorted({part[1] for part in parts if part[0] == "binaries" and len(part) > 2})
 
 
 def _zip(folder: Path, path: Path) -> None:

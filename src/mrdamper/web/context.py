@@ -1,4 +1,4 @@
-"""State that the routes share: the folder and the processes; reading requests and making responses."""
+"""Shared state of the routes, reading of requests, and responses."""
 
 from __future__ import annotations
 
@@ -37,7 +37,13 @@ _TYPES = {
 
 
 class AppContext:
-    """A damper's folder and processes; with ``name`` and ``beside`` one in the ``dampers/`` of another."""
+    """Folder and processes of one damper.
+
+    Parameters
+    ----------
+    beside : context of the server's own folder, if this damper is in its ``dampers/``
+    name : name of this damper there
+    """
 
     def __init__(
         self,
@@ -55,26 +61,28 @@ class AppContext:
         events, queue = (beside.events, beside.queue) if beside is not None else (None, None)
         self.events: EventBus = EventBus(self.folder, name, events)
         self.queue: JobQueue = JobQueue(self.folder, self.events.publish, queue)
-        self.reader = WorkerClient()  # reads files that a page waits for
-        self.previewer = WorkerClient()  # reads their beginnings
-        self.heater = WorkerClient()  # computes curves under a slider
+        self.reader = WorkerClient()  # Reads whole files for a page.
+        self.previewer = WorkerClient()  # Reads the beginning of large files.
+        self.heater = WorkerClient()  # Computes heating curves for sliders.
         self.index = RunIndex(self.folder, self.formats, WorkerClient(), self.events.publish)
         self._pending = PendingAnswers()
         self.closing = False
 
-    async def answer(self, client: WorkerClient, query: Query, *version: object) -> Any:  # noqa: ANN401 - whatever JSON holds
-        """Return the answer to a query, or raise ``NotYetError`` while it is being made.
+    async def answer(self, client: WorkerClient, query: Query, *version: object) -> Any:  # noqa: ANN401 - any JSON value
+        """Return the answer to a query, or raise ``NotYetError`` while it is computed.
 
-        ``version`` is what else makes a query another one: when the file that it names was changed.
+        Parameters
+        ----------
+        version : further parts of the cache key, such as the modification time of a file
         """
         return await self.wait((query.key, *version), lambda: client.ask(query))
 
-    async def wait(self, key: object, make: Callable[[], Awaitable[Any]]) -> Any:  # noqa: ANN401 - what make makes
-        """Return what is made, or raise ``NotYetError`` while it is; who asks by the same key shares it."""
+    async def wait(self, key: object, make: Callable[[], Awaitable[Any]]) -> Any:  # noqa: ANN401 - the result of make
+        """Return a result, or raise ``NotYetError`` while it is computed; equal keys share the work."""
         return await self._pending.wait(key, make)
 
     def open(self) -> None:
-        """Take up what the server before this one has left."""
+        """Recover the jobs of the previous server, clean the cache, and watch the folder."""
         self.queue.recover()
         self.index.sweep()
         self.events.watch()
@@ -88,7 +96,7 @@ class AppContext:
         self._pending.close()
 
     def is_closing(self) -> bool:
-        """Whether the server ends."""
+        """Return True if the server is stopping."""
         return self.closing
 
 
@@ -104,12 +112,12 @@ async def read_body(request: Request) -> dict[str, Any]:
 
 
 async def read_request(request: Request, kind: type[Wanted]) -> Wanted:
-    """Return what a request asks for, checked."""
+    """Return the validated record of a request."""
     return read_record(kind, await read_body(request), "the request")
 
 
 def send_file(path: Path, *, download: bool = False) -> Response:
-    """Return a file from the folder, which may be shown and never runs."""
+    """Return a file of the folder with a policy that forbids scripts."""
     kind = _TYPES.get(path.suffix.lower(), "application/octet-stream")
     download = download or kind in {"application/zip", "application/octet-stream"}
     return FileResponse(
@@ -126,7 +134,7 @@ def json_response(answer: dict[str, Any], status: int = 200) -> Response:
 
 
 class JsonAnswer(JSONResponse):
-    """JSON, also of texts that hold half of a sign (a lone surrogate): a question mark stands for it."""
+    """JSON response. Lone surrogates in texts are replaced by question marks."""
 
     def render(self, content: Any) -> bytes:  # noqa: ANN401 - as Starlette has it
         text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))

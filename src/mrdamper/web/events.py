@@ -1,4 +1,4 @@
-"""Server-sent events: progress of a job, from its beginning; and that something in the folder has changed."""
+"""Server-sent events: progress of a job, and changes in the folder."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from mrdamper.web.workspace import WorkFolder
 
 _LOOK_S = 0.2
 _WATCH_S = 1.5
-_BEAT_S = 15.0  # a comment, so that nothing between takes the line for dead
+_BEAT_S = 15.0  # Interval of comments, because proxies close idle connections.
 _MOST_WAITING = 64
 
 Gone = Callable[[], bool]
 
 
 def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
-    """Return one event; JSON has no line breaks of its own."""
+    """Return the text of one event."""
     numbered = "" if number is None else f"id: {number}\n"
     said = json.dumps(told, allow_nan=False)
     return f"{numbered}event: {name}\ndata: {said}\n\n"
 
 
 async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator[str]:
-    """Give the progress of a job after line ``after``, then what is new, and its end."""
+    """Yield the progress of a job after line ``after``, then new progress, then its end."""
     place, line, rest, quiet = 0, 0, b"", 0.0
     while not gone():
         try:
             has_ended = record.read().has_ended
-        except InputError:  # deleted
+        except InputError:  # The job was deleted.
             return
         with suppress(OSError), (record.folder / "progress.jsonl").open("rb") as file:
             file.seek(place)
@@ -60,10 +60,10 @@ async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator
 
 
 class EventBus:
-    """Tells all listeners what kind of thing has changed in a damper's folder, also by another program."""
+    """Notification of all listeners about changes in the folder of a damper, also by other programs."""
 
     def __init__(self, folder: WorkFolder, name: str = "", beside: EventBus | None = None) -> None:
-        """Tell of a folder under the name of its damper; who listens ``beside`` hears of it, too."""
+        """Create the bus of a damper; with ``beside`` it shares the listeners of another bus."""
         self._folder, self._name = folder, name
         self._watch: asyncio.Task[None] | None = None
         self.listeners: set[asyncio.Queue[tuple[str, str]]] = beside.listeners if beside else set()
@@ -71,19 +71,19 @@ class EventBus:
         self.buses.append(self)
 
     def leave(self) -> None:
-        """Tell no more."""
+        """Stop watching and leave the shared buses."""
         self.buses.remove(self)
         if self._watch is not None:
             self._watch.cancel()
 
     def publish(self, what: str) -> None:
-        """Tell all listeners that something of a kind has changed."""
+        """Notify all listeners that items of a kind have changed."""
         for queue in self.listeners:
             if queue.qsize() < _MOST_WAITING:
                 queue.put_nowait((self._name, what))
 
     async def listen(self, gone: Gone) -> AsyncIterator[str]:
-        """Give an event for each change, until ``gone``."""
+        """Yield an event for each change, until ``gone`` returns True."""
         queue: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
         self.listeners.add(queue)
         for bus in self.buses:
@@ -101,7 +101,7 @@ class EventBus:
                         quiet = 0.0
                         yield ": still here\n\n"
                     continue
-                await asyncio.sleep(_LOOK_S)  # several at once
+                await asyncio.sleep(_LOOK_S)  # Several changes are sent as one event.
                 while not queue.empty():
                     heard.add(queue.get_nowait())
                 for name in sorted({damper for damper, _ in heard}):
@@ -111,12 +111,12 @@ class EventBus:
             self.listeners.discard(queue)
 
     def watch(self) -> None:
-        """Look at the folder from now on, where somebody listens."""
+        """Start watching the folder if there are listeners."""
         if self.listeners and (self._watch is None or self._watch.done()):
             self._watch = asyncio.create_task(self._watching())
 
     async def _watching(self) -> None:
-        """Look at the folder while somebody listens."""
+        """Watch the folder while there are listeners."""
         places = {
             "files": self._folder.runs,
             "records": self._folder.records,
@@ -135,11 +135,11 @@ class EventBus:
 
 
 def _signature(place: Path) -> int:
-    """Return a number that changes with what is in a folder."""
+    """Return a number that changes with the names and times in a folder."""
     found = []
     with suppress(OSError):
         for path in place.iterdir():
-            # what a job keeps to go on from grows all the time
+            # Files for resuming a job grow all the time.
             if not path.name.startswith(".") and path.suffix != ".progress":
                 with suppress(OSError):
                     found.append((path.name, path.stat().st_mtime_ns))

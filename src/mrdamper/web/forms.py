@@ -1,6 +1,6 @@
-"""What a page draws a form from: the fields of each request, as JSON.
+"""Fields of each request as JSON, from which the pages build their forms.
 
-All of it stands in the declarations of jobs (``jobs.options``, ``registry``); pages declare no option.
+The fields follow from the declarations of the jobs (``jobs.options``, ``registry``). Pages declare no option.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _TYPES = {bool: "yes", int: "whole", float: "number"}
 
 
 def all_forms(choices: Mapping[str, Any]) -> Json:
-    """Return the fields of each kind of request and of a quick curve; ``choices`` holds names to offer."""
+    """Return the fields of all requests and of the quick curve; ``choices`` contains the offered names."""
     forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in order_kinds()}
     written = {
         f"{kind}-{table.key}": _table(table, choices)
@@ -29,7 +29,7 @@ def all_forms(choices: Mapping[str, Any]) -> Json:
 
 
 def _table(table: Field, choices: Mapping[str, Any]) -> list[Json]:
-    """Return the fields of a table of a file, as the file has them; what is left empty is not written."""
+    """Return the fields of a table in a file; empty fields are not written."""
     return [_written(each, choices) for each in fields_of(table.item)]
 
 
@@ -44,7 +44,7 @@ def _written(field: Field, choices: Mapping[str, Any]) -> Json:
 
 
 def label_of(field: Field) -> str:
-    """Return the words beside a field: its own, or its name without the unit."""
+    """Return the label of a field: its own, or its name without the unit."""
     if field.option.label:
         return field.option.label
     unit = field.option.unit.replace("/", "_").replace(" ", "_")
@@ -66,12 +66,10 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "begins": default if page.begins is None else page.begins,
         "none": option.default_help or ("none" if page.places else ""),
         "unit": _SHOWN_UNITS.get(option.unit, option.unit),
-        "least": option.least if option.above is None else option.above,
-        "most": option.most if option.below is None else option.below,
         "choices": _choices(field, choices),
         "free": not field.choices
         and not page.places
-        and page.offers in {"", "runs"},  # other values may be typed
+        and page.offers in {"", "runs"},  # Other values are possible.
         "group": page.group,
         "offers": page.offers,
         "slider": page.slider,
@@ -84,7 +82,7 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
 
 
 def _choices(field: Field, choices: Mapping[str, Any]) -> list[list[str]]:
-    """Return what may be chosen as pairs of value and words."""
+    """Return the choices as pairs of value and label."""
     if field.choices:
         return [
             list(pair) for pair in zip(field.choices, field.option.page.titles or field.choices, strict=True)

@@ -1,7 +1,6 @@
-"""What kind of input a file seems to be, so that a form offers those that fit first.
+"""Guess of the kind of an input file, so that a form offers suitable files only.
 
-A guess at its first lines, for lists alone: nothing is parsed here. The job that takes a file tells what is
-wrong with it.
+The guess uses the first lines and is for lists only. The job that reads a file reports what is wrong with it.
 """
 
 from __future__ import annotations
@@ -10,9 +9,9 @@ import re
 from functools import lru_cache
 from pathlib import Path
 
-_LOOKED_AT = 1 << 14  # bytes
+_HEAD_SIZE_BYTES = 1 << 14
 
-# The first that is found in a line of its own tells the kind.
+# The first pattern that matches the beginning of a line decides the kind.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
     ("drawing", r"\[body\]"),
@@ -30,7 +29,7 @@ _CSV: tuple[tuple[str, str], ...] = (
 
 
 def kind_of_input(path: Path) -> str | None:
-    """Return what an input seems to be; None where its beginning does not tell."""
+    """Return the probable kind of an input; None if its first lines match no kind."""
     try:
         found = path.stat()
         return _kind(path, found.st_size, found.st_mtime_ns)
@@ -41,7 +40,7 @@ def kind_of_input(path: Path) -> str | None:
 @lru_cache(maxsize=1024)
 def _kind(path: Path, _size: int, _time: int) -> str | None:
     with path.open("rb") as file:
-        text = file.read(_LOOKED_AT).decode("utf-8", errors="replace")
+        text = file.read(_HEAD_SIZE_BYTES).decode("utf-8", errors="replace")
     if path.suffix.lower() == ".toml":
         lines = [line.strip() for line in text.splitlines()]
         said = ((kind, re.compile(pattern)) for kind, pattern in _TOML)

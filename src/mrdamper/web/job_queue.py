@@ -1,6 +1,6 @@
-"""The queue of jobs: at most two at a time on one server, each in its own process; the others wait.
+"""Queue of jobs: one server runs two jobs at a time, each in its own process.
 
-How a job stands is in its record on disk. Here are only the processes that run now.
+The state of a job is in its record on disk. The queue holds only the running processes.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from mrdamper.web.schemas import Order, job_of
 from mrdamper.web.workspace import WorkFolder
 
 MOST_AT_ONCE = 2
-_KEEPING_S = 20.0  # for one that writes what it has found so far
+_KEEPING_S = 20.0  # A fit writes its best result in this time.
 _MOST_WAITING = 100
 
 
 class ConflictError(InputError):
-    """Something that cannot be while something else is."""
+    """A request conflicts with an existing item."""
 
 
 @dataclass(slots=True)
 class _Running:
-    """A job at work; without a process while that is being started."""
+    """A running job; it has no process while the process is started."""
 
     process: asyncio.subprocess.Process | None = None
     cancelled: bool = False
 
     def interrupt(self) -> None:
-        """Send the process what Ctrl-C sends."""
+        """Send the signal of Ctrl-C to the process."""
         if self.process is not None and self.process.returncode is None:
             self.process.send_signal(signal.SIGINT)
 
     def kill(self) -> None:
-        """Kill the process and everything that it has started."""
+        """Kill the process and its child processes."""
         if self.process is None:
             return
         if hasattr(os, "killpg"):
@@ -54,13 +54,13 @@ class _Running:
             self.process.kill()
 
     def hang_up(self) -> None:
-        """Close the process's standard input: the job is interrupted, and killed a moment later."""
+        """Close the standard input of the process, which interrupts the job and kills it a moment later."""
         if self.process is not None and self.process.stdin is not None:
             self.process.stdin.close()
 
 
 class JobQueue:
-    """Starts and stops the processes of a damper's jobs."""
+    """Start and stop of the processes of a damper's jobs."""
 
     def __init__(
         self, folder: WorkFolder, changed: Callable[[str], None], beside: JobQueue | None = None
@@ -70,11 +70,11 @@ class JobQueue:
         self._running: dict[str, _Running] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
-        self.queues: list[JobQueue] = beside.queues if beside else []  # those that share the two places
+        self.queues: list[JobQueue] = beside.queues if beside else []  # All share the limit.
         self.queues.append(self)
 
     def recover(self) -> None:
-        """Mark what ran when the server before this one ended, and clear what it left half-written."""
+        """Mark the jobs that the previous server left running, and remove its unfinished files."""
         for job_id in job_ids(self._folder.results):
             record = self.record(job_id)
             with suppress(InputError):
@@ -89,7 +89,7 @@ class JobQueue:
 
     @property
     def busy(self) -> int:
-        """How many jobs run."""
+        """Number of running jobs."""
         return len(self._running)
 
     def submit(self, order: Order) -> str:
@@ -106,7 +106,7 @@ class JobQueue:
         return job_id
 
     def resume(self, job_id: str) -> None:
-        """Queue a job that ended early again; it goes on with what it has finished."""
+        """Queue a job again that ended early; it continues after its finished tasks."""
         record = self.record(job_id)
         job = record.read()
         if job_id in self._waiting or job_id in self._running:
@@ -117,7 +117,7 @@ class JobQueue:
         self._queue(job_id)
 
     async def settled(self, job_id: str) -> None:
-        """Wait a moment for the process of a job that has ended to be gone."""
+        """Wait a moment until the process of an ended job has exited."""
         end = time.monotonic() + GRACE_S
         while job_id in self._running and self.record(job_id).read().has_ended:
             if time.monotonic() > end:
@@ -125,7 +125,7 @@ class JobQueue:
             await asyncio.sleep(0.02)
 
     def _claim(self, card: str, *, replace: bool) -> None:
-        """Refuse a card's name that is taken."""
+        """Raise ConflictError if the name of a card is used."""
         place = self._folder.new(self._folder.cards, card)
         if place.exists() and not replace:
             raise ConflictError(f"there is a card {card!r} already; choose another name, or replace it")
@@ -134,7 +134,7 @@ class JobQueue:
                 raise ConflictError(f"{job_id} is to write the card {card!r}; wait, or choose another name")
 
     def cancel(self, job_id: str) -> None:
-        """Stop a job: at once when it waits; else by an interrupt, and for good some seconds later."""
+        """Cancel a job: a waiting job at once, a running job by an interrupt and a later kill."""
         record = self.record(job_id)
         if record.read().has_ended:
             return
@@ -150,7 +150,7 @@ class JobQueue:
             asyncio.get_running_loop().call_later(grace_s, running.kill)
 
     def discard(self, job_id: str) -> str:
-        """Move a job that has ended into the trash, with its files; return its name there."""
+        """Move an ended job with its files into the trash; return its name there."""
         folder = self.record(job_id).folder
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} has not ended; cancel it first")
@@ -159,7 +159,7 @@ class JobQueue:
         return kept
 
     async def close(self) -> None:
-        """Stop all processes: the server ends."""
+        """Stop all processes because the server stops."""
         self._closing = True
         for job_id in self._waiting:
             self.record(job_id).end("interrupted", "the server was stopped before it began; ask for it again")
@@ -177,11 +177,11 @@ class JobQueue:
 
     @property
     def is_idle(self) -> bool:
-        """Whether no job runs or waits."""
+        """Return True if no job runs or waits."""
         return not self._waiting and not self._running
 
     def advance(self) -> None:
-        """Begin the next jobs, as long as there is a place for them."""
+        """Start waiting jobs up to the limit."""
         while self._waiting and sum(queue.busy for queue in self.queues) < MOST_AT_ONCE and not self._closing:
             job_id = self._waiting.popleft()
             running = self._running[job_id] = _Running()
@@ -212,7 +212,7 @@ class JobQueue:
                 self._changed(what)
 
     def _settle(self, record: JobRecord, code: int | None, *, cancelled: bool) -> None:
-        """Write the end of a job whose process could not."""
+        """Write the end of a job whose process did not write it."""
         with suppress(InputError, OSError):
             if record.read().has_ended:
                 pass
@@ -235,10 +235,10 @@ def _stopped_early(record: JobRecord) -> str:
 
 
 def _next_step(record: JobRecord) -> str:
-    """Say what to do about a job whose process has ended without a word."""
+    """Return the advice for a job whose process ended without a message."""
     if not record.is_resumable(replace(record.read(), state="interrupted")):
         return "nothing was written: ask for it again"
-    return "what it had finished is kept: Resume goes on with it"
+    return "its finished parts are kept, and Resume continues after them"
 
 
 def _clear(record: JobRecord) -> None:

@@ -1,11 +1,11 @@
-"""A job's record: what was asked, how it stands, when, and what it has said so far, as files beside its own.
+"""Record of a job: request, state, times and progress, in the folder of the job.
 
-    job.json        one object, written whole: by the server when it asks and stops, by the worker as it goes
-    progress.jsonl  one line for each message and step of progress
-    answer.json     what ``mrdamper KIND --json`` prints
+    job.json        one object; the server writes request and cancellation, the worker writes start and end
+    progress.jsonl  one line for each message and progress step
+    answer.json     the output of ``mrdamper KIND --json``
 
-What stands in these files is all there is: a server that starts again knows as much as the one before. A few
-bytes are held back from the beginning, so that the end of a job can be written down on a full disk, too.
+A restarted server needs only these files. A small reserve file is created with the record, so that the end of
+a job can be written on a full disk.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from mrdamper.schema import Json, finite_or_none, read_record
 from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 
 GRACE_S = 3.0
-"""An interrupted job has this time to end before it is killed."""
+"""Time between the interrupt and the kill of a job."""
 
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")
 _OWN = frozenset({"job.json", "progress.jsonl", "answer.json"})
-_TAIL = 4096  # bytes in which the last line of progress is looked for
-_MOST_FILES = 500
+_TAIL_SIZE_BYTES = 4096  # The last progress line is shorter.
+_FILES_MAX_COUNT = 500
 _RESERVE = ".reserve"
-_RESERVED = 8192  # bytes
+_RESERVE_SIZE_BYTES = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """What ``job.json`` holds.
+    """Content of ``job.json``.
 
     Attributes
     ----------
-    options : as they were asked for, checked
-    message : said at its end
-    card : name of the card that it writes
-    resumed : how often it was asked to go on
-    pid : of the process that does it, or did
+    options : validated options of the request
+    message : reason of the end
+    card : name of the card that the job writes
+    resumed : number of resumes
+    pid : id of the process
     """
 
     id: str
@@ -65,7 +65,7 @@ class Job:
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing more is done for it."""
+        """Return True if the job has ended."""
         return self.state not in {"queued", "running"}
 
 
@@ -79,7 +79,7 @@ class JobRecord:
         self.folder = results / job_id
 
     def open(self, kind: str, options: Mapping[str, Any], card: str | None) -> None:
-        """Write down what was asked, or nothing at all."""
+        """Create the record of a request; remove it if a file cannot be written."""
         self.folder.mkdir()
         try:
             self._reserve()
@@ -89,7 +89,7 @@ class JobRecord:
             raise
 
     def reopen(self) -> None:
-        """Write down that a job which ended early is asked for again, to go on from there."""
+        """Queue the record of a job again that ended early."""
         job = self.read()
         self._reserve()
         (self.folder / "answer.json").unlink(missing_ok=True)
@@ -97,7 +97,7 @@ class JobRecord:
         self._write(replace(again, resumed=job.resumed + 1))
 
     def read(self) -> Job:
-        """Return the record; one that cannot be read counts as none."""
+        """Return the record; raise NotThereError if it is missing or invalid."""
         try:
             found = _plain_json((self.folder / "job.json").read_text(encoding="utf-8"))
             job = read_record(Job, found, self.id)
@@ -108,11 +108,11 @@ class JobRecord:
         return job
 
     def begin(self) -> None:
-        """Write down that this process does the job."""
+        """Write the start of the job and the id of this process."""
         self._write(replace(self.read(), state="running", started_at=now(), pid=os.getpid()))
 
     def end(self, state: EndState, message: str | None = None) -> None:
-        """Write down how the job has ended."""
+        """Write the end of the job."""
         (self.folder / _RESERVE).unlink(missing_ok=True)
         self._write(replace(self.read(), state=state, ended_at=now(), message=message))
 
@@ -125,21 +125,21 @@ class JobRecord:
         """Return the last line of progress."""
         try:
             with (self.folder / "progress.jsonl").open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL))
+                file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL_SIZE_BYTES))
                 lines = file.read().splitlines()
         except OSError:
             return None
         for line in reversed(lines):
             try:
                 found = _plain_json(line)
-            except (ValueError, RecursionError):  # cut, or being written
+            except (ValueError, RecursionError):  # The line is incomplete.
                 continue
             if isinstance(found, dict) and found.get("event") == "progress":
                 return found
         return None
 
     def answer(self) -> Json | None:
-        """Return the job's answer; None where there is none yet."""
+        """Return the answer of the job; None if it has no answer yet."""
         try:
             found = _plain_json((self.folder / "answer.json").read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError):
@@ -147,7 +147,7 @@ class JobRecord:
         return found if isinstance(found, dict) else None
 
     def row(self) -> Json:
-        """Return the record for a list: without the names of the runs' files, which may be thousands."""
+        """Return the record for a list, without the names of the run files, which may be thousands."""
         job = self.read()
         files = job.options.get("files")
         options = {name: value for name, value in job.options.items() if name != "files"}
@@ -155,7 +155,7 @@ class JobRecord:
         return shown | {"file_count": len(files) if isinstance(files, list) else None}
 
     def shown(self) -> Json:
-        """Return the record as the pages see it."""
+        """Return the record for the pages."""
         job = self.read()
         return self._shown(job, resumable=self.is_resumable(job))
 
@@ -165,7 +165,7 @@ class JobRecord:
         return asdict(job) | {"progress": progress, "files": self.files(), "resumable": resumable}
 
     def files(self) -> list[Json]:
-        """Return the job's own files; those that a running job has put elsewhere meanwhile are none."""
+        """Return path and size of the job's files; files that a running job has moved are ignored."""
         found: dict[Path, int] = {}
         for folder, _, names in os.walk(self.folder):
             for name in names:
@@ -178,24 +178,24 @@ class JobRecord:
             if str(name) not in _OWN
             and not any(part.startswith(".") for part in name.parts)
             and is_text(str(name))
-        ][:_MOST_FILES]
+        ][:_FILES_MAX_COUNT]
 
     def _reserve(self) -> None:
-        (self.folder / _RESERVE).write_bytes(b"." * _RESERVED)
+        (self.folder / _RESERVE).write_bytes(b"." * _RESERVE_SIZE_BYTES)
 
     def _write(self, job: Job) -> None:
         write_object(self.folder / "job.json", asdict(job))
 
 
-def _plain_json(text: str | bytes) -> Any:  # noqa: ANN401 - whatever somebody has written
-    """Return what a file holds, with null for numbers that are not finite."""
+def _plain_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the JSON value of a text, with None for numbers that are not finite."""
     return json.loads(
         text, parse_float=lambda said: finite_or_none(float(said)), parse_constant=lambda _: None
     )
 
 
 def _size(path: Path) -> int | None:
-    """Return the bytes of a file, None where there is none; a link is none."""
+    """Return the size of a file [bytes]; None if it is missing or a link."""
     try:
         found = path.lstat()
     except OSError:
@@ -204,13 +204,13 @@ def _size(path: Path) -> int | None:
 
 
 def write_object(path: Path, value: Mapping[str, Any]) -> None:
-    """Write a JSON object whole or not at all."""
+    """Write a JSON object atomically."""
     text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_whole(path, text, ".record-")
 
 
 def job_ids(results: Path) -> list[str]:
-    """Return the jobs there are, the newest first."""
+    """Return the ids of all jobs, newest first."""
     found = [path for path in results.iterdir() if _ID.fullmatch(path.name) and (path / "job.json").is_file()]
     return [
         path.name for path in sorted(found, key=lambda path: (_number(path.name), path.name), reverse=True)
@@ -218,8 +218,8 @@ def job_ids(results: Path) -> list[str]:
 
 
 def new_id(results: Path, kind: str) -> str:
-    """Return an id that no job has had; numbers run over all kinds, so that they tell the order."""
-    thrown = results.parent.glob(f".trash/*/{results.name}/*")  # may be put back
+    """Return an unused id; all kinds share one count, so that the numbers show the order."""
+    thrown = results.parent.glob(f".trash/*/{results.name}/*")  # Removed jobs can be restored.
     numbers = [_number(path.name) for path in (*results.iterdir(), *thrown) if _ID.fullmatch(path.name)]
     return f"{kind}-{max(numbers, default=0) + 1:03d}"
 

@@ -1,9 +1,9 @@
-"""The process of one job: ``python -P -m mrdamper.web.job_worker FOLDER JOB``, started by the queue.
+"""Process of one job: ``python -P -m mrdamper.web.job_worker FOLDER JOB``, started by the queue.
 
-It reads the job's record, does the job, and writes progress, answer and end into the job's folder, so that
-nothing is lost if the server has ended. SIGINT does what Ctrl-C does on the command line: a fit keeps the
-best result, a sweep its finished tasks, any other job leaves nothing. The server holds the process's
-standard input: when that closes, the server has ended and the job is interrupted.
+It reads the record, runs the job, and writes progress, answer and end into the folder of the job, so that
+nothing is lost if the server stops. SIGINT has the effect of Ctrl-C on the command line: a fit keeps the best
+result, a sweep keeps its finished tasks, and any other job writes nothing. The server keeps the standard
+input open. When it closes, the server has stopped and the job is interrupted.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
 _NICENESS = 10  # Pages have priority over jobs.
-_LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
+INTERVAL_MIN_S, INTERVAL_MAX_S = 0.02, 2.0  # Time between two progress lines.
 
 _KEPT = {
-    "fit": "what was written is the best so far, marked as cancelled",
+    "fit": "the card contains the best result so far and is marked as cancelled",
 }
-"""What a job that was interrupted leaves, by kind."""
+"""Message about the files of an interrupted job, by kind."""
 
 _server_is_gone = threading.Event()
 
 
 class _ProgressFile:
-    """Appends progress to the job's file: often at first, more seldom later, the last in any case."""
+    """Writer of progress lines: frequent at first, then less often; the last line is always written."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._begin, self._next = path, time.monotonic(), 0.0
@@ -48,7 +48,7 @@ class _ProgressFile:
         spent = time.monotonic() - self._begin
         self._held = {"event": "progress", "t_s": round(spent, 3), **told}
         if spent >= self._next:
-            self._next = spent + min(_LEAST_INTERVAL_S + spent / 500.0, _MOST_INTERVAL_S)
+            self._next = spent + min(INTERVAL_MIN_S + spent / 500.0, INTERVAL_MAX_S)
             self.flush()
 
     def message(self, text: str) -> None:
@@ -56,19 +56,19 @@ class _ProgressFile:
         self._write({"event": "message", "t_s": round(time.monotonic() - self._begin, 3), "text": text})
 
     def flush(self) -> None:
-        """Write what was held back."""
+        """Write the pending line."""
         if self._held is not None:
             self._write(self._held)
             self._held = None
 
     def _write(self, line: dict[str, object]) -> None:
-        # what a job says is not worth stopping it for: on a full disk it goes on in silence
+        # A full disk must not stop the job, so the line is dropped.
         with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def main() -> None:
-    """Do the job that the process's arguments name."""
+    """Run the job that the arguments of the process name."""
     folder, job_id = sys.argv[1:]
     os.environ.setdefault("MPLBACKEND", "Agg")
     if hasattr(os, "nice"):
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def _end_with_server() -> None:
-    """Interrupt the job when standard input closes; kill it and its processes a moment later."""
+    """Interrupt the job when standard input closes; kill it and its child processes a moment later."""
     os.read(0, 1)
     _server_is_gone.set()
     os.kill(os.getpid(), signal.SIGINT)
@@ -90,18 +90,18 @@ def _end_with_server() -> None:
 
 
 def run_job(folder: WorkFolder, job_id: str) -> None:
-    """Do one job; how it ends stands in its record."""
+    """Run one job and write its end into the record."""
     record = JobRecord(folder.results, job_id)
     try:
         record.begin()
         progress = _ProgressFile(record.folder / "progress.jsonl")
         progress.message("started")
         answer = _do(record, folder, progress)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is done is done
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # A finished job is not cancelled.
         progress.flush()
         write_object(record.folder / "answer.json", answer)
         if answer.get("cancelled"):
-            kept = _KEPT.get(record.read().kind, "what was finished is kept")
+            kept = _KEPT.get(record.read().kind, "finished parts are kept")
             record.end(*_stopped(kept))
         else:
             record.end("done")
@@ -117,11 +117,11 @@ def _do(record: JobRecord, folder: WorkFolder, progress: _ProgressFile) -> dict[
 
 
 def _fail(record: JobRecord, fault: BaseException) -> None:
-    """Write down why a job failed: what was wrong in the data's words, a fault of ours without its inside."""
+    """Write the reason of a failure; a programming error is reported without its traceback."""
     if is_full(fault) or is_full(fault.__cause__ or fault):
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
     elif isinstance(fault, MrdamperError):
-        below = f"{record.folder.parent.parent}{os.sep}"  # paths are those in the work folder
+        below = f"{record.folder.parent.parent}{os.sep}"  # Messages show paths relative to the work folder.
         record.end("failed", f"{fault}".replace(below, ""))
     elif isinstance(fault, MemoryError):
         traceback.print_exception(fault)
@@ -133,13 +133,13 @@ def _fail(record: JobRecord, fault: BaseException) -> None:
 
 def _without_result(record: JobRecord) -> str:
     if not record.is_resumable(replace(record.read(), state="cancelled")):
-        return "there was no result yet; nothing was written"
-    return "there was no result yet; what was finished is kept to go on from"
+        return "the job had no result; no files were written"
+    return "the job had no result; its finished parts are kept for Resume"
 
 
 def _stopped(kept: str) -> tuple[EndState, str]:
     if _server_is_gone.is_set():
-        return "interrupted", f"the server was stopped while it ran; {kept}"
+        return "interrupted", f"the server stopped during the job; {kept}"
     return "cancelled", f"cancelled; {kept}"
 
 

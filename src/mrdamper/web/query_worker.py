@@ -1,7 +1,7 @@
-"""Queries: short questions of the pages, answered in a process of their own.
+"""Queries: short computations for the pages, in processes of their own.
 
-Measured files are parsed there and in the jobs' processes, never in the server. An answer is JSON. Samples of
-runs for drawing go to files in the folder's ``.cache`` that the server sends as they are.
+Measured files are parsed there and in the processes of jobs, never in the server. An answer is JSON. Samples
+of runs for plots are written to the folder ``.cache``, and the server sends these files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.registry.queries import QUERIES
+from mrdamper.registry import QUERIES
 from mrdamper.schema import Json
 from mrdamper.web.workspace import FAULT, NoSpaceError, is_full
 
@@ -31,18 +31,18 @@ class Query:
     values: Mapping[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> Json:
-        """Return what is sent to the process."""
+        """Return the JSON request."""
         files = {name: str(path) for name, path in self.files.items()}
         return {"name": self.name, "files": files, "values": dict(self.values)}
 
     @property
     def key(self) -> str:
-        """Text that two queries have in common when they ask for the same."""
+        """Text that identifies the query."""
         return json.dumps(self.to_dict(), sort_keys=True)
 
 
 def answer_query(query: Query) -> Any:  # noqa: ANN401 - any JSON
-    """Return the answer to a query; raise an error of the package, whatever went wrong."""
+    """Return the answer to a query; convert every exception to an error of the package."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     try:
         return find_function(query.name)(**query.files, **query.values)
@@ -51,7 +51,7 @@ def answer_query(query: Query) -> Any:  # noqa: ANN401 - any JSON
     except Exception as fault:
         if is_full(fault) or is_full(fault.__cause__ or fault):
             name = next((path.name for path in query.files.values()), "the folder")
-            raise NoSpaceError(f"what is drawn of {name} could not be kept") from fault
+            raise NoSpaceError(f"the samples of {name} could not be stored") from fault
         if isinstance(fault, MrdamperError):
             raise
         traceback.print_exception(fault)
@@ -60,7 +60,7 @@ def answer_query(query: Query) -> Any:  # noqa: ANN401 - any JSON
 
 @cache
 def find_function(name: str) -> Callable[..., object]:
-    """Return the function of a query; a method is one of the class's only object in this process."""
+    """Return the function of a query; a method belongs to the only instance in this process."""
     module, _, path = QUERIES[name].partition(":")
     found = importlib.import_module(module)
     for part in path.split("."):

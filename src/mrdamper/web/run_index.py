@@ -1,7 +1,7 @@
-"""Which runs are in the folder's files: read once each, in a process of their own, and kept in ``.cache``.
+"""Index of the runs in the folder. Each file is read once, in its own process, and cached in ``.cache``.
 
-A file is known by its name, size and time, and those of its channel map; when one of them changes it is read
-again. What is kept may be deleted at any time.
+Name, size and time of a file and of its channel map are its key. If one of them changes, the file is read
+again. The cache may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -23,17 +24,18 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.worker_client import WorkerClient
 from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
 
-_FORM = "3"  # of what is kept; another number reads everything again
-_MOST_WINDOWS = 64  # of a file
-_ROOM = 16 << 20  # bytes
+_CACHE_FORMAT = "4"  # A new number makes all files be read again.
+_RIG_LINE = re.compile(rb"# simulated: virtual damper ([\w-]+), seed ")
+_WINDOWS_MAX_COUNT = 64  # Cached windows of a file.
+_FREE_SIZE_MIN_BYTES = 16 << 20
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A run, and where it is kept."""
+    """A cached run."""
 
     file: Path
-    number: int  # in its file
+    number: int  # Index of the run in its file.
     place: Path
 
     @property
@@ -53,22 +55,25 @@ class FileRow:
     runs: tuple[str, ...]
     error: str | None
     mapped: bool
+    rig: str | None  # Preset of the virtual rig that simulated the file; None: another source.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Contents:
-    """What a file holds: ``meta.json`` in its folder of the cache.
+    """Content of a file: ``meta.json`` in its folder of the cache.
 
     Attributes
     ----------
-    preview : of the file and its runs, as ``jobs.preview`` makes it
-    findings : of each run; None until they have been looked for
-    full : the disk was full; not kept
+    preview : preview of the file and its runs by ``jobs.previews``
+    findings : findings of each run; None before the check
+    rig : preset of the virtual rig that simulated the file
+    full : the disk was full, so that the content is not cached
     """
 
     file: str
     preview: dict[str, Any]
     findings: list[list[dict[str, Any]]] | None = None
+    rig: str | None = None
     full: bool = False
 
     @classmethod
@@ -77,7 +82,7 @@ class _Contents:
 
     @property
     def error(self) -> str | None:
-        """Why it cannot be read."""
+        """Reason why the file cannot be read."""
         error = self.preview["error"]
         return None if error is None else str(error)
 
@@ -86,7 +91,7 @@ class _Contents:
         return tuple(run["name"] for run in self.preview["runs"])
 
     def runs(self) -> list[Json]:
-        """Return the runs as the pages see them: each with its findings, the worst first."""
+        """Return the runs for the pages, each with its findings, worst first."""
         rows: list[Json] = []
         for k, run in enumerate(self.preview["runs"]):
             findings = self.findings[k] if self.findings is not None and k < len(self.findings) else []
@@ -102,7 +107,7 @@ class _Contents:
 
 
 class SameNameError(InputError):
-    """A name that runs of two files have."""
+    """Runs of two files have the same name."""
 
 
 class RunIndex:
@@ -117,12 +122,12 @@ class RunIndex:
     ) -> None:
         self._folder, self._formats, self._changed = folder, formats, changed
         self._reader = reader
-        self._known: dict[str, _Contents] = {}  # by key
+        self._known: dict[str, _Contents] = {}  # Contents by key.
         self._pending: dict[str, asyncio.Task[None]] = {}
 
     def key_of(self, file: Path) -> str:
-        """Return what changes when a file or its channel map does."""
-        parts = [_FORM, file.name]
+        """Return the cache key of a file; it changes with the file and its channel map."""
+        parts = [_CACHE_FORMAT, file.name]
         for path in (file, self._folder.map_of(file)):
             with suppress(OSError):
                 found = path.stat()
@@ -130,7 +135,7 @@ class RunIndex:
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
     def files(self) -> list[FileRow]:
-        """Return the files and how they stand; what is new is read from now on."""
+        """Return the files with their states, and start reading new files."""
         return [self._row(file) for file in self._folder.run_files(self._formats)]
 
     def _row(self, file: Path) -> FileRow:
@@ -152,6 +157,7 @@ class RunIndex:
             state="reading" if contents is None else "unreadable" if contents.error else "ready",
             runs=() if contents is None else contents.run_names,
             error=None if contents is None else contents.error,
+            rig=None if contents is None else contents.rig,
             mapped=self._folder.map_of(file).is_file(),
         )
 
@@ -166,16 +172,16 @@ class RunIndex:
         }
 
     def runs_of(self, file: Path) -> list[Json]:
-        """Return the runs of a file, with what is wrong with them as far as it is known."""
+        """Return the runs of a file with the findings so far."""
         contents = self._look_up(self.key_of(file))
         return [] if contents is None else contents.runs()
 
     def knows(self, file: Path) -> bool:
-        """Tell whether a file has been read as it is now."""
+        """Return True if the present version of a file has been read."""
         return self._look_up(self.key_of(file)) is not None
 
     async def preview(self, file: Path) -> Json:
-        """Return what is in a file, waiting until it has been read."""
+        """Return the preview of a file after it has been read."""
         key = self.key_of(file)
         while (contents := self._look_up(key)) is None:
             self._begin(key, file)
@@ -191,7 +197,7 @@ class RunIndex:
         }
 
     def usable(self) -> list[str] | None:
-        """Return the files whose runs can all be fitted; None while some are being read."""
+        """Return the files whose runs can all be fitted; None while files are being read."""
         files = self.files()
         if any(row.state == "reading" for row in files):
             return None
@@ -199,7 +205,7 @@ class RunIndex:
         return [name for name in ready if all(map(_is_usable, self.runs_of(self._folder.runs / name)))]
 
     async def find(self, name: str, file: str | None) -> Kept:
-        """Return a run by its name, waiting for files that are being read."""
+        """Return a run by its name, after all files have been read if necessary."""
         self.files()
         kept = self._find(name, file)
         if kept is None and self._pending:
@@ -214,13 +220,13 @@ class RunIndex:
         return kept
 
     def forget(self, file: Path) -> None:
-        """Drop what was kept of a file."""
+        """Delete the cached content of a file."""
         key = self.key_of(file)
         self._known.pop(key, None)
         shutil.rmtree(self._folder.cache / key, ignore_errors=True)
 
     def sweep(self) -> None:
-        """Delete what is kept of files that are no more, or have changed since."""
+        """Delete the cached content of files that were removed or changed."""
         current = {self.key_of(file) for file in self._folder.run_files(self._formats)} | set(self._pending)
         for place in self._folder.cache.iterdir():
             if place.is_dir() and place.name not in current:
@@ -228,9 +234,9 @@ class RunIndex:
         self._known = {key: meta for key, meta in self._known.items() if key in current}
 
     def trim(self, kept: Kept) -> None:
-        """Delete the oldest windows of a file, where there are many."""
+        """Delete the older half of a file's windows if there are too many."""
         found = [*kept.place.glob("*.window"), *kept.place.glob("*.model")]
-        if len(found) > _MOST_WINDOWS:
+        if len(found) > _WINDOWS_MAX_COUNT:
             for old in sorted(found, key=lambda path: path.stat().st_mtime)[: len(found) // 2]:
                 old.unlink(missing_ok=True)
 
@@ -282,13 +288,13 @@ class RunIndex:
             try:
                 query = Query("runs", {"path": file, "place": place})
                 preview = await self._reader.ask(query)
-                contents = _Contents(file=file.name, preview=preview)
+                contents = _Contents(file=file.name, preview=preview, rig=_rig_of(file))
             except NoSpaceError as fault:
                 shutil.rmtree(place, ignore_errors=True)
                 contents = _Contents.unreadable(file.name, str(fault), full=True)
             except InputError as fault:
                 contents = _Contents.unreadable(file.name, str(fault))
-            if self.key_of(file) != key:  # it has changed meanwhile
+            if self.key_of(file) != key:  # The file was changed during reading.
                 shutil.rmtree(place, ignore_errors=True)
                 return
             self._write(key, contents)
@@ -312,7 +318,7 @@ class RunIndex:
             self._changed("files")
 
     def _write(self, key: str, contents: _Contents) -> None:
-        """Keep what is known of a file; on a full disk in memory alone."""
+        """Cache the content of a file; on a full disk only in memory."""
         self._known[key] = contents
         if contents.full:
             return
@@ -325,10 +331,17 @@ class RunIndex:
                 raise
 
     def _has_room_for(self, size: int) -> bool:
-        """Tell whether what a full disk stopped may be tried again."""
-        return shutil.disk_usage(self._folder.cache).free > 4 * size + _ROOM
+        """Return True if the disk has space to read a file again."""
+        return shutil.disk_usage(self._folder.cache).free > 4 * size + _FREE_SIZE_MIN_BYTES
+
+
+def _rig_of(file: Path) -> str | None:
+    """Return the preset that the first line of a file of the virtual rig names; None for other files."""
+    with file.open("rb") as lines:
+        found = _RIG_LINE.match(lines.readline(200))
+    return None if found is None else found[1].decode()
 
 
 def _is_usable(run: Json) -> bool:
-    """Whether a run can be fitted."""
+    """Return True if a run can be fitted."""
     return bool(run["usable"]) and run["worst"] != "fault"

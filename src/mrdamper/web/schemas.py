@@ -1,7 +1,7 @@
-"""What may be asked of the server: requests for jobs, made from the registry, and questions of the pages.
+"""Requests to the server: job requests, built from the registry, and queries of the pages.
 
-A request names things in the folder (a card, a run's file, an input), never paths, and nothing that would be
-run: a law in a Python file is for the command line alone. Its options are the job's own (``jobs.options``).
+A request contains names of cards, run files and inputs in the folder, never paths or code. Only the command
+line accepts a law in a Python file. The options of a request are the options of the job (``jobs.options``).
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record,
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
 _NAME_WORDS = "a name in the folder, of at most 160 characters"
 _WORD_WORDS = "a name of letters, digits and ._-"
-Name = Annotated[str, Option("Something in the folder.", pattern=_NAME, expected=_NAME_WORDS)]
+Name = Annotated[str, Option("An item in the folder.", pattern=_NAME, expected=_NAME_WORDS)]
 Names = Annotated[
     tuple[Name, ...],
-    Option("Things in the folder.", most_items=20_000, expected="a list of names in the folder"),
+    Option("Items in the folder.", most_items=20_000, expected="a list of names in the folder"),
 ]
 Length = Annotated[float, Option("A length.", unit="mm", above=0.0, below=1e6)]
-Share = Annotated[float, Option("A share.", least=0.0, most=1.0)]
+Share = Annotated[float, Option("A fraction.", least=0.0, most=1.0)]
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A job that was asked for: its kind, and what it is told as plain JSON."""
+    """A validated job request: kind and options as JSON."""
 
     kind: str
     options: Json
 
     @property
     def needs_runs(self) -> bool:
-        """Whether it is of all usable runs, as no files were named."""
+        """Return True if the request names no files and takes all usable runs."""
         return self.kind in {"fit", "evaluate"} and self.options["files"] is None
 
 
@@ -46,7 +46,7 @@ class Order:
 
 
 _REQUIRED = object()
-_ANNOTATED: Any = Annotated  # of types that are known at run time
+_ANNOTATED: Any = Annotated  # The types are built at run time.
 _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
     "fit": {
         "card": (
@@ -62,10 +62,10 @@ _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
         ),
     },
 }
-"""What a request says beside inputs and options, by kind: name -> (type, default)."""
+"""Further fields of a request by kind: name -> (type, default)."""
 
 _NO_ORDERS = ("data list", "simulate")
-"""Jobs that are questions of the pages: the sets there are, a force."""
+"""Jobs that are not started by a job request."""
 
 
 @cache
@@ -74,17 +74,17 @@ def _jobs() -> Mapping[str, Job]:
 
 
 def order_kinds() -> tuple[str, ...]:
-    """Return the kinds of jobs that can be asked for."""
+    """Return the kinds of job requests."""
     return tuple(_jobs())
 
 
 def job_of(kind: str) -> Job:
-    """Return the row of a kind that can be asked for."""
+    """Return the registry row of a kind."""
     return _jobs()[kind]
 
 
 def request_fields(kind: str) -> tuple[Field, ...]:
-    """Return the fields of a request for a job, with their types, ranges, defaults, and how a page asks."""
+    """Return the fields of a job request with type, range, default and form."""
     return fields_of(_request_type(kind))
 
 
@@ -97,12 +97,12 @@ def _request_type(kind: str) -> type:
 
 
 def _members(kind: str, job: Job) -> Iterator[tuple[str, Any, Any]]:
-    """Yield (name, type, default) of all that a request for a job holds."""
+    """Yield (name, type, default) of each field of a job request."""
     yield from ((name, type_, default) for name, (type_, default) in _OWN.get(kind, {}).items())
     for each in job.inputs:
         if each.flag != "-":
             yield _member_of(each)
-    mapped = any(KINDS[each.kind].place == "runs" for each in job.inputs)  # a run's map lies beside it
+    mapped = any(KINDS[each.kind].place == "runs" for each in job.inputs)  # Each run has its own map.
     for option in (*job.reading, *job.fields):
         is_path = option.type is Path
         if option.option.local or (is_path and mapped):
@@ -113,7 +113,7 @@ def _members(kind: str, job: Job) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _member_of(each: Input) -> tuple[str, Any, Any]:
-    """Return (name, type, default) of a thing that a job reads."""
+    """Return (name, type, default) of an input of a job."""
     kind = KINDS[each.kind]
     places = tuple(place for place in (kind.place, kind.also) if place)
     page = OnPage(
@@ -128,7 +128,7 @@ def _member_of(each: Input) -> tuple[str, Any, Any]:
     option = Option(each.help, label=each.label, default_help=each.default_help, page=page)
     if kind.many:
         most = 20_000 if kind.place == "runs" else 20
-        needed = each.required and kind.place != "runs"  # no names: all runs
+        needed = each.required and kind.place != "runs"  # Without names the job reads all runs.
         words = f"a list of names, {most} at most"
         option = replace(option, most_items=most, least_items=int(needed), expected=words)
         if kind.place == "runs":
@@ -142,7 +142,7 @@ def _member_of(each: Input) -> tuple[str, Any, Any]:
 
 
 def read_order(kind: object, options: object) -> Order:
-    """Return a job that was asked for, or one ``InputError`` with all that is wrong with it."""
+    """Return a validated job request; raise one InputError that lists all faults."""
     kinds = order_kinds()
     if not isinstance(kind, str) or kind not in kinds:
         raise unknown_name(f"kind is {str(kind)[:40]!r}", str(kind)[:40], kinds)
@@ -152,12 +152,12 @@ def read_order(kind: object, options: object) -> Order:
     return Order(kind, write_record(found, defaults=True, nulls=True))
 
 
-# ------------------------------------------------------------------------------- questions of the pages
+# --------------------------------------------------------------------------------- queries of the pages
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fins:
-    """A heat sink of a search, to be heated."""
+    """A heat sink design of a search."""
 
     fins: Annotated[int, Option("Number of fins.", least=1, most=500)]
     width_mm: Length
@@ -176,20 +176,20 @@ class HeatCurve(HeatOptions):
     amplitude_mm: Annotated[float, Option("Of the sine.", unit="mm", least=0.0, most=1000.0)] = 15.0
     frequency_Hz: Annotated[float, Option("Of the sine.", unit="Hz", above=0.0, most=100.0)] = 1.0
     command: Annotated[float, Option("Current or voltage.", least=-1000.0, most=1000.0)] = 2.0
-    duty_share: Annotated[float, Option("Share of the time at work.", least=0.05, most=1.0)] = 1.0
+    duty_share: Annotated[float, Option("Fraction of the time in operation.", least=0.05, most=1.0)] = 1.0
     duration_s: Annotated[float, Option("Duration.", unit="s", least=1.0, most=1e6)] = 1800.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class NewDamper:
-    """A damper that is to have a folder of its own on the server."""
+    """A new damper with its own folder on the server."""
 
     name: Name
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitNote:
-    """What somebody noted of a fit, kept beside its card; a pinned one stands at the top of the table."""
+    """A note on a fit, stored with its card; a pinned fit is at the top of the table."""
 
     note: Annotated[
         str, Option("Any text.", pattern=r"(?s)^.{0,2000}$", expected="2000 characters at most")
@@ -199,7 +199,7 @@ class FitNote:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawingRequest:
-    """A drawing that is made from another; without a name it is shown and not kept."""
+    """A geometry that is derived from another; without a name it is not saved."""
 
     name: Name | None = None
     replace: bool = False
@@ -214,7 +214,7 @@ class MapRequest:
     files: Annotated[tuple[Name, ...], Option("Measured files.", least_items=1, most_items=500)]
     map: Mapping[str, Any] | None = None
     save: bool = False
-    head: bool = False  # look at the beginning alone, where that tells something
+    head: bool = False  # Read only the beginning of large files.
 
     def __post_init__(self) -> None:
         def depth(value: object) -> int:

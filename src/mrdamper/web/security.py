@@ -1,10 +1,10 @@
-"""Who may ask: the guard before every request.
+"""Access control of every request.
 
-Pages of other sites can make a browser send requests here. They are known by the Origin and Sec-Fetch-Site
-that a browser adds and no page can forge; a site that gives its own name our address (DNS rebinding) is known
-by its Host. Other users of the machine are kept out by a token. Bodies are bounded here, but for the uploads,
-which ``folder`` counts while it writes them. Every answer leaves with the headers that keep a browser strict,
-and what goes wrong inside leaves as one message without a traceback.
+Pages of other sites can make a browser send requests to the server. They are detected by the headers Origin
+and Sec-Fetch-Site, which a page cannot forge. DNS rebinding is detected by the header Host. A token excludes
+other users of the machine. The size of a request body is limited here; ``workspace`` limits uploads while it
+writes them. Every response has strict security headers, and an internal error is reported without its
+traceback.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from urllib.parse import urlencode, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import ClientDisconnect
-from starlette.responses import JSONResponse
+from starlette.responses import HTMLResponse, JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from mrdamper.errors import InputError
@@ -39,12 +39,18 @@ REPORT_POLICY = (
     "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
-"""Of a file that a job made or somebody put into the folder: it is shown, nothing in it runs."""
+"""Policy of files in the folder: they are displayed, and scripts in them do not run."""
 
+_NO_TOKEN = "a token is needed: open the address with ?token=... that the server printed"
+_NO_TOKEN_PAGE = (
+    "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>mrdamper: token missing</title>"
+    "<h1>This address needs a token</h1><p>Open the address with <code>?token=...</code> that "
+    "<code>mrdamper serve</code> printed when it started. The browser needs it once."
+)
 _COOKIE = "mrdamper"
-_LEAST_TOKEN = 16
-_MOST_BODY = 1 << 20  # bytes, of anything but an upload
-_DAMPER = re.compile(r"/damper/[^/]+(?=/)")  # before the path of what is asked for of one damper
+_TOKEN_LENGTH_MIN = 16
+_BODY_MAX_BYTES = 1 << 20  # Uploads have their own limits.
+_DAMPER = re.compile(r"/damper/[^/]+(?=/)")  # Prefix of the paths of one damper.
 _UPLOADS = ("/api/files/", "/api/inputs/", "/api/cards/")
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _READS = frozenset({"GET", "HEAD"})
@@ -60,7 +66,7 @@ _SECURE = (
 
 @dataclass(frozen=True, slots=True)
 class ListenAddress:
-    """Where the server listens, and the token that it asks for; None: this machine alone can reach it."""
+    """Host and token of the server; a token may be None only if the host is a loopback address."""
 
     host: str = "127.0.0.1"
     token: str | None = None
@@ -72,25 +78,25 @@ class ListenAddress:
                 found="others could reach the folder",
                 expected="a --token with it, or no --host",
             )
-        if self.token is not None and (len(self.token) < _LEAST_TOKEN or not self.token.isprintable()):
+        if self.token is not None and (len(self.token) < _TOKEN_LENGTH_MIN or not self.token.isprintable()):
             raise InputError(
                 place="--token",
                 found=f"has {len(self.token)} characters",
-                expected=f"{_LEAST_TOKEN} or more that can be printed, such as 32 random letters and digits",
+                expected=f"{_TOKEN_LENGTH_MIN} or more printable ones, such as 32 random letters and digits",
             )
 
     @property
     def is_loopback(self) -> bool:
-        """Whether nobody but this machine can reach it."""
+        """Return True if only this machine can connect."""
         return self.host in _LOOPBACK
 
     @property
     def cookie_value(self) -> str:
-        """Value of the cookie: it is as good as the token and does not tell it."""
+        """Value of the cookie; it replaces the token and does not reveal it."""
         return hmac.new((self.token or "").encode(), b"mrdamper cookie", hashlib.sha256).hexdigest()
 
     def knows(self, host: str) -> bool:
-        """Tell whether a Host header names this server, not a site that borrowed its address."""
+        """Return True if a Host header names this server."""
         name = _host_name(host)
         if name is None:
             return False
@@ -98,14 +104,14 @@ class ListenAddress:
             return True
         if self.is_loopback:
             return False
-        try:  # an address is no name that a site could borrow
+        try:  # DNS rebinding needs a name, so that a numeric address is safe.
             ipaddress.ip_address(name)
         except ValueError:
             return name in {socket.gethostname().lower(), socket.getfqdn().lower()}
         return True
 
     def admits(self, headers: Headers, cookie: str) -> bool:
-        """Tell whether a request carries the token, or the cookie of this name that it was traded for."""
+        """Return True if a request contains the token or the valid cookie of this name."""
         if self.token is None:
             return True
         scheme, _, given = headers.get("authorization", "").partition(" ")
@@ -118,12 +124,12 @@ class ListenAddress:
         return cookie in cookies and _same(cookies[cookie].value, self.cookie_value)
 
     def is_token(self, given: Sequence[str]) -> bool:
-        """Tell whether the first token in an address, if there is one, is the server's."""
+        """Return True if the first token in an address is the token of the server."""
         return self.token is not None and len(given) > 0 and _same(given[0], self.token)
 
 
 class Guard:
-    """ASGI layer before the app."""
+    """ASGI layer in front of the application."""
 
     def __init__(self, app: ASGIApp, address: ListenAddress) -> None:
         self._app, self._address = app, address
@@ -139,25 +145,28 @@ class Guard:
             if refusal is None:
                 body = await _bounded(scope, receive)
                 if body is None:
-                    refusal = 413, f"the request is larger than {_MOST_BODY} bytes; expected a shorter one"
+                    refusal = (
+                        413,
+                        f"the request is larger than {_BODY_MAX_BYTES} bytes; expected a shorter one",
+                    )
                 else:
                     await self._app(scope, body, answer)
             if refusal is not None and not answer.started:
                 await answer.refuse(*refusal)
         except ClientDisconnect:
-            pass  # who has hung up in the middle of an upload hears nothing
-        except asyncio.CancelledError:  # the server ends, and somebody is still sending
+            pass  # The client closed the connection during an upload.
+        except asyncio.CancelledError:  # The server stops during an upload.
             if not answer.started:
                 await answer.refuse(503, "the server is ending; send it again when it is back")
-        except Exception:  # the outermost layer: the browser hears nothing of the inside
+        except Exception:  # Internal errors must not reach the browser.
             traceback.print_exc(file=sys.stderr)
             if answer.started and not answer.finished:
-                raise  # cut off, so that nobody takes it for whole
+                raise  # The connection breaks, so that the client detects the incomplete response.
             if not answer.started:
                 await answer.refuse(500, FAULT)
 
     async def _refuse(self, scope: Scope, send: _Strict) -> tuple[int, str] | None:
-        """Return why a request is not let in; None lets it in, or answered it already."""
+        """Return status and reason of a refusal; None admits the request."""
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if len(headers.getlist("host")) != 1 or not self._address.knows(host):
@@ -167,21 +176,29 @@ class Guard:
             return 405, f"{method} is not answered here"
         if not _is_own(headers, host, write=method in _WRITES, api=_inner(path).startswith("/api/")):
             return 403, "the request comes from another site; open the page itself"
-        own = f"{_COOKIE}-{(scope.get('server') or ('', 0))[1]}"  # cookies are not kept apart by port
-        if self._address.admits(headers, own):
-            return None
+        own = f"{_COOKIE}-{(scope.get('server') or ('', 0))[1]}"  # A cookie is sent to all ports of a host.
         query = QueryParams(scope["query_string"])
-        if method == "GET" and self._address.is_token(query.getlist("token")[:1]):
+        is_page = not _inner(path).startswith("/api/")
+        admitted = self._address.admits(headers, own)
+        with_token = method == "GET" and self._address.is_token(query.getlist("token")[:1])
+        if with_token and (
+            is_page or not admitted
+        ):  # The token must not stay in the address and the history.
             rest = urlencode([(key, value) for key, value in query.multi_items() if key != "token"])
             place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
             cookie = f"{own}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
             await send.refuse(303, "see the page", {"location": _ascii(place), "set-cookie": cookie})
             return 303, ""
-        return 401, "a token is needed: open the address with ?token=... that the server printed"
+        if admitted:
+            return None
+        if is_page and "text/html" in headers.get("accept", ""):
+            await send.show(401, _NO_TOKEN_PAGE)
+            return 401, ""
+        return 401, _NO_TOKEN
 
 
 class _Strict:
-    """Send, with the headers that every answer has."""
+    """Send function that adds the security headers."""
 
     def __init__(self, send: Send, path: str) -> None:
         self._send, self._path = send, path
@@ -198,15 +215,21 @@ class _Strict:
             self.finished = not message.get("more_body", False)
         await self._send(message)
 
+    async def show(self, status: int, page: str) -> None:
+        """Send a page."""
+        response = HTMLResponse(page, status)
+        await self({"type": "http.response.start", "status": status, "headers": response.raw_headers})
+        await self({"type": "http.response.body", "body": response.body})
+
     async def refuse(self, status: int, why: str, headers: Mapping[str, str] | None = None) -> None:
-        """Answer with a message of the guard's own."""
+        """Send a message as JSON."""
         response = JSONResponse({"error": why, "status": status}, status, headers)
         await self({"type": "http.response.start", "status": status, "headers": response.raw_headers})
         await self({"type": "http.response.body", "body": response.body})
 
 
 async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
-    """Return a body that is no longer than it may be; None when it is. Uploads are counted where written."""
+    """Return the receive function of a limited body; None if the body is too large."""
     if scope["method"] not in _WRITES or _inner(scope["path"]).startswith(_UPLOADS):
         return receive
     pieces, size, more = [], 0, True
@@ -216,7 +239,7 @@ async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
             break
         pieces.append(message.get("body", b""))
         size, more = size + len(pieces[-1]), message.get("more_body", False)
-        if size > _MOST_BODY:
+        if size > _BODY_MAX_BYTES:
             return None
     whole: list[Message] = [{"type": "http.request", "body": b"".join(pieces), "more_body": False}]
 
@@ -227,13 +250,13 @@ async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
 
 
 def _inner(path: str) -> str:
-    """Return a path without the damper that it begins with."""
+    """Return a path without the prefix of a damper."""
     found = _DAMPER.match(path)
     return path[found.end() :] if found else path
 
 
 def _is_own(headers: Headers, host: str, *, write: bool, api: bool) -> bool:
-    """Tell whether a request was made by our own page, by a person, or by no browser at all."""
+    """Return True if a request comes from a page of this server, from the user, or from another program."""
     site = headers.get("sec-fetch-site")
     if write or api:
         if site not in {None, "same-origin", "none"}:
@@ -246,7 +269,7 @@ def _is_own(headers: Headers, host: str, *, write: bool, api: bool) -> bool:
 
 
 def _host_name(host: str) -> str | None:
-    """Return the name in a Host header, lower case, without port and brackets; None when it is none."""
+    """Return the host name of a Host header in lower case; None if the header is invalid."""
     try:
         parts = urlsplit(f"//{host}")
         _ = parts.port

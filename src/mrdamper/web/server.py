@@ -1,7 +1,7 @@
-"""The server: the app of all routes behind its guard, and ``mrdamper serve``.
+"""Server: application with all routes and access control, and ``mrdamper serve``.
 
-One process answers requests and does nothing that takes long. It works in one folder, with the dampers in it,
-and no other server in the same.
+One process answers requests and runs no long computation. It serves one folder and the dampers in it. A
+second server cannot use the same folder.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _STATUS: tuple[tuple[type[Exception], int], ...] = (
 
 
 def build(root: Path, address: ListenAddress | None = None, *, most_upload: int = MOST_UPLOAD) -> ASGIApp:
-    """Return the server of a folder as an ASGI app; its processes live from lifespan's start to its end."""
+    """Return the server of a folder as an ASGI application; its lifespan starts and ends its processes."""
     address = address or ListenAddress()
     context = AppContext(root, most_upload=most_upload, local=address.is_loopback)
     workspaces = Workspaces(context, _app_of)
@@ -76,7 +76,7 @@ def _app_of(
     workspaces: Workspaces,
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
-    """Return the app of a damper; that of the server's own folder has a lifespan, and leads to the others."""
+    """Return the application of a damper; the one of the server's folder contains the other dampers."""
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     for routes in (state_routes, file_routes, input_routes, run_routes, card_routes, job_routes):
         app.include_router(routes(context))
@@ -86,7 +86,7 @@ def _app_of(
     app.mount("/static", StaticFiles(directory=_STATIC, check_dir=False))
     app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)
     for kind, status in _STATUS:
-        app.add_exception_handler(kind, _told_with(status))
+        app.add_exception_handler(kind, _error_handler(status))
     app.add_exception_handler(OSError, _no_space)
     app.add_exception_handler(FileNotFoundError, _gone)
     app.add_exception_handler(NotYetError, _not_yet)
@@ -108,10 +108,10 @@ def serve(
 
     Parameters
     ----------
-    port : 0: any that is free
-    host : beyond loopback only with a token
-    token : what a browser must know; None: one of the folder's own, kept in it for its owner alone
-    announce : told the address to open
+    port : 0: any free port
+    host : other than a loopback address only with a token
+    token : token of the browsers; None: a random token, stored in the folder and readable by its owner only
+    announce : function that prints the address
 
     Raises
     ------
@@ -153,7 +153,7 @@ def serve(
 
 
 def _kept_token(place: Path) -> str:
-    """Return the folder's own token: kept, so that a page which is open goes on when the server is back."""
+    """Return the stored token of the folder; it is reused, so that open pages work after a restart."""
     with suppress(OSError, UnicodeDecodeError):
         kept = place.read_text(encoding="ascii")
         if len(kept) == _TOKEN_SIGNS and kept.isprintable() and not place.stat().st_mode & 0o077:
@@ -169,12 +169,12 @@ def _kept_token(place: Path) -> str:
 
 def _listening(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # with the protocol named, or asyncio leaves Nagle's delay on: 40 ms for each answer
+    # The protocol is given, because otherwise asyncio keeps Nagle's delay of 40 ms for each response.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
-        listener.listen()  # before the address is told
+        listener.listen()  # The port accepts connections before the address is printed.
     except (OSError, OverflowError) as fault:
         listener.close()
         raise InputError(
@@ -185,14 +185,14 @@ def _listening(host: str, port: int) -> socket.socket:
 
 
 async def _page(path: str) -> Response:
-    """Send the one page, under every address that is no file's."""
+    """Send the page for each address that is not a file."""
     if path.startswith("api/") or "." in path:
         raise HTTPException(404)
     return FileResponse(_STATIC / "index.html", media_type="text/html; charset=utf-8")
 
 
-def _told_with(status: int) -> Callable[[Request, Exception], Response]:
-    """Return the handler that answers an error with its message and, if it has them, its parts."""
+def _error_handler(status: int) -> Callable[[Request, Exception], Response]:
+    """Return the handler that sends message and parts of an error."""
 
     def answer(_: Request, fault: Exception) -> Response:
         if not isinstance(fault, MrdamperError):
@@ -203,16 +203,16 @@ def _told_with(status: int) -> Callable[[Request, Exception], Response]:
 
 
 def _no_space(request: Request, fault: Exception) -> Response:
-    """Tell that the disk is full, wherever it was noticed; any other such fault is one of ours."""
+    """Report a full disk; raise any other OSError again."""
     if not is_full(fault):
         raise fault
-    return _told_with(507)(request, NoSpaceError("nothing was written"))
+    return _error_handler(507)(request, NoSpaceError("nothing was written"))
 
 
 def _gone(request: Request, fault: Exception) -> Response:
-    """Tell that what a list had shown has been deleted or moved since."""
+    """Report that a listed file was deleted or moved."""
     name = Path(str(getattr(fault, "filename", None) or "a file")).name
-    return _told_with(404)(request, NotThereError(place=f"{name!r}", found="is no longer there"))
+    return _error_handler(404)(request, NotThereError(place=f"{name!r}", found="is no longer there"))
 
 
 def _not_yet(_: Request, _fault: Exception) -> Response:

@@ -1,7 +1,7 @@
-"""Queries in processes of their own: ``anyio.to_process`` starts, reuses, limits and kills them.
+"""Queries in processes of their own, which ``anyio.to_process`` starts, reuses, limits and kills.
 
-A query that takes too long, or breaks its process, costs that process and nothing else. ``PendingAnswers``
-lets a request wait a moment for an answer, and find it again when it asks once more.
+A query that takes too long or breaks its process affects that process only. ``PendingAnswers`` lets a request
+wait for a moment; a later request with the same key gets the finished answer.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _PENDING_MAX_COUNT = 64
 
 
 class NotYetError(MrdamperError):
-    """The answer is being made: ask again."""
+    """The answer is not ready; the page repeats the request."""
 
 
 class WorkerClient:
-    """Answers queries one after another, each in a process of the pool."""
+    """Client that answers queries one after another in processes of the pool."""
 
     def __init__(self) -> None:
         self._turn = asyncio.Lock()
@@ -49,14 +49,14 @@ class WorkerClient:
                     return await to_process.run_sync(answer_query, query, cancellable=True)
             except TimeoutError as fault:
                 raise InputError(f"took more than {QUERY_MAX_S:g} s", remedy="Use a shorter file") from fault
-            except (BrokenWorkerProcess, ProcessLookupError) as fault:  # The latter if it died by itself.
+            except (BrokenWorkerProcess, ProcessLookupError) as fault:  # The process died.
                 raise InputError(
                     "could not be read: the reader stopped on it", remedy="The file is damaged, or too large"
                 ) from fault
 
 
 class PendingAnswers:
-    """Answers that are being made, by what was asked: a second request for the same shares the answer."""
+    """Unfinished answers by key; equal requests share one answer."""
 
     def __init__(self) -> None:
         self._tasks: dict[object, tuple[asyncio.Task[Any], float]] = {}
@@ -64,7 +64,7 @@ class PendingAnswers:
     async def wait(
         self, key: object, make: Callable[[], Awaitable[Any]], *, longest_s: float = _PATIENCE_S
     ) -> Any:  # noqa: ANN401 - what make makes
-        """Return the answer, or raise ``NotYetError`` when it takes longer than a request should."""
+        """Return the answer, or raise ``NotYetError`` if it takes longer than a request may wait."""
         self._drop_unclaimed()
         if key not in self._tasks:
             self._tasks[key] = (asyncio.ensure_future(make()), time.monotonic())
@@ -76,7 +76,7 @@ class PendingAnswers:
         return task.result()
 
     def close(self) -> None:
-        """Cancel all answers: the server ends."""
+        """Cancel all answers because the server stops."""
         for task, _ in self._tasks.values():
             task.cancel()
 

@@ -1,16 +1,16 @@
-"""The folder that holds all work, as files that the command line reads too; and names that stay inside it.
+"""Work folder: files that the command line reads as well, and the check of names.
 
-    runs/         measured files, each with NAME.channels.toml beside it when it was mapped
-    records/      long records, for their cycles alone: put there by hand
-    inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
-    cards/NAME/   what ``mrdamper fit --out`` writes
-    results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files
-    dampers/NAME/ another damper: a folder of this same form
-    .trash/ID/    what was removed on a page, in the folders that it was in
-    .cache/       runs as they are drawn; may be deleted at any time
+    runs/         measured files; a mapped file has a map NAME.channels.toml
+    records/      long records for cycle counting; the user copies them there
+    inputs/       geometry, sinks, fluids, targets, campaigns (TOML), load cycles (CSV)
+    cards/NAME/   output of ``mrdamper fit --out``
+    results/ID/   one job: job.json, progress.jsonl, answer.json and its files
+    dampers/NAME/ another damper: a folder with the same structure
+    .trash/ID/    removed items with their original folders
+    .cache/       samples of runs for plots; may be deleted at any time
 
-A name from outside becomes a path here and nowhere else. It names something directly in its folder, is no
-link that leads out, and new ones are plain.
+Only this module turns the name in a request into a path. The item must be directly in its folder and must not
+be a link to the outside. New names contain only common characters.
 """
 
 from __future__ import annotations
@@ -33,47 +33,47 @@ from mrdamper.files import MAP_SUFFIX
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.outputs import recover_staging
 
-FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
-"""What is told of a fault of ours: nothing of the inside."""
+FAULT = "internal fault: this is a fault of mrdamper; the server's terminal shows the traceback"
+"""Message of an internal error, without details."""
 
 _SIGNS = frozenset(" ._-+=,()[]@#%&")
-_WRITTEN = frozenset("LMN")  # letters, marks and numbers of any script
+_WRITTEN = frozenset("LMN")  # Letters, marks and numbers of all scripts.
 _PRINTED = frozenset("LMNPS")
-_LONGEST = 150  # bytes of a name
+_LONGEST = 150  # Most file systems allow 255 bytes for a name.
 INPUT_SUFFIXES = (".toml", ".csv", ".json")
-_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # somebody else may take it for another sign
+_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Other programs may interpret these characters.
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 class NotThereError(InputError):
-    """A name that nothing in the folder has."""
+    """The folder contains no item of this name."""
 
 
 class TooLargeError(InputError):
-    """An upload beyond what may be stored."""
+    """An upload exceeds its size limit."""
 
 
 class NoSpaceError(MrdamperError):
-    """The disk is full, or the user's share of it."""
+    """The disk or the user's quota is full."""
 
     def __init__(self, what: str) -> None:
         super().__init__(
-            found=f"the disk is full: {what}", remedy="Make room on the disk of the folder, then try again"
+            found=f"the disk is full: {what}", remedy="Free space on the disk of the folder, then try again"
         )
 
 
 def is_full(fault: BaseException) -> bool:
-    """Tell whether it is for want of room that something could not be written."""
+    """Return True if a write failed because the disk is full."""
     return isinstance(fault, OSError) and fault.errno in {errno.ENOSPC, errno.EDQUOT}
 
 
 def is_text(name: str) -> bool:
-    """Tell whether a name can be written as UTF-8."""
+    """Return True if a name can be encoded in UTF-8."""
     return not any("\ud800" <= each <= "\udfff" for each in name)
 
 
 def _is_plain(sign: str) -> bool:
-    """Tell whether a sign may stand in a new name: no program takes it for another."""
+    """Return True if a character is allowed in a new name."""
     kind = unicodedata.category(sign)[0]
     return sign in _SIGNS or kind in (_WRITTEN if sign.isascii() else _PRINTED)
 
@@ -86,7 +86,7 @@ class WorkFolder:
         self.runs, self.records, self.inputs = (self.root / part for part in ("runs", "records", "inputs"))
         self.cards, self.results = self.root / "cards", self.root / "results"
         self.trash, self.cache = self.root / ".trash", self.root / ".cache"
-        self.dampers = self.root / "dampers"  # made when there is one
+        self.dampers = self.root / "dampers"  # The first upload creates this folder.
         own = (self.runs, self.records, self.inputs, self.cards, self.results, self.trash, self.cache)
         try:
             for place in own:
@@ -101,7 +101,7 @@ class WorkFolder:
             ) from fault
 
     def claim(self) -> TextIO:
-        """Take the folder for this server, until the returned file is closed."""
+        """Lock the folder for this server until the returned file is closed."""
         file = (self.cache / "server.lock").open("w")
         if lock(file.fileno()) is False:
             file.close()
@@ -111,7 +111,7 @@ class WorkFolder:
         return file
 
     def clear(self) -> None:
-        """Delete what a server that was killed left half-written; no other process may be at work."""
+        """Delete unfinished files of a killed server; no other process may use the folder."""
         for place in (self.runs, self.inputs, self.cards):
             recover_staging(place)
             for left in place.glob(".upload-*"):
@@ -120,7 +120,7 @@ class WorkFolder:
     # ---------------------------------------------------------------------------------- names to paths
 
     def new(self, place: Path, name: str, suffixes: tuple[str, ...] = ()) -> Path:
-        """Return where a new file or folder of this name goes."""
+        """Return the path of a new file or folder of this name."""
         shown = name[:60]
         if (
             not all(map(_is_plain, name or "/"))
@@ -142,18 +142,18 @@ class WorkFolder:
         if suffixes and (Path(name).suffix.lower() not in suffixes or name.endswith(MAP_SUFFIX)):
             raise InputError(
                 place=f"name {shown!r}",
-                found="not a kind of file that goes there",
+                found="this kind of file does not belong there",
                 expected=f"one of {', '.join(suffixes)}",
             )
         return place / name
 
     def there(self, place: Path, *names: str, folder: bool = False) -> Path:
-        """Return the file (or folder) of these names below a place of the folder.
+        """Return the file (or folder) of these names below a subfolder.
 
         Raises
         ------
         NotThereError
-            Nothing of that name, or a link that leads out.
+            There is no such item, or it is a link to the outside.
         """
         for name in names:
             if not name or name in {".", ".."} or re.search(r"[/\\\x00]", name):
@@ -169,34 +169,34 @@ class WorkFolder:
         return path
 
     def run_file(self, name: str) -> Path:
-        """Return the measured file of a name."""
+        """Return the path of a measured file."""
         if name.endswith(MAP_SUFFIX) or name.startswith("."):
             raise NotThereError(place=f"{name[:60]!r}", found="no run's file")
         return self.there(self.runs, name)
 
     def record(self, name: str) -> Path:
-        """Return the long record of a name, or the measured file."""
+        """Return the path of a long record or of a measured file."""
         if self._is_there(self.records, name) and not name.endswith(MAP_SUFFIX):
             return self.there(self.records, name)
         return self.run_file(name)
 
     def channel_map(self, name: str) -> Path:
-        """Return a channel map that somebody wrote, or the one beside the measured file of a name."""
+        """Return the path of a channel map, or of the map that belongs to a measured file."""
         if name.endswith(".toml"):
             return self.input(name)
         path = self.map_of(self.record(name))
         return self.there(path.parent, path.name)
 
     def map_of(self, file: Path) -> Path:
-        """Return where the channel map of a measured file lies, or would."""
+        """Return the path of the channel map of a measured file, whether or not it exists."""
         return file.with_name(file.name + MAP_SUFFIX)
 
     def card(self, name: str) -> Path:
-        """Return the card.json of a name."""
+        """Return the path of the card.json of a card."""
         return self.there(self.cards, name, "card.json")
 
     def input(self, name: str) -> Path:
-        """Return what somebody wrote."""
+        """Return the path of an input."""
         return self.there(self.inputs, name)
 
     # ------------------------------------------------------------------------------------- what there is
@@ -221,7 +221,7 @@ class WorkFolder:
         return [name for name in names if is_text(name) and self._is_there(self.cards, name, "card.json")]
 
     def unnamed(self) -> list[str]:
-        """Return what lies there under names that are not UTF-8 and cannot be asked for, escaped."""
+        """Return the escaped names of items that are not UTF-8 and cannot be requested."""
         places = (self.runs, self.records, self.inputs, self.cards)
         found = [path.name for place in places for path in place.iterdir() if not is_text(path.name)]
         return sorted(os.fsencode(name).decode(errors="backslashreplace") for name in found)
@@ -240,7 +240,7 @@ class WorkFolder:
     # ---------------------------------------------------------------------------------------- writing
 
     async def store(self, path: Path, body: AsyncIterator[bytes], most_bytes: int, stated: str | None) -> int:
-        """Write an upload beside its place and move it there whole; return its size [bytes]."""
+        """Write an upload to a temporary file and move it to its path; return its size [bytes]."""
         too_large = TooLargeError(
             place=path.name,
             found=(
@@ -268,7 +268,7 @@ class WorkFolder:
         return size
 
     def move(self, beside: Path, path: Path) -> None:
-        """Put a finished file into its place; a link there is replaced, not followed."""
+        """Move a finished file to its path; a link there is replaced, not followed."""
         self._require_no_folder(path)
         beside.replace(path)
 
@@ -277,12 +277,12 @@ class WorkFolder:
             raise InputError(place=path.name, found="is a folder; choose another name")
 
     def write(self, path: Path, text: str) -> None:
-        """Write a text of ours whole or not at all; a link in its place is replaced, not followed."""
+        """Write a text atomically; a link at the path is replaced, not followed."""
         self._require_no_folder(path)
         write_whole(path, text)
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders of ours into the trash; return the name under which they lie there."""
+        """Move files or folders into the trash; return the name of the entry."""
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}"
         for path in paths:
             place = self.trash / name / path.parent.relative_to(self.root)
@@ -293,21 +293,21 @@ class WorkFolder:
         return name
 
     def discarded(self) -> list[tuple[str, list[Path]]]:
-        """Return what lies in the trash, the newest first: its name there, and where each thing was."""
+        """Return the entries of the trash, newest first: name and original paths."""
         names = sorted((path.name for path in self.trash.iterdir() if path.is_dir()), reverse=True)
         return [
             (name, [path.relative_to(self.trash / name) for path in self._thrown(name)]) for name in names
         ]
 
     def restore(self, name: str) -> list[Path]:
-        """Put what was discarded back where it was; return the places.
+        """Move an entry of the trash to its original paths; return these paths.
 
         Raises
         ------
         NotThereError
-            Nothing of that name in the trash.
+            The trash has no such entry.
         InputError
-            Something else has its place now.
+            An original path is used by another item.
         """
         thrown = self._thrown(self.there(self.trash, name, folder=True).name)
         places = [self.root / path.relative_to(self.trash / name) for path in thrown]
@@ -326,7 +326,7 @@ class WorkFolder:
         return [path for each in places for path in sorted((self.trash / name / each).glob("*"))]
 
     def remove(self, path: Path) -> None:
-        """Delete a file, a link, or a folder of ours."""
+        """Delete a file, a link or a folder."""
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:
@@ -335,7 +335,7 @@ class WorkFolder:
 
 
 def write_whole(path: Path, text: str, mark: str = ".upload-") -> None:
-    """Write a text so that whoever reads it sees the old or the new; ``mark`` begins an unfinished one."""
+    """Write a text atomically; the name of an unfinished file begins with ``mark``."""
     handle, name = tempfile.mkstemp(prefix=mark, dir=path.parent)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
@@ -347,10 +347,10 @@ def write_whole(path: Path, text: str, mark: str = ".upload-") -> None:
 
 
 def now() -> str:
-    """Return the time as it stands in records: UTC, ISO 8601."""
+    """Return the time in UTC and ISO 8601."""
     return timestamp(datetime.now(UTC).timestamp())
 
 
 def timestamp(seconds: float) -> str:
-    """Return a file's time as it stands in records."""
+    """Return a file's time in UTC and ISO 8601."""
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -112,16 +112,16 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def fit_initial(self, law: str, archetype: Archetype | None, error_percent_max: float) -> FittedCandidate:
+    def fit_initial(
+        self, law: str, archetype: Archetype | None, error_percent_max: float = np.inf
+    ) -> FittedCandidate:
         """Fit the candidate with which the search for the terms of a law starts.
 
         Its best start is returned without a fit if the error of this start is above a limit.
         """
-        if archetype is None:
-            candidate = self.initial_candidate(law)
-            return self.fit(candidate, self.starts(candidate), error_percent_max)
-        candidate = Candidate(law, archetype.terms)
-        return self.fit(candidate, self._archetype_starts(candidate, archetype), error_percent_max)
+        candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
+        starts = self.starts(candidate) if archetype is None else self._archetype_starts(candidate, archetype)
+        return self.fit(candidate, starts, error_percent_max)
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""

@@ -31,6 +31,8 @@ class SelectionSettings:
     term_count_max: int = 3  # terms that are fitted in each round
     # A smaller gain in training error is unlikely to be significant in cross-validation.
     training_gain_min: float = 0.003
+    # After a term was accepted, another term of the same round needs this fraction of its training gain.
+    training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates: one is better if its cross-validation gain and the gain's Student's t over
     # the folds exceed these values. A smaller gain with a larger t is sufficient, too.

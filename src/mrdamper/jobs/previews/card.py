@@ -9,6 +9,7 @@ import json
 import math
 from pathlib import Path
 
+from mrdamper.control.controllers import names_for
 from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -25,27 +26,53 @@ def card_line(path: Path) -> dict[str, object]:
         )
     )
     try:
-        card = json.loads(read_text(path, "card", _MOST_BYTES))
-        seen, evidence = card["envelope"], card["evidence"]
-        held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
-        warm = seen["temperature_K"]
+        match json.loads(read_text(path, "card", _MOST_BYTES)):
+            case {
+                "title": title,
+                "law": law,
+                "command_unit": command_unit,
+                "command_lag_s": lag_s,
+                "temperature_range_K": temperature_range,
+                "notes": notes,
+                "envelope": {
+                    "command": command,
+                    "displacement_m": displacement,
+                    "velocity_m_s": velocity,
+                    "temperature_K": temperature,
+                },
+                "evidence": {
+                    "method": method,
+                    "runs": runs,
+                    "cost": cost,
+                    "converged": converged,
+                    **evidence,
+                },
+                **card,
+            }:
+                held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
+            case _:
+                raise LookupError
         return row | {
-            "title": str(card["title"]),
-            "law": str(card["law"]),
-            "method": str(evidence["method"]),
-            "command_unit": str(card["command_unit"]),
-            "runs": len(evidence["runs"]),
-            "cost_percent": _number(evidence["cost"]),
-            "converged": bool(evidence["converged"]),
+            "title": str(title),
+            "law": str(law),
+            "method": str(method),
+            "command_unit": str(command_unit),
+            "runs": len(runs),
+            "cost_percent": _number(cost),
+            "converged": bool(converged),
             "held_out_percent": None if held_out is None else _number(held_out),
-            "tempered": card["temperature_range_K"] is not None,
-            "actuation": card.get("actuation") is not None,
-            "cancelled": "cancelled" in card["notes"],
+            "tempered": temperature_range is not None,
+            "controllers": list(
+                names_for(str(law), has_lag=card.get("actuation") is not None or lag_s > 0.0)
+            ),
+            "cancelled": "cancelled" in notes,
             "envelope": {
-                "command": [_number(end) for end in seen["command"]],
-                "displacement_mm": [1e3 * _number(end) for end in seen["displacement_m"]],
-                "velocity_mm_s": [1e3 * _number(end) for end in seen["velocity_m_s"]],
-                "temperature_degC": None if warm is None else [_number(end) - ZERO_CELSIUS_K for end in warm],
+                "command": [_number(end) for end in command],
+                "displacement_mm": [1e3 * _number(end) for end in displacement],
+                "velocity_mm_s": [1e3 * _number(end) for end in velocity],
+                "temperature_degC": None
+                if temperature is None
+                else [_number(end) - ZERO_CELSIUS_K for end in temperature],
             },
         }
     except (InputError, ValueError, RecursionError, LookupError, TypeError, AttributeError) as fault:

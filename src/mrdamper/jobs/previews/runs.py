@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,19 +58,19 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
     InputError
         The map itself is not one.
     """
-    answer, read = look_into(path, given)
+    view, read = look_into(path, given)
     if read is None:
-        return answer
+        return vars(view)
     described = [run_row(read, recording) for recording in read.recordings[:_MOST_RUNS]]
-    answer["runs"] = [{**row, "file": path.name} for row, _ in described]
-    if sum(map(len, read.recordings)) <= _QUICKLY:
-        answer["checked"] = True
-        answer["findings"] = [
+    view.runs = [{**row, "file": path.name} for row, _ in described]
+    view.checked = sum(map(len, read.recordings)) <= _QUICKLY
+    if view.checked:
+        view.findings = [
             finding
             for recording, (_, prepared) in zip(read.recordings, described, strict=False)
             for finding in _findings(read, recording, prepared)
         ]
-    return answer
+    return vars(view)
 
 
 def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
@@ -90,60 +91,60 @@ def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
     with tempfile.TemporaryDirectory(prefix="mrdamper-") as beside:
         place = Path(beside) / path.name
         place.write_bytes(head)
-        answer, read = look_into(place, document or {})
-    if not answer["columns"]:
+        view, read = look_into(place, document or {})
+    if not view.columns:
         return None
     if read is not None or (document or {}).get("segments"):
-        answer["error"] = None
-    return answer | {
-        "bytes": size,
-        "rows": None,
-        "map": document,
-        "head_share": len(head) / size,
-    }
+        view.error = None
+    return vars(view) | {"bytes": size, "rows": None, "map": document, "head_share": len(head) / size}
 
 
-def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json, RigFile | None]:
-    """Return what a file holds, and its recordings; None when they cannot be read (``error`` says why)."""
+@dataclass(kw_only=True)
+class FileView:
+    """The contents of a file as a page displays them."""
+
+    name: str
+    bytes: int
+    map: Json | None
+    understood: str | None = None
+    rows: int | None = None
+    columns: list[Json] = field(default_factory=list)
+    more_columns: int = 0
+    step_s: float | None = None
+    runs: list[Json] = field(default_factory=list)
+    findings: list[Json] = field(default_factory=list)
+    checked: bool = False
+    error: str | None = None
+    questions: list[Json] = field(default_factory=list)
+    offers: list[Json] = field(default_factory=list)
+
+
+def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileView, RigFile | None]:
+    """Return the contents of a file and its recordings; None if they are not readable (``error``)."""
     document = _document_beside(path) if given is None else dict(given)
     chosen = ChannelMap.from_dict(document or {}, "channel map")
-    answer: Json = {
-        "name": path.name,
-        "bytes": path.stat().st_size,
-        "understood": None,
-        "rows": None,
-        "columns": [],
-        "more_columns": 0,
-        "step_s": None,
-        "map": document,
-        "runs": [],
-        "findings": [],
-        "checked": False,
-        "error": None,
-        "questions": [],
-        "offers": [],
-    }
+    view = FileView(name=path.name, bytes=path.stat().st_size, map=document)
     read: RigFile | None = None
     try:
         tables = read_tables(path, chosen.file)
         table = tables[0]
-        answer |= {"understood": table.layout.in_words(), "rows": table.rows, "step_s": table.step_s}
+        view.understood, view.rows, view.step_s = table.layout.in_words(), table.rows, table.step_s
         roles = {}
         try:
             read = runs_in(tables, chosen, path)
             roles = {column.name: column.role for column in read.columns}
         except InputError as fault:
-            answer["error"] = _short(str(fault), path)
+            view.error = _short(str(fault), path)
             asked = fault.questions if isinstance(fault, AskingError) else ()
-            answer["questions"] = [dict(question.to_dict()) for question in asked]
-            answer["offers"] = [] if document else _offers(tables, path)
-        answer["columns"] = [
+            view.questions = [dict(question.to_dict()) for question in asked]
+            view.offers = [] if document else _offers(tables, path)
+        view.columns = [
             _column(table, k, name, roles.get(name)) for k, name in enumerate(table.names[:_MOST_COLUMNS])
         ]
-        answer["more_columns"] = max(0, len(table.names) - _MOST_COLUMNS)
+        view.more_columns = max(0, len(table.names) - _MOST_COLUMNS)
     except InputError as fault:
-        answer["error"] = _short(str(fault), path)
-    return answer, read
+        view.error = _short(str(fault), path)
+    return view, read
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
@@ -225,14 +226,14 @@ def _document_beside(path: Path) -> dict[str, Any] | None:
 
 
 def _column(table: Table, k: int, name: str, role: str | None) -> Json:
+    said = parse_header(name)
     column: Json = {
         "index": k + 1,
         "name": name[:_MOST_TEXT],
         "unit": table.units.get(name, ""),
         "role": role,
+        "guess": None if said is None else {"role": said[0], "unit": _unit(said, table, name)},
     }
-    said = parse_header(name)
-    column["guess"] = None if said is None else {"role": said[0], "unit": _unit(said, table, name)}
     if name in table.texts:
         cells = [None if cell is None else cell[:_MOST_TEXT] for cell in table.texts[name][:_FIRST]]
         return column | {

@@ -45,11 +45,11 @@ def keep_runs(path: Path, place: Path) -> Json:
     """
     place.mkdir(parents=True, exist_ok=True)
     try:
-        answer, read = look_into(path)
+        view, read = look_into(path)
     except InputError as fault:  # the channel map
         return {"runs": [], "columns": [], "error": str(fault).replace(f"{path.parent}/", "")}
     if read is None:
-        return answer
+        return vars(view)
     rows = []
     for k, recording in enumerate(read.recordings):
         row, prepared = run_row(read, recording)
@@ -57,7 +57,7 @@ def keep_runs(path: Path, place: Path) -> Json:
         lengths = {len(getattr(recording, name)) for name in ("time", "displacement", "force", "command")}
         if len(lengths) == 1 and len(recording):
             _write(place / f"{k}.series", _header(recording, path.name), _columns(recording, prepared))
-    return answer | {"runs": rows}
+    return vars(view) | {"runs": rows}
 
 
 def keep_window(
@@ -122,6 +122,7 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
         "rmse_N": finite(error.rmse_N),
         "nrmse_percent": finite(error.nrmse_percent),
         "notes": outside_envelope(model, [prepared]),
+        "scored_from_s": prepared.scored_from * prepared.trajectory.step,
     }
     run = recording
     force = _on_samples(run, prepared, simulate(damper.on_limits(), prepared.trajectory))

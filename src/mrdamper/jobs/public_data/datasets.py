@@ -10,23 +10,26 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.jobs.public_data.catalog import DataSet, fetch, list_sets
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
 
 MAPS = Path(__file__).parent
 
 
-@dataclass(frozen=True, slots=True)
-class PublicData:
+@dataclass(frozen=True, slots=True, repr=False)
+class PublicData(JobResult):
     """The public data sets that can be fetched."""
 
+    _job = "data list"
     sets: tuple[DataSet, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class FetchedData:
+@dataclass(frozen=True, slots=True, repr=False)
+class FetchedData(JobResult):
     """A public data set, and where its files lie."""
 
+    _job = "data fetch"
     data: DataSet
     folder: Path
 

@@ -20,6 +20,7 @@ from mrdamper.jobs.sweep.plan import Plan, Task, make_plan
 from mrdamper.jobs.sweep.store import Store
 from mrdamper.jobs.sweep.tasks import Result
 from mrdamper.models.card import ModelCard
+from mrdamper.results import JobResult
 from mrdamper.runtime.pool import usable_cores
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
@@ -51,10 +52,11 @@ class FigureSummary:
     most: float
 
 
-@dataclass(frozen=True, slots=True)
-class SweepResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class SweepResult(JobResult):
     """The results of a sweep's finished tasks, in the plan's order."""
 
+    _job = "sweep"
     plan: Plan
     tasks: tuple[SweptTask, ...]
     resumed: int  # results of an earlier run of the same sweep
@@ -80,7 +82,7 @@ class SweepResult:
         return list(dict.fromkeys(name for task in self.whole for name in task.figures))
 
     @property
-    def summary(self) -> dict[str, FigureSummary]:
+    def statistics(self) -> dict[str, FigureSummary]:
         """Median, 5th and 95th percentile and extremes of every figure."""
         found = {}
         for name in self.names:

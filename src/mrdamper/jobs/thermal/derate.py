@@ -12,6 +12,7 @@ from mrdamper.errors import EnvelopeWarning
 from mrdamper.jobs.options import DerateOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
 from mrdamper.thermal.drawing import DamperDrawing
@@ -22,8 +23,8 @@ from mrdamper.thermal.temperature_rise import notes_of
 _USUAL = DerateOptions()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DerateResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DerateResult(JobResult):
     """The largest current, stroke or share of duty that keeps every limit; maps have the shape (d, w, a).
 
     Attributes
@@ -33,6 +34,7 @@ class DerateResult:
     duration_min : infinity for steady
     """
 
+    _job = "derate"
     name: str
     duty: str
     quantity: Quantity

@@ -14,6 +14,7 @@ from mrdamper.identify.evaluate import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, stroke_of
@@ -35,10 +36,11 @@ _MOST_STEPS = 1500  # of the longest, in a duty that goes on for days
 _MOST_CAPPED = 1.0  # beyond the card's temperatures, before it is said [K]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeatResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HeatResult(JobResult):
     """What ``mrdamper heat`` found, before it is put into words."""
 
+    _job = "heat"
     card: ModelCard
     drawing: DamperDrawing
     duty: Duty

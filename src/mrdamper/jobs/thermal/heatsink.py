@@ -13,6 +13,7 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatsinkOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.results import JobResult
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.thermal.drawing import DamperDrawing
@@ -38,10 +39,11 @@ DEFAULT_OPTIONS = HeatsinkOptions()
 MODEL_DIFFERENCE_MAX_K = 3.0  # A larger difference between network and finite elements is reported.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeatsinkResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HeatsinkResult(JobResult):
     """The front of a search, its reference, and the paper's sweeps."""
 
+    _job = "heatsink"
     drawing: DamperDrawing
     duty: Duty
     limits: SinkLimits

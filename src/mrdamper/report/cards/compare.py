@@ -1,4 +1,4 @@
-"""Report of ``compare``: JSON, tables, and the page with the peak-velocity-pick curves of both dampers."""
+"""Report of ``compare``: JSON, tables, and page with the force-velocity curves of both dampers."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _answer(comparison: Comparison) -> Json:
 
 
 def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
-    """Return the indices of temperature and command of each case, and both as columns."""
+    """Return the indices of temperature and current of each case, and both values as columns."""
     return [
         (t, i, {"temperature_degC": in_degrees(kelvin), "command": command})
         for t, kelvin in enumerate(comparison.scope.temperatures)
@@ -50,7 +50,7 @@ def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
 
 
 def _forces(comparison: Comparison) -> list[Json]:
-    """Return the damping forces at peak velocities, a row for each temperature, command and velocity."""
+    """Return the damping forces at peak velocities, one row for each temperature, current and velocity."""
     first, second = (found.damping for found in comparison.found)
     return [
         {
@@ -67,7 +67,7 @@ def _forces(comparison: Comparison) -> list[Json]:
 
 
 def _energies(comparison: Comparison) -> list[Json]:
-    """Return energy per cycle and gas force, a row for each temperature and command."""
+    """Return energy per cycle and gas force, one row for each temperature and current."""
     first, second = comparison.found
     return [
         {
@@ -83,7 +83,7 @@ def _energies(comparison: Comparison) -> list[Json]:
 
 
 def _responses(comparison: Comparison) -> list[Json]:
-    """Return the times [s] to 63 % and 90 % of a step of the command, rising and falling."""
+    """Return the times to 63 % and 90 % of a current step [s], rising and falling."""
     return [
         {"card": name, **asdict(response)}
         for name, found in zip(comparison.names, comparison.found, strict=True)
@@ -101,7 +101,7 @@ def _tables(comparison: Comparison) -> list[Table[Any]]:
     return [
         *table_of(_forces(comparison), "Damping force at peak velocity"),
         *table_of(_energies(comparison), f"Energy per cycle ({sine}) and gas force"),
-        *table_of(_responses(comparison), "Response time, delay included"),
+        *table_of(_responses(comparison), "Response time including delay"),
         *table_of([asdict(pair) for pair in comparison.parameters], "Parameters"),
     ]
 
@@ -121,12 +121,12 @@ def _first(comparison: Comparison) -> FirstScreen:
     amplitude_mm = 1e3 * comparison.scope.amplitude
     return FirstScreen(
         title=f"{names[0]} and {names[1]}",
-        subject=f"Two MR dampers inside their common envelope. First is {names[0]}, second is {names[1]}.",
+        subject=f"Two MR dampers in their common range. First is {names[0]}, second is {names[1]}.",
         verdict=comparison.verdict,
         tiles=(
             Tile(
                 f"{difference[comparison.largest]:+.0f} N",
-                "largest difference of the damping force",
+                "maximum difference of the damping force",
                 "" if own is None else f"RMS errors of both cards: {own:.0f} N",
             ),
             Tile(

@@ -1,4 +1,4 @@
-"""What ``evaluate`` found: the answer's keys, the tables of a terminal, errors as CSV."""
+"""Result of ``evaluate`` as JSON, terminal output, page and CSV file of the errors."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from mrdamper.report.sections import Picture, Section
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-_MOST_BARS = 20  # runs of the picture
-_MOST_PANELS = 8  # runs whose force is drawn with its interval
+BAR_COUNT_MAX = 20  # The figure shows the worst runs.
+PANEL_COUNT_MAX = 8  # The worst runs are drawn with the interval of the force.
 
 
 def _answer(result: EvaluateResult) -> Json:
@@ -54,7 +54,7 @@ def _rows(result: EvaluateResult) -> list[dict[str, object]]:
 
 
 def _posterior(result: EvaluateResult) -> Json | None:
-    """Return the intervals of 90 % that the posterior draws leave of forces and coefficients."""
+    """Return the 90 % intervals of forces and coefficients from the posterior samples."""
     if not result.forces:
         return None
     return {
@@ -70,35 +70,35 @@ def _posterior(result: EvaluateResult) -> Json | None:
     }
 
 
-def _intervals_said(result: EvaluateResult) -> Iterator[str]:
+def _interval_sentences(result: EvaluateResult) -> Iterator[str]:
     if result.forces:
         width = median(each.width_N for each in result.forces)
         yield (
-            f"with {100.0 * PROBABILITY:.0f} % the parameters leave {width:.3g} N of the model's force open "
-            "(mean width of the interval, median over runs)"
+            f"90 % interval of the modelled force: mean width {width:.3g} N, median of the runs, from the "
+            "uncertainty of the parameters"
         )
 
 
-def _promises(result: EvaluateResult) -> Iterator[str]:
-    """Yield the errors that the card states of its own runs, for comparison with those found here."""
+def _stated_errors(result: EvaluateResult) -> Iterator[str]:
+    """Yield the errors that the card states, for comparison with the errors of these runs."""
     for split, errors in result.promised.items():
         if errors["runs"]:
             yield (
-                f"the card states of its {errors['runs']} {split.replace('_', '-')} runs: "
+                f"errors stated in the card for {errors['runs']} {split.replace('_', '-')} runs: "
                 f"{errors['median_nrmse_percent']:.1f} % median, {errors['worst_nrmse_percent']:.1f} % worst"
             )
     found = _new_runs(result)
     if result.band is not None and found:
         band, sizes = result.band, [each.nrmse_percent for each in found]
         yield (
-            f"promised for new runs: {band.expected_nrmse_percent:.1f} % median, "
-            f"{band.worst_nrmse_percent:.1f} % worst; found: {median(sizes):.1f} % and "
+            f"expected error of new runs: {band.expected_nrmse_percent:.1f} % median, "
+            f"{band.worst_nrmse_percent:.1f} % worst; in these runs: {median(sizes):.1f} % and "
             f"{max(sizes):.1f} %"
         )
         inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
         yield (
-            f"promised {100.0 * band.share:.0f} % of their samples in the force band; found: "
-            f"{fmean(inside):.0f} %, {min(inside):.0f} % in the lowest run"
+            f"{100.0 * band.share:.0f} % force band: contains {fmean(inside):.0f} % of the samples, "
+            f"{min(inside):.0f} % in the worst run"
         )
 
 
@@ -107,7 +107,7 @@ def _new_runs(result: EvaluateResult) -> list[RunError]:
 
 
 def _band_json(result: EvaluateResult) -> Json | None:
-    """Return the band that the card promises, and the shares of samples that were found in it."""
+    """Return the force band of the card, and the fractions of samples within it."""
     if result.band is None:
         return None
     inside = [each.in_band_percent for each in _new_runs(result) if each.in_band_percent is not None]
@@ -119,10 +119,10 @@ def _band_json(result: EvaluateResult) -> Json | None:
 
 
 def _show(result: EvaluateResult, console: Console) -> None:
-    """Print errors by run."""
+    """Print the errors of the runs."""
     show_errors(result.errors, result.law, console)
     show_summaries(result.errors, console)
-    for line in (*_promises(result), *_intervals_said(result)):
+    for line in (*_stated_errors(result), *_interval_sentences(result)):
         console.print(line)
     print_notes(result.notes, console)
 
@@ -130,51 +130,52 @@ def _show(result: EvaluateResult, console: Console) -> None:
 def _first(result: EvaluateResult) -> FirstScreen:
     found, band = _new_runs(result) or list(result.errors), result.band
     sizes, rms = [each.nrmse_percent for each in found], [each.rmse_N for each in found]
-    known = "" if band is None else f"; {band.expected_nrmse_percent:.1f} % were to be expected"
+    known = "" if band is None else f". The expected error is {band.expected_nrmse_percent:.1f} %"
     inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
     runs = f"{len(found)} run{'' if len(found) == 1 else 's'}"
     return FirstScreen(
-        title="Prediction of runs",
-        subject=f"A card of the law {result.law}, on {runs}.",
-        verdict=f"on {runs} the median error is {median(sizes):.1f} % of the force's spread{known}",
+        title="Evaluation of runs",
+        subject=f"A card of the model {result.law}, on {runs}.",
+        verdict=f"The median error of {runs} is {median(sizes):.1f} % of the standard deviation of the force"
+        f"{known}",
         tiles=(
             Tile(f"{median(sizes):.1f} %", "error, median", f"worst {max(sizes):.1f} %"),
             Tile(f"{median(rms):.3g} N", "RMS error, median", f"{min(rms):.3g} to {max(rms):.3g} N"),
             Tile(
                 f"{fmean(inside):.0f} %",
-                "of the samples in the card's force band",
+                "of the samples are in the force band of the card",
                 f"lowest run {min(inside):.0f} %",
             )
             if inside
             else Tile("–", "the card has no force band"),
         ),
-        caption="Error of each run, the worst first",
-        notes=[*_promises(result), *_intervals_said(result), *result.notes],
+        caption="Error of each run, the worst run first",
+        notes=[*_stated_errors(result), *_interval_sentences(result), *result.notes],
     )
 
 
 def _picture(result: EvaluateResult) -> Figure:
-    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:_MOST_BARS]
+    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:BAR_COUNT_MAX]
     return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
 
 
 def _sections(result: EvaluateResult) -> list[Section]:
-    """Return the table of runs, and the worst runs' forces and the coefficients with their intervals."""
-    heading = "Forces of the worst runs, and coefficients, with their intervals of 90 percent"
+    """Return the table of runs, and the intervals of forces and coefficients."""
+    heading = "90 % intervals of coefficients and of the forces of the worst runs"
     intervals = {each.name: each for each in result.forces}
     return [
         error_table(result.errors, intervals),
-        *([Picture(heading, lambda: _drawn_intervals(result, heading))] if result.forces else []),
+        *([Picture(heading, lambda: _interval_svg(result, heading))] if result.forces else []),
     ]
 
 
-def _drawn_intervals(result: EvaluateResult, label: str) -> str:
+def _interval_svg(result: EvaluateResult, label: str) -> str:
     return svg_drawn_by(lambda: _intervals(result), label)
 
 
 def _intervals(result: EvaluateResult) -> Figure:
     error = {each.name: each.nrmse_percent for each in result.errors}
-    worst = sorted(result.forces, key=lambda each: -error[each.name])[:_MOST_PANELS]
+    worst = sorted(result.forces, key=lambda each: -error[each.name])[:PANEL_COUNT_MAX]
     groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
     return panel_figure(groups)
 

@@ -1,4 +1,4 @@
-"""The picture of a card: what a dynamometer would draw of its damper."""
+"""Figure of a card: damping force versus peak velocity."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_fig
 
 
 def card_figure(card: ModelCard) -> Figure:
-    """Return force over peak velocity inside the card's envelope, a panel for each temperature."""
+    """Return force versus peak velocity within the range of the card, a panel for each temperature."""
     scope = usual_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
     panels = [

@@ -1,1 +1,1 @@
-"""Figures: the common style, and what each report draws."""
+"""Figures: common style, and the figures of each report."""

@@ -1,4 +1,4 @@
-"""Figures of characteristics: peak-velocity-pick curves of one damper or of two for comparison."""
+"""Figures of characteristics: force versus peak velocity of one damper, or of two for comparison."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from mrdamper.models.characteristics import PeakVelocityCurve
-from mrdamper.report.figures.palette import WIDE, colour_of
+from mrdamper.report.figures.palette import WIDTH_INCH, colour_of
 from mrdamper.report.figures.style import add_legend, axes_table, svg_drawn_by
 
 LINE_STYLES = ("-", "--")
@@ -16,7 +16,7 @@ LINE_STYLES = ("-", "--")
 
 @dataclass(frozen=True, slots=True)
 class MeasuredPick:
-    """A measured peak-velocity pick: (velocity [m/s], extension [N], retraction [N]) at a command."""
+    """A measured force at peak velocity: (velocity [m/s], extension [N], retraction [N]) at a current."""
 
     command: float
     velocity: float
@@ -27,7 +27,7 @@ class MeasuredPick:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PickPanel:
-    """One temperature: the curves of each damper, and what was measured there."""
+    """The curves of each damper and the measured points at one temperature."""
 
     title: str
     dampers: tuple[tuple[PeakVelocityCurve, ...], ...]
@@ -42,7 +42,7 @@ def peak_velocity(panels: Sequence[PickPanel], command_unit: str, names: Sequenc
 
 
 def peak_velocity_figure(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
-    """Return force over peak velocity, a panel for each temperature, coloured by command.
+    """Return force versus peak velocity, a panel for each temperature, coloured by current.
 
     Extension is above zero, retraction below. The second of two dampers is dashed; the
     legend shows their ``names``.
@@ -50,7 +50,7 @@ def peak_velocity_figure(panels: Sequence[PickPanel], command_unit: str, names: 
     curves = [curve for panel in panels for damper in panel.dampers for curve in damper]
     highest = max(abs(curve.command) for curve in curves)
     fastest = 1e3 * max(float(curve.velocity.max()) for curve in curves)
-    figure = Figure(figsize=(WIDE if len(panels) > 1 else 5.4, 3.3))
+    figure = Figure(figsize=(WIDTH_INCH if len(panels) > 1 else 5.4, 3.3))
     margins = (0.62, 0.43, 1.1 if names else 0.8, 0.23)
     table = axes_table(figure, 1, len(panels), margins=margins, gaps=(0.12, 0.0), share_y=True)
     for axes, panel in zip(table, panels, strict=True):

@@ -1,4 +1,4 @@
-"""The picture of ``mrdamper check``: what was measured, before anything is fitted."""
+"""Figure of ``mrdamper check``: measured force versus displacement."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from matplotlib.figure import Figure
 
 from mrdamper.data.finding import SEVERITIES
 from mrdamper.jobs.check import CheckedRun, CheckResult
-from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, shortened
+from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDTH_INCH, shortened
 
-_MOST_PANELS = 8
-_COLUMNS = 4
+PANEL_COUNT_MAX = 8
+PANEL_COLUMNS = 4
 
 
 def runs_figure(result: CheckResult) -> Figure | None:
-    """Return force over displacement of the runs, the gravest findings first; None without a run."""
+    """Return force versus displacement of the runs with the worst findings, or None without runs."""
     drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
     if not drawable:
         return None
-    shown = sorted(drawable, key=_gravity)[:_MOST_PANELS]
-    columns = min(len(shown), _COLUMNS)
+    shown = sorted(drawable, key=_severity)[:PANEL_COUNT_MAX]
+    columns = min(len(shown), PANEL_COLUMNS)
     rows = -(-len(shown) // columns)
-    width, height = min(WIDE, 0.6 + 2.6 * columns), 1.75 * rows + 0.15
+    width, height = min(WIDTH_INCH, 0.6 + 2.6 * columns), 1.75 * rows + 0.15
     figure = Figure(figsize=(width, height))
     for place, run in enumerate(shown):
         axes = figure.add_subplot(rows, columns, place + 1)
@@ -39,5 +39,5 @@ def runs_figure(result: CheckResult) -> Figure | None:
     return figure
 
 
-def _gravity(run: CheckedRun) -> int:
+def _severity(run: CheckedRun) -> int:
     return len(SEVERITIES) if run.worst is None else SEVERITIES.index(run.worst)

@@ -1,6 +1,6 @@
-"""A damper drawn to scale: its section along the axis, with the fins; or the temperatures in it.
+"""Section of a damper along its axis, to scale, with fins or with the temperature field.
 
-Drawn from the section that the finite elements solve, mirrored about the axis; millimetres on both axes.
+The section is the domain of the finite elements, mirrored about the axis. Both axes are in millimetres.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures.style import INK, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import INK, WIDTH_INCH, drawing_style, svg_of
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.model.mesh import SectionMesh
 from mrdamper.thermal.model.section import Section, section_of
@@ -36,19 +36,19 @@ _COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "fins": ("#c3cad1", "fins"),
     }
 )
-_ROD_SHOWN = 0.08  # of the body's length, beyond each cap: the section is cut there
-_INCHES_HIGH = 3.4  # at most, of one damper
+SHOWN_ROD_RATIO = 0.08  # Each rod is cut at this fraction of the body length beyond the cap.
+HEIGHT_MAX_INCH = 3.4
 
 
 def draw_dampers(dampers: Sequence[tuple[str, DamperDrawing]], label: str) -> str:
-    """Return dampers side by side or one below the other, (title, drawing) each, all to one scale."""
+    """Return dampers as SVG, given as (title, geometry), with the same scale, side by side or stacked."""
     across, along = _extent([drawing for _, drawing in dampers])
     columns = min(len(dampers), 2)
     rows = -(-len(dampers) // columns)
     left, right, bottom, gap = 0.45, 0.12, 0.62, 0.35  # inches
     top = 0.4 if any("\n" in title for title, _ in dampers) else 0.26
-    inch = (WIDE - left - right - gap * (columns - 1)) / columns / along
-    inch = min(inch, _INCHES_HIGH / (2.0 * across))
+    inch = (WIDTH_INCH - left - right - gap * (columns - 1)) / columns / along
+    inch = min(inch, HEIGHT_MAX_INCH / (2.0 * across))
     wide, high = along * inch, 2.0 * across * inch
     width = left + right + columns * wide + (columns - 1) * gap
     height = rows * (high + top) + (rows - 1) * 0.3 + bottom
@@ -83,12 +83,12 @@ def draw_dampers(dampers: Sequence[tuple[str, DamperDrawing]], label: str) -> st
 
 
 def draw_field(section: Section, mesh: SectionMesh, celsius: FloatArray, label: str) -> str:
-    """Return the temperatures at a mesh's corners [degC], as bands of equal temperature over the section."""
+    """Return the temperatures at the corners of a mesh [degC] as bands of equal temperature."""
     corners = mesh.corners
     across = 1e3 * float(corners[:, 0].max()) * 1.06
     along = 1e3 * float(corners[:, 1].max())
     left, right, top, bottom = 0.45, 0.95, 0.22, 0.42
-    inch = min((WIDE - left - right) / (1.06 * along), _INCHES_HIGH / (2.0 * across))
+    inch = min((WIDTH_INCH - left - right) / (1.06 * along), HEIGHT_MAX_INCH / (2.0 * across))
     wide, high = 1.06 * along * inch, 2.0 * across * inch
     width, height = left + wide + right, top + high + bottom
     levels = MaxNLocator(nbins=14, steps=[1, 2, 2.5, 5, 10]).tick_values(celsius.min(), celsius.max())
@@ -125,16 +125,16 @@ def draw_field(section: Section, mesh: SectionMesh, celsius: FloatArray, label: 
 
 
 def _extent(drawings: Sequence[DamperDrawing]) -> tuple[float, float]:
-    """Return half the height and the length that show all of these [mm]."""
+    """Return half the height and the length that fit all dampers [mm]."""
     tips = [
         d.sink.tip_radius(d.body.outer_diameter) if d.sink else 0.5 * d.body.outer_diameter for d in drawings
     ]
-    lengths = [d.body.length * (1.0 + 2.0 * _ROD_SHOWN) for d in drawings]
+    lengths = [d.body.length * (1.0 + 2.0 * SHOWN_ROD_RATIO) for d in drawings]
     return 1e3 * max(tips) * 1.06, 1e3 * max(lengths) * 1.02
 
 
 def _frame(axes: Axes, across: float, along: float) -> None:
-    middle = along / (2.0 * 1.02 * (1.0 + 2.0 * _ROD_SHOWN))
+    middle = along / (2.0 * 1.02 * (1.0 + 2.0 * SHOWN_ROD_RATIO))
     axes.set_xlim(middle - 0.5 * along, middle + 0.5 * along)
     axes.set_ylim(-across, across)
     axes.set_aspect("equal")
@@ -142,15 +142,15 @@ def _frame(axes: Axes, across: float, along: float) -> None:
 
 
 def _draw(axes: Axes, section: Section, drawing: DamperDrawing) -> None:
-    """Draw a section's blocks and their mirror images, and the rod where it leaves."""
+    """Draw the blocks of a section, their mirror images, and the visible part of the rod."""
     for block in section.blocks:
         colour = _COLOURS[section.regions[block.region].role][0]
         for low in (block.inner, -block.outer):
             _ring(axes, block.low, block.high, low, block.outer - block.inner, colour)
     shaft, length = 0.5 * drawing.rod.diameter, drawing.body.length
-    ends = [(-_ROD_SHOWN * length, 0.0)]
+    ends = [(-SHOWN_ROD_RATIO * length, 0.0)]
     if drawing.rod.through:
-        ends.append((length, (1.0 + _ROD_SHOWN) * length))
+        ends.append((length, (1.0 + SHOWN_ROD_RATIO) * length))
     for start, stop in ends:
         _ring(axes, start, stop, -shaft, 2.0 * shaft, _COLOURS["core"][0])
 

@@ -1,7 +1,8 @@
 """Figures of a fit: loops, residuals, errors, energies, coefficients and their correlations.
 
-Every function takes plain values and returns an SVG element whose bytes depend on them alone, in millimetres,
-millimetres per second and newtons. Measured is grey and wide, modelled thin and coloured by command.
+Every function takes plain values and returns an SVG element that depends only on them. Units are millimetres,
+millimetres per second and newtons. Measured curves are grey and wide, modelled curves thin and coloured by
+current.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
 from mrdamper.report.figures import small_multiples
-from mrdamper.report.figures.palette import HELD_OUT, MEASURED, TRAINING, WIDE, colour_of, shortened
+from mrdamper.report.figures.palette import HELD_OUT, MEASURED, TRAINING, WIDTH_INCH, colour_of, shortened
 from mrdamper.report.figures.small_multiples import Series
 from mrdamper.report.figures.style import add_legend, axes_table, drawing_style, svg_drawn_by, svg_of
 
@@ -25,7 +26,7 @@ COLOUR_LEVELS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """One cycle (or a few seconds) of a run, measured and modelled, thinned for drawing."""
+    """One cycle (or a few seconds) of a run, measured and modelled, with reduced samples."""
 
     name: str
     motion: str
@@ -47,7 +48,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Low and high end of the axes that several runs share."""
+    """Common axis limits of several runs."""
 
     displacement_mm: tuple[float, float]
     velocity_mm_s: tuple[float, float]
@@ -55,7 +56,7 @@ class Limits:
 
     @classmethod
     def of(cls, traces: Sequence[Trace]) -> Limits:
-        """Return the limits that show all of these."""
+        """Return limits that fit all traces."""
 
         def span(arrays: Sequence[FloatArray]) -> tuple[float, float]:
             return min(float(a.min()) for a in arrays), max(float(a.max()) for a in arrays)
@@ -68,7 +69,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoefficientCurve:
-    """A coefficient over the command, with its standard error where that is known."""
+    """A coefficient versus current, with its standard error if it is known."""
 
     name: str
     unit: str
@@ -79,7 +80,7 @@ class CoefficientCurve:
 
 
 def loops(trace: Trace, limits: Limits, highest: float) -> str:
-    """Return force over displacement and over velocity of one run; a motion has the same limits."""
+    """Return force versus displacement and velocity of one run. All runs of a motion have the same limits."""
     with drawing_style():
         figure = Figure(figsize=(2.15, 3.35))
         panels = axes_table(figure, 2, 1, margins=(0.55, 0.38, 0.05, 0.06), gaps=(0.0, 0.5))
@@ -96,11 +97,11 @@ def loops(trace: Trace, limits: Limits, highest: float) -> str:
 
 
 def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
-    """Return measured minus modelled force over velocity and over displacement, coloured by command."""
+    """Return measured minus modelled force versus velocity and displacement, coloured by current."""
     top = 1.08 * max(float(np.abs(t.measured_N - t.modelled_N).max()) for t in traces)
     ordered = sorted(traces, key=lambda t: abs(t.command) if t.command is not None else np.inf)
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.4))
+        figure = Figure(figsize=(WIDTH_INCH, 2.4))
         panels = axes_table(figure, 1, 2, margins=(0.63, 0.42, 0.85, 0.08), gaps=(0.3, 0.0), share_y=True)
         shown: dict[str, tuple[str, str, str]] = {}
         for axes, name in zip(panels, ("velocity", "displacement"), strict=True):
@@ -122,8 +123,8 @@ def errors(rows: Sequence[tuple[str, str, float]]) -> str:
 
 
 def errors_figure(rows: Sequence[tuple[str, str, float]]) -> Figure:
-    """Return a bar for each (run, split, error in percent), the first one at the top."""
-    figure = Figure(figsize=(WIDE, 0.55 + 0.175 * len(rows)))
+    """Return a bar for each (run, split, error in percent), from top to bottom."""
+    figure = Figure(figsize=(WIDTH_INCH, 0.55 + 0.175 * len(rows)))
     (axes,) = axes_table(figure, 1, 1, margins=(2.45, 0.36, 0.15, 0.2))
     for split, colour, word in (("training", TRAINING, "training"), ("held_out", HELD_OUT, "held out")):
         values = {k: value for k, (_, s, value) in enumerate(rows) if s == split}
@@ -142,7 +143,7 @@ def errors_figure(rows: Sequence[tuple[str, str, float]]) -> Figure:
 
 
 def energies(points: Sequence[tuple[float | None, str, float, float]], highest: float) -> str:
-    """Return modelled over measured energy per cycle, points (command, split, measured [J], modelled [J])."""
+    """Return modelled versus measured energy per cycle of (current, split, measured [J], modelled [J])."""
     good = [p for p in points if p[2] > 0.0 and p[3] > 0.0]
     with drawing_style():
         figure = Figure(figsize=(4.0, 3.4))
@@ -162,11 +163,11 @@ def energies(points: Sequence[tuple[float | None, str, float, float]], highest: 
                 colour = colour_of(command, highest)
                 face = colour if split == "training" else "white"
                 axes.plot(measured, modelled, "o", ms=4.0, mec=colour, mfc=face, mew=0.9)
-        return svg_of(figure, "Energy per cycle, modelled against measured")
+        return svg_of(figure, "Energy per cycle, modelled versus measured")
 
 
 def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
-    """Return each coefficient over the command; the band is one standard error, dots are trained commands."""
+    """Return each coefficient versus current. The band is one standard error, dots are fitted currents."""
     over = "current, A" if command_unit == "A" else "voltage, V"
     return small_multiples.curves(
         [
@@ -183,7 +184,7 @@ def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
 
 
 def correlations(names: Sequence[str], matrix: FloatArray) -> str:
-    """Return the correlation matrix of the parameters; strong correlations are written as numbers."""
+    """Return the correlation matrix of the parameters. Strong correlations are printed as numbers."""
     count = len(names)
     side = 0.27 * count
     labels = [name.removesuffix(".value") for name in names]
@@ -191,7 +192,7 @@ def correlations(names: Sequence[str], matrix: FloatArray) -> str:
         figure = Figure(figsize=(side + 2.3, side + 1.55))
         (axes,) = axes_table(figure, 1, 1, margins=(1.55, 1.5, 0.75, 0.05))
         below = np.where(np.tri(count, k=-1, dtype=bool), matrix, np.nan)
-        levels = mpl.colormaps["RdBu_r"].resampled(COLOUR_LEVELS)  # few enough to stay vectors
+        levels = mpl.colormaps["RdBu_r"].resampled(COLOUR_LEVELS)  # The SVG stays small with few colours.
         centres = np.arange(count)
         image = axes.pcolormesh(centres, centres, below, cmap=levels, vmin=-1.0, vmax=1.0)
         axes.invert_yaxis()

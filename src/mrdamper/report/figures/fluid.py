@@ -25,7 +25,7 @@ CURVE_COUNT_MAX = 6
 
 
 def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
-    """Return the points and laws of the quantities in the tables."""
+    """Return the measured points and laws of the quantities in the tables."""
     rows = int(viscosity is not None) + int(yields is not None)
     with drawing_style():
         figure = Figure(figsize=(9.2, 3.5 * rows), layout="constrained")
@@ -41,7 +41,7 @@ def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
 
 
 def _draw_over_temperature(axes: Axes, study: Study, label: str, scale: float) -> None:
-    """Draw the quantity over temperature, a curve per field."""
+    """Draw the quantity versus temperature, one curve for each field."""
     celsius = study.temperature_K - ZERO_CELSIUS_K
     grid = np.linspace(celsius.min() - 2.0, celsius.max() + 2.0, 200)
     fields = _levels(study.field_A_m[study.used])
@@ -78,7 +78,7 @@ def _draw_residuals(axes: Axes, study: Study) -> None:
 
 
 def _draw_over_field(axes: Axes, study: Study) -> None:
-    """Draw the yield stress over the field, a curve per temperature."""
+    """Draw the yield stress versus field, one curve for each temperature."""
     grid = np.linspace(0.0, 1.04 * float(study.field_A_m.max()), 150)
     for celsius in _levels(study.temperature_K[study.used] - ZERO_CELSIUS_K):
         law = 1e-3 * study.best.value(np.full_like(grid, celsius + ZERO_CELSIUS_K), grid)

@@ -1,4 +1,4 @@
-"""Figures of ``mrdamper heat``: temperatures, heat paths, fade of force; minutes, degC, watts, newtons."""
+"""Figures of ``mrdamper heat``: temperatures [degC], heat flows [W] and peak force [N] versus time [min]."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDTH_INCH, drawing_style, svg_of
 from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.model.network import PATHS
@@ -38,10 +38,10 @@ def temperature_figure(
     prediction_intervals: Sequence[PredictionInterval] = (),
     measured: HeatingCurve | None = None,
 ) -> Figure:
-    """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit.
+    """Return fluid, coil and wall temperature versus time, a panel for each (title, rise), with the limit.
 
-    ``prediction_intervals``, one for each rise or none, are bands about the fluid; ``measured``
-    belongs to the first.
+    ``prediction_intervals``, one for each rise or none, are bands of the fluid temperature. The curve
+    ``measured`` belongs to the first panel.
     """
     limit = rises[0][1].limit_K - ZERO_CELSIUS_K
     hottest = max(
@@ -49,12 +49,12 @@ def temperature_figure(
     )
     coolest = min(float(rise.wall_degC.min()) for _, rise in rises)
     longest = max(
-        _shown_until(rise, prediction_intervals[k] if prediction_intervals else None)
+        _panel_end(rise, prediction_intervals[k] if prediction_intervals else None)
         for k, (_, rise) in enumerate(rises)
     )
     high = max(hottest, limit) + max(0.08 * (max(hottest, limit) - coolest), 1.0)
     with drawing_style():
-        width, height = WIDE if len(rises) > 1 else 6.4, 3.1
+        width, height = WIDTH_INCH if len(rises) > 1 else 6.4, 3.1
         figure = Figure(figsize=(width, height))
         for place, (title, rise) in enumerate(rises):
             axes = figure.add_subplot(1, len(rises), place + 1)
@@ -77,8 +77,8 @@ def temperature_figure(
     return figure
 
 
-def _shown_until(rise: Rise, prediction_interval: PredictionInterval | None) -> float:
-    """Return how far a panel goes [min]: the curve's end, or where the last of the band reaches the limit."""
+def _panel_end(rise: Rise, prediction_interval: PredictionInterval | None) -> float:
+    """Return the end of a panel [min]: the end of the curve, or the upper bound of the time to the limit."""
     end = float(rise.time[-1])
     if prediction_interval is not None and rise.time_to_limit_s is not None:
         end = max(end, min(1.05 * prediction_interval.to_limit.high_s, float(prediction_interval.time[-1])))
@@ -88,21 +88,21 @@ def _shown_until(rise: Rise, prediction_interval: PredictionInterval | None) -> 
 def _draw_parts(axes: Axes, rise: Rise) -> None:
     for name, colour, line in _PARTS:
         celsius = getattr(rise, f"{name}_degC")
-        said = f"{name} {celsius[-1]:.1f} °C"
-        axes.plot(rise.time / 60.0, celsius, color=colour, linewidth=line, label=said)
+        label = f"{name} {celsius[-1]:.1f} °C"
+        axes.plot(rise.time / 60.0, celsius, color=colour, linewidth=line, label=label)
 
 
 def _draw_measured(axes: Axes, measured: HeatingCurve) -> None:
     celsius = measured.temperature - ZERO_CELSIUS_K
-    said = f"{measured.place}, measured"
-    axes.plot(measured.time / 60.0, celsius, ".", color=INK, markersize=1.5, alpha=0.5, label=said, zorder=1)
+    label = f"{measured.place}, measured"
+    axes.plot(measured.time / 60.0, celsius, ".", color=INK, markersize=1.5, alpha=0.5, label=label, zorder=1)
 
 
 def _draw_outlook(axes: Axes, rise: Rise, prediction_interval: PredictionInterval) -> None:
-    """Draw the band about the fluid; the legend says it at the curve's end."""
+    """Draw the interval of the fluid temperature. The legend gives its final values."""
     below, above = prediction_interval.low - ZERO_CELSIUS_K, prediction_interval.high - ZERO_CELSIUS_K
     low, high = (float(np.interp(rise.time[-1], prediction_interval.time, edge)) for edge in (below, above))
-    said = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * prediction_interval.probability:.0f} %"
+    label = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * prediction_interval.probability:.0f} %"
     axes.fill_between(
         prediction_interval.time / 60.0,
         below,
@@ -110,22 +110,22 @@ def _draw_outlook(axes: Axes, rise: Rise, prediction_interval: PredictionInterva
         color=HELD_OUT,
         alpha=0.16,
         linewidth=0,
-        label=said,
+        label=label,
         zorder=0,
     )
 
 
 def _draw_limit(axes: Axes, rise: Rise, prediction_interval: PredictionInterval | None) -> None:
-    """Draw the fluid's limit, when it is reached, and the interval of that as a thick line."""
+    """Draw the limit of the fluid, the time to the limit, and the interval of this time as a thick line."""
     limit, longest = rise.limit_K - ZERO_CELSIUS_K, axes.get_xlim()[1]
 
-    def say(text: str, at: tuple[float, float], shift: tuple[float, float], align: str = "left") -> None:
+    def annotate(text: str, at: tuple[float, float], shift: tuple[float, float], align: str = "left") -> None:
         axes.annotate(
             text, at, shift, textcoords="offset points", fontsize=6.5, color=_LIMIT_COLOUR, ha=align
         )
 
     axes.axhline(limit, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
-    say(f"fluid's limit, {limit:.4g} °C", (0.01 * longest, limit), (0, 2))
+    annotate(f"fluid's limit, {limit:.4g} °C", (0.01 * longest, limit), (0, 2))
     if prediction_interval is not None and np.isfinite(prediction_interval.to_limit.low_s):
         ends = [
             prediction_interval.to_limit.low_s / 60.0,
@@ -136,18 +136,18 @@ def _draw_limit(axes: Axes, rise: Rise, prediction_interval: PredictionInterval 
         reached = rise.time_to_limit_s / 60.0
         axes.plot([reached], [limit], "o", color=_LIMIT_COLOUR, markersize=3.6)
         align = "left" if reached < 0.9 * longest else "right"
-        say(f"{reached:.1f} min", (reached, limit), (4, -9), align)
+        annotate(f"{reached:.1f} min", (reached, limit), (4, -9), align)
 
 
 def draw_paths(rises: Sequence[tuple[str, Rise]]) -> str:
-    """Return where the heat goes over time, stacked: every path, then what is stored; a panel each."""
+    """Return the heat flows versus time, stacked, with the stored heat on top, one panel for each rise."""
     most = max(float((rise.mechanical_W + rise.coil_W).max()) for _, rise in rises)
     longest = max(float(rise.time[-1]) for _, rise in rises) / 60.0
     named = [
         name for name in ("stored", *PATHS) if name == "stored" or any(name in r.paths_W for _, r in rises)
     ]
     with drawing_style():
-        width, height = WIDE if len(rises) > 1 else 6.4, 3.2
+        width, height = WIDTH_INCH if len(rises) > 1 else 6.4, 3.2
         figure = Figure(figsize=(width, height))
         axes = None
         for place, (title, rise) in enumerate(rises):
@@ -165,15 +165,15 @@ def draw_paths(rises: Sequence[tuple[str, Rise]]) -> str:
             handles, labels = axes.get_legend_handles_labels()
             figure.legend(handles[::-1], labels[::-1], loc="center right", bbox_to_anchor=(1.0, 0.55))
         figure.subplots_adjust(left=0.5 / width, right=1.0 - 1.45 / width, top=0.92, bottom=0.14, wspace=0.05)
-        return svg_of(figure, "Where the heat goes")
+        return svg_of(figure, "Heat flows")
 
 
 def _stack(axes: Axes, rise: Rise, named: Sequence[str]) -> None:
-    """Draw the shares of the heat going in; what is not given off is stored."""
+    """Draw the heat flows. The difference between input and output is stored."""
     minutes, going_in = rise.time / 60.0, rise.mechanical_W + rise.coil_W
     given_off = np.sum(list(rise.paths_W.values()), axis=0) if rise.paths_W else np.zeros_like(going_in)
     shares = {"stored": going_in - given_off, **rise.paths_W}
-    # off at the bottom, stored on top: the line between them is what leaves
+    # The line between output at the bottom and stored heat on top is the total output.
     order = [*(name for name in named if name != "stored"), "stored"]
     base = np.zeros_like(going_in)
     for name in order:
@@ -189,23 +189,23 @@ def _stack(axes: Axes, rise: Rise, named: Sequence[str]) -> None:
         color=INK,
         linewidth=0.8,
         linestyle=(0, (4, 2)),
-        label="of it mechanical",
+        label="mechanical part of the input",
         zorder=3,
     )
 
 
 def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
-    """Return the cycle's peak force over time and over the fluid's temperature; nothing when at rest."""
+    """Return the peak force of a cycle versus time and fluid temperature, or "" without motion."""
     moving = [(title, rise) for title, rise in rises if np.isfinite(rise.peak_force_N).any()]
     if not moving:
         return ""
     styles = ("-", (0, (4, 2)))
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.6))
+        figure = Figure(figsize=(WIDTH_INCH, 2.6))
         left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
         for (title, rise), style in zip(moving, styles, strict=False):
             loss = rise.force_loss_percent
-            said = title if loss is None else f"{title}: {loss:.1f} % lost at the end"
+            label = title if loss is None else f"{title}: loss {loss:.1f} % at the end"
             for axes, x in ((left, rise.time / 60.0), (right, rise.fluid_degC)):
                 axes.plot(
                     x,
@@ -213,7 +213,7 @@ def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
                     color=HELD_OUT if style == "-" else INK,
                     linestyle=style,
                     linewidth=1.3,
-                    label=said,
+                    label=label,
                 )
         for axes, word in ((left, "minutes"), (right, "fluid, °C")):
             axes.set_ylim(bottom=0.0)
@@ -223,4 +223,4 @@ def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
         right.tick_params(axis="y", labelleft=False)
         left.legend(loc="lower left")
         figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.16, wspace=0.06)
-        return svg_of(figure, "Fade of the force")
+        return svg_of(figure, "Peak force versus time and temperature")

@@ -1,4 +1,4 @@
-"""Figures of ``mrdamper heatsink``: the front of temperature against mass, and the paper's sweeps."""
+"""Figures of ``heatsink``: Pareto front of temperature and mass, and parameter studies of the paper."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from matplotlib.figure import Figure
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDTH_INCH, drawing_style, svg_of
 from mrdamper.thermal.sinks.efficiency import Sweep
 
 
 def draw_sweeps(run: HeatsinkResult) -> str:
-    """Return the paper's sweeps; empty where there are none."""
+    """Return the parameter studies of the paper as SVG, or an empty string."""
     return "" if run.sweeps is None else _draw_sweeps(run.sweeps)
 
 
 def front_figure(run: HeatsinkResult) -> Figure:
-    """Return temperature over mass: the network's front, its members judged again, the reference."""
+    """Return temperature versus mass: front of the network, designs evaluated again, and reference."""
     whole, shown, reference = run.found.designs, run.front, run.reference
     limit_K = run.drawing.filling.valid_K[1]
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 3.9))
+        figure = Figure(figsize=(WIDTH_INCH, 3.9))
         axes = figure.add_subplot()
         axes.step(
             [1e3 * d.mass for d in whole],
@@ -81,9 +81,9 @@ def front_figure(run: HeatsinkResult) -> Figure:
 
 
 def _draw_sweeps(sweeps: tuple[Sweep, Sweep]) -> str:
-    """Return temperature and efficiency over both of the paper's sweeps."""
+    """Return temperature and efficiency in both parameter studies of the paper."""
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.6))
+        figure = Figure(figsize=(WIDTH_INCH, 2.6))
         for place, (sweep, label) in enumerate(zip(sweeps, ("width, mm", "fins"), strict=True)):
             sinks = [effect.sink for effect in sweep.effects]
             x = [1e3 * sink.width if place == 0 else float(sink.fins) for sink in sinks]
@@ -97,4 +97,4 @@ def _draw_sweeps(sweeps: tuple[Sweep, Sweep]) -> str:
                 axes.set_xticks(x, [f"{at:g}" for at in x])
                 axes.set_xlabel(label, labelpad=1.0)
         figure.subplots_adjust(left=0.04, right=0.99, top=0.9, bottom=0.17, wspace=0.25)
-        return svg_of(figure, "The paper's sweeps")
+        return svg_of(figure, "Parameter studies of the paper")

@@ -1,4 +1,4 @@
-"""Predictions with their 90 % intervals, and histograms of draws, as panels of one figure."""
+"""Predictions with their 90 % intervals, and histograms of posterior samples, as panels of one figure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BAR_COLOUR = "#9db8cc"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """A prediction over x with its interval, and what was measured where there is such."""
+    """A prediction versus x with its interval, and measured values if there are any."""
 
     title: str
     x_label: str
@@ -43,7 +43,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Histogram:
-    """Draws of a number, the ends of their interval, and the best fit."""
+    """Posterior samples of a parameter, the ends of their interval, and the best fit."""
 
     title: str
     counts: NDArray[np.intp]  # shape (bins,)
@@ -63,7 +63,7 @@ class Histogram:
 
 
 def force_panels(found: Sequence[ForceInterval]) -> list[Panel]:
-    """Return the force of each run over a cycle, measured and modelled."""
+    """Return the force of each run during a cycle, measured and modelled."""
     return [
         Panel(
             f"{each.name[:40]}: force, N",
@@ -79,7 +79,7 @@ def force_panels(found: Sequence[ForceInterval]) -> list[Panel]:
 
 
 def coefficient_panels(found: Sequence[CoefficientInterval], command_unit: str) -> list[Panel]:
-    """Return each coefficient over the command."""
+    """Return each coefficient versus current."""
     over = "current, A" if command_unit == "A" else "voltage, V"
     return [
         Panel(
@@ -90,7 +90,7 @@ def coefficient_panels(found: Sequence[CoefficientInterval], command_unit: str) 
 
 
 def panel_figure(groups: Sequence[Sequence[Panel | Histogram]]) -> Figure:
-    """Return groups of panels, each on rows of its own."""
+    """Return groups of panels. Each group starts a new row."""
     rows = [-(-len(group) // PANEL_COLUMNS) for group in groups]
     figure = Figure(figsize=(FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH * max(sum(rows), 1)))
     table = axes_table(

@@ -1,6 +1,6 @@
-"""Colours and sizes that all figures share; nothing here loads Matplotlib.
+"""Colours and sizes of all figures. This module does not import Matplotlib.
 
-Scales run through a few anchors of Matplotlib's maps of the same name, straight between two of them.
+Colour scales are interpolated linearly between a few colours of the Matplotlib maps of the same name.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ MEASURED = "#b3b3b3"
 HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"
 INK = "#333333"
-WIDE = 10.6  # inches; the page is 1130 px wide, paper shrinks it
+WIDTH_INCH = 10.6  # The page is 1130 px wide.
 
 _VIRIDIS = (
     "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c "
@@ -25,25 +25,25 @@ _BLUE_TO_RED = "053061 2065ab 4393c3 90c4dd d1e5f0 f7f6f6 fddbc7 f3a481 d6604d b
 
 
 def colour_of(command: float | None, highest: float) -> str:
-    """Return a run's colour: dark blue at zero command [A or V] to ochre at the highest, on white."""
+    """Return the colour of a current or voltage, from dark blue at zero to ochre at the highest value."""
     share = 1.0 if command is None or highest == 0.0 else min(abs(command) / highest, 1.0)
     return _between(_VIRIDIS, 0.08 + 0.70 * share)
 
 
-def colour_of_warmth(temperature: float, levels: Sequence[float]) -> str:
-    """Return a temperature's colour among the levels, [K] or any other unit: violet (cold) to orange."""
+def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
+    """Return the colour of a temperature among the levels in any unit, from violet (cold) to orange."""
     low, high = min(levels), max(levels)
     share = 0.5 if low == high else (temperature - low) / (high - low)
     return _between(_PLASMA, 0.05 + 0.70 * share)
 
 
-def colour_of_share(share: float) -> str:
+def colour_of_fraction(share: float) -> str:
     """Return the colour of a number of -1 (blue) to 1 (red)."""
     return _between(_BLUE_TO_RED, 0.5 + 0.5 * share)
 
 
 def _between(scale: str, share: float) -> str:
-    """Return the colour at a share of 0 to 1 of a scale."""
+    """Return the colour at a fraction of 0 to 1 of a scale."""
     anchors = scale.split()
     place = min(max(share, 0.0), 1.0) * (len(anchors) - 1)
     low = min(int(place), len(anchors) - 2)
@@ -53,5 +53,5 @@ def _between(scale: str, share: float) -> str:
 
 
 def shortened(name: str, longest: int = 40) -> str:
-    """Return a name cut in its middle where it is too long for a figure."""
+    """Return a name without its middle part if it is too long for a figure."""
     return name if len(name) <= longest else f"{name[: longest // 2]}...{name[-longest // 2 + 3 :]}"

@@ -1,4 +1,4 @@
-"""The picture of measured runs: their loops, before anything is fitted."""
+"""Figure of measured runs: loops of the force."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.records import RigRun
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
 from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 
-_MOST_COLUMNS = 7
-_MOST_POINTS = 2000
-_MOST_LETTERS = 110  # of all titles
-_HIGHEST = 0.99  # quantile of a run's command that colours it
+PANEL_COLUMNS_MAX = 7
+POINT_COUNT_MAX = 2000
+TITLE_LETTER_COUNT_MAX = 110  # All titles together must fit the width of the figure.
+COLOUR_QUANTILE = 0.99  # This quantile of the current selects the colour, which short peaks do not change.
 
 
-def measured_loops(runs: Sequence[RigRun]) -> Figure:
-    """Return force over displacement and over velocity, a column for each of at most seven runs.
+def measured_loops(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
+    """Return force versus displacement and velocity, a column for each of at most seven runs.
 
-    Where no channel measures it, velocity is that of the smoothed displacement.
+    If the velocity was not measured, it is the derivative of the smoothed displacement.
     """
-    chosen = spread_out(runs, _MOST_COLUMNS)
+    chosen = spread_out((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
     rows = []
@@ -36,13 +36,13 @@ def measured_loops(runs: Sequence[RigRun]) -> Figure:
             for run, colour in zip(chosen, colours, strict=True)
         )
         rows.append(Row(label, "force, N", panels))
-    longest = max(12, _MOST_LETTERS // len(chosen))
-    titles = [(shortened(name, longest), False) for name in _told_apart([run.name for run in chosen])]
+    longest = max(12, TITLE_LETTER_COUNT_MAX // len(chosen))
+    titles = [(shortened(name, longest), False) for name in _distinct_names([run.name for run in chosen])]
     return grid_figure(titles, rows, tall=2.0)
 
 
-def _told_apart(names: Sequence[str]) -> list[str]:
-    """Return names without the words that all begin with."""
+def _distinct_names(names: Sequence[str]) -> list[str]:
+    """Return names without the words that all of them begin with."""
     words = [name.split("_") for name in names]
     same = takewhile(lambda each: len({*each}) == 1, zip(*words, strict=False))
     common = len(list(same)) if len(names) > 1 else 0
@@ -50,7 +50,7 @@ def _told_apart(names: Sequence[str]) -> list[str]:
 
 
 def _level(run: RigRun) -> float:
-    return float(np.quantile(np.abs(run.command), _HIGHEST))
+    return float(np.quantile(np.abs(run.command), COLOUR_QUANTILE))
 
 
 def _displacement_mm(run: RigRun) -> FloatArray:
@@ -65,4 +65,4 @@ def _velocity_mm_s(run: RigRun) -> FloatArray:
 
 
 def _thinned(values: FloatArray) -> FloatArray:
-    return values[:: max(1, len(values) // _MOST_POINTS)]
+    return values[:: max(1, len(values) // POINT_COUNT_MAX)]

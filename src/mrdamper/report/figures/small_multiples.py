@@ -1,7 +1,7 @@
-"""Small multiples of the reports: many small axes with shared limits, and the figures made of them.
+"""Small multiples of the reports: many small axes with the same limits.
 
-Measured curves are grey and wide, modelled ones thin and coloured. Temperatures have a colour scale of their
-own, from violet (cold) to orange (hot).
+Measured curves are grey and wide, modelled ones thin and coloured. The colour scale of temperatures is from
+violet (cold) to orange (hot).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures.palette import HELD_OUT, INK, WIDE, colour_of, shortened
+from mrdamper.report.figures.palette import HELD_OUT, INK, WIDTH_INCH, colour_of, shortened
 from mrdamper.report.figures.style import add_legend, axes_table, drawing_style, svg_drawn_by, svg_of
 
 POOLED_COLOUR = "#222222"
@@ -65,7 +65,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """The curve of a coefficient at one command or temperature; ``error`` is its standard error if known."""
+    """The curve of a coefficient at one current or temperature, with its standard error if it is known."""
 
     series: Series
     error: FloatArray | None
@@ -77,12 +77,12 @@ def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str, *,
 
 
 def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall: float = 1.2) -> Figure:
-    """Return rows of small panels, one column for each (title, held out); a row has the same limits.
+    """Return rows of small panels, one column for each (title, held out). All panels of a row share limits.
 
     ``tall`` is the height of a panel [inch].
     """
     columns = len(titles)
-    width = min(WIDE, 0.55 + 3.2 * columns)
+    width = min(WIDTH_INCH, 0.55 + 3.2 * columns)
     height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
     figure = Figure(figsize=(width, height))
     left, gap = 0.6, 0.10  # inches
@@ -123,9 +123,9 @@ def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall
 
 
 def against_temperature(panels: Sequence[tuple[str, Sequence[Series]]], label: str) -> str:
-    """Return panels (title with unit, series) over temperature [degC] with one legend."""
+    """Return panels (title with unit, series) versus temperature [degC] with one legend."""
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.75))
+        figure = Figure(figsize=(WIDTH_INCH, 2.75))
         table = axes_table(figure, 1, len(panels), margins=(0.42, 0.4, 0.8, 0.22), gaps=(0.5, 0.0))
         shown: dict[str, tuple[str, str, str]] = {}
         for axes, (title, members) in zip(table, panels, strict=True):
@@ -152,12 +152,12 @@ def run_errors(
     ----------
     motions : for each motion, runs as (value of x, command, point)
     pooled : for each motion, root-mean-square errors
-    highest : command with the last colour
+    highest : current with the last colour of the scale
     """
     columns = min(len(motions), 5)
     rows = -(-len(motions) // columns)
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.15 * rows + 0.1))
+        figure = Figure(figsize=(WIDTH_INCH, 2.15 * rows + 0.1))
         table = axes_table(
             figure, rows, columns, margins=(0.55, 0.36, 0.1, 0.22), gaps=(0.15, 0.62), share_y=True
         )
@@ -180,7 +180,7 @@ def curves(panels: Sequence[tuple[str, str, Sequence[Curve], FloatArray | None]]
     columns = 4
     rows = -(-len(panels) // columns)
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 1.95 * rows + 0.25))
+        figure = Figure(figsize=(WIDTH_INCH, 1.95 * rows + 0.25))
         table = axes_table(figure, rows, columns, margins=(0.45, 0.36, 0.1, 0.5), gaps=(0.5, 0.62))
         shown: dict[str, tuple[str, str, str]] = {}
         for axes, (title, x_label, members, trained) in zip(table, panels, strict=False):

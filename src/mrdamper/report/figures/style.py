@@ -1,6 +1,6 @@
-"""The style of all figures, and figures as inline SVG.
+"""Style of all figures, and conversion of figures to inline SVG.
 
-The bytes of an SVG depend only on what is drawn. Text stays text, which is small and can be searched.
+The bytes of an SVG depend only on its content. Texts are stored as text, which is small and searchable.
 """
 
 from __future__ import annotations
@@ -17,17 +17,26 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mrdamper.report.figures.palette import HELD_OUT, INK, MEASURED, TRAINING, WIDE, colour_of, shortened
+from mrdamper.report.figures.palette import (
+    HELD_OUT,
+    INK,
+    MEASURED,
+    TRAINING,
+    WIDTH_INCH,
+    colour_of,
+    shortened,
+)
 
 __all__ = [
     "HELD_OUT",
     "INK",
     "MEASURED",
     "TRAINING",
-    "WIDE",
+    "WIDTH_INCH",
     "add_legend",
     "axes_table",
     "colour_of",
+    "displayable",
     "drawing_style",
     "shortened",
     "svg_drawn_by",
@@ -74,14 +83,14 @@ _STYLE: dict[str, object] = {
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Give the context in which every figure is drawn; letters that its font lacks are the browser's."""
+    """Yield the context in which every figure is drawn. The browser supplies letters that the font lacks."""
     with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type]  # stubs list every key
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)
         yield
 
 
 def svg_of(figure: Figure, label: str) -> str:
-    """Return the figure as an SVG element without header, dates and ids that nothing refers to."""
+    """Return the figure as an SVG element without header, dates and unused ids."""
     buffer = io.StringIO()
     FigureCanvasSVG(figure).print_svg(  # type: ignore[no-untyped-call]
         buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
@@ -92,16 +101,25 @@ def svg_of(figure: Figure, label: str) -> str:
     text = re.sub(r'(?<=<g) id="[\w.]+"|(?<=<path) id="[\w.]+_\d+"', "", text)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r"\n\s*\n+|\n\s+", "\n", text)
-    # a hundredth of a point is less than anyone sees
+    # Differences of a hundredth of a point are invisible.
     text = re.sub(r'(?<= )(d|x|y)="[^"]*"', lambda found: _DECIMALS.sub(r"\1", found[0]), text)
-    said = re.sub(r"[^\w .,+-]", "_", label)  # an attribute: nothing in it may end it
-    return text.replace("<svg", f'<svg role="img" aria-label="{said}"', 1)
+    escaped = re.sub(r"[^\w .,+-]", "_", label)  # A quotation mark would end the attribute.
+    return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)
 
 
 def svg_drawn_by(draw: Callable[[], Figure], label: str) -> str:
     """Return the figure that a function draws as an SVG element."""
     with drawing_style():
         return svg_of(draw(), label)
+
+
+def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
+    """Return the figure that a function draws, which notebooks display as SVG; None if there is none."""
+    with drawing_style():
+        figure = draw()
+    if figure is not None:
+        vars(figure)["_repr_svg_"] = lambda: svg_drawn_by(lambda: figure, label)
+    return figure
 
 
 def axes_table(

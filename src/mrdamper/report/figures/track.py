@@ -1,7 +1,7 @@
 """Figures of ``mrdamper track``: force, error and current over time, as in Figures 28 to 31 of the paper.
 
-The grey band is the force that the damper can give between zero and the highest current. Where the target is
-outside of it, less a margin, the lower panels are grey.
+The grey band is the attainable force between zero and maximum current. The lower panels are grey if the
+target is outside this band less a margin.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.jobs.track import Traced, TrackResult
-from mrdamper.report.figures.palette import HELD_OUT, INK, TRAINING, WIDE
+from mrdamper.report.figures.palette import HELD_OUT, INK, TRAINING, WIDTH_INCH
 from mrdamper.report.figures.style import add_legend, axes_table, svg_drawn_by
 
 COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
@@ -27,13 +27,13 @@ def draw_tracking(traced: Traced) -> str:
 
 
 def tracking_figure(traced: Traced) -> Figure:
-    """Return wanted and attainable force, error, and current of the runs of one target."""
+    """Return target and attainable force, error, and current of the runs of one target."""
     course = traced.course
     thin = max(round(1.0 / (DRAWN_RATE_HZ * course.step_s)), 1)
     last = min(course.scored_from + round(DRAWN_TIME_S_MAX / course.step_s), len(course))
     shown = slice(course.scored_from, last, thin)
     time, target = course.time[shown], course.target[shown]
-    figure = Figure(figsize=(WIDE, 4.3))
+    figure = Figure(figsize=(WIDTH_INCH, 4.3))
     force, error, current = figure.subplots(
         3,
         1,
@@ -74,17 +74,17 @@ def tracking_figure(traced: Traced) -> Figure:
 
 
 def draw_temperatures(run: TrackResult) -> str:
-    """Return ``error_figure`` as SVG; empty if there is one temperature."""
+    """Return ``error_figure`` as SVG, or an empty string if there is only one temperature."""
     if len({row.temperature_degC for row in run.rows}) < 2:
         return ""
-    return svg_drawn_by(lambda: error_figure(run), "RMS error over temperature")
+    return svg_drawn_by(lambda: error_figure(run), "RMS error versus temperature")
 
 
 def error_figure(run: TrackResult) -> Figure:
-    """Return the feasible RMS error over temperature, a panel per target, a line per controller."""
+    """Return the feasible RMS error versus temperature, with a panel for each target."""
     controllers = [each.controller for each in run.traced[0].runs] if run.traced else []
     coloured = list(zip(controllers, COLOURS, strict=False))
-    figure = Figure(figsize=(WIDE, 2.6))
+    figure = Figure(figsize=(WIDTH_INCH, 2.6))
     panels = axes_table(figure, 1, len(run.targets), margins=(0.63, 0.44, 0.1, 0.34), gaps=(0.5, 0.0))
     for axes, target in zip(panels, run.targets, strict=True):
         for name, colour in coloured:
@@ -103,7 +103,7 @@ def error_figure(run: TrackResult) -> Figure:
 
 
 def _shade(axes: Axes, time: FloatArray, outside: BoolArray) -> None:
-    """Shade the times at which the target is out of reach."""
+    """Shade the times at which the target is not feasible."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], outside.astype(np.int8), [0]])))
     for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         axes.axvspan(time[start], time[min(end, len(time) - 1)], color=OUTSIDE_COLOUR, lw=0.0, zorder=0.5)

@@ -1,1 +1,1 @@
-"""Sections of the identification report."""
+"""Sections of the report on a fit."""

@@ -1,4 +1,4 @@
-"""A campaign: a fit with its runs by motion, temperature and command, as the report's sections look at it."""
+"""A fit with its runs, grouped by motion, temperature and current for the sections of the report."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.scores import RunError
 from mrdamper.report.figures.fit import Trace
-from mrdamper.report.figures.palette import colour_of, colour_of_warmth
+from mrdamper.report.figures.palette import colour_of, colour_of_temperature
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
 
-MOST_COLUMNS = 7  # panels beside each other
-_POINTS = 130  # of a small loop
+PANEL_COLUMNS_MAX = 7
+LOOP_POINT_COUNT = 130  # A small panel needs no more points.
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,17 +28,17 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure, what stands above it, and its legend."""
+    """A figure with its heading and legend."""
 
     title: str
-    said: str
+    caption: str
     svg: str
     keys: tuple[Key, ...] = ()
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """A fit with the errors of its runs, and the levels (temperatures, else commands) they fall into."""
+    """A fit with the errors of its runs, and their levels of temperature or current."""
 
     fitted: Identification
     errors: tuple[RunError, ...]
@@ -53,7 +53,7 @@ class Campaign:
 
     @cached_property
     def commands(self) -> tuple[float, ...]:
-        """The constant commands, rising."""
+        """The constant currents (or voltages) in ascending order."""
         return tuple(sorted({error.command for error in self.errors if error.command is not None}))
 
     @cached_property
@@ -62,16 +62,16 @@ class Campaign:
 
     @cached_property
     def main(self) -> str | None:
-        """The sine that was run at most levels and commands."""
+        """The sine that was tested at most levels and currents."""
         return main_sine(self.errors, self.levels)
 
     @cached_property
     def warm(self) -> bool:
-        """Whether the runs are at two temperatures or more."""
+        """True if the runs have two or more temperatures."""
         return self.levels.kind == "temperature"
 
     def at(self, motion: str, level: float | None, command: float | None) -> RunError | None:
-        """Return the run of one motion, level and command; of several the one in the middle by error."""
+        """Return the run with the median error of a motion, level and current."""
         found = [
             error
             for error in self.errors
@@ -83,19 +83,19 @@ class Campaign:
 
     def trace(self, error: RunError, seconds: float | None = None) -> Trace:
         return trace_of(
-            self.fitted.damper, self.runs[error.name], error, seconds=seconds, points=2 * _POINTS
+            self.fitted.damper, self.runs[error.name], error, seconds=seconds, points=2 * LOOP_POINT_COUNT
             if seconds or not self.runs[error.name].period_s
-            else _POINTS
+            else LOOP_POINT_COUNT
         )  # fmt: skip
 
     def colour(self, level: float) -> str:
         if self.warm:
-            return colour_of_warmth(level, self.levels.values)
+            return colour_of_temperature(level, self.levels.values)
         return colour_of(level, self.highest)
 
 
 def command_keys(campaign: Campaign) -> tuple[Key, ...]:
-    """Return the legend of the commands' colours."""
+    """Return the legend of the current colours."""
     unit = campaign.errors[0].command_unit
     return tuple(
         Key(f"{command:g} {unit}", colour_of(command, campaign.highest)) for command in campaign.commands

@@ -1,4 +1,4 @@
-"""Curves of the fitted coefficients over command and temperature, with standard errors by first order."""
+"""Curves of the fitted coefficients versus current and temperature, with linearised standard errors."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from mrdamper.models.dependence import ParameterLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots
 from mrdamper.report.figures import small_multiples as panels
-from mrdamper.report.figures.palette import TRAINING, colour_of_warmth
+from mrdamper.report.figures.palette import TRAINING, colour_of_temperature
 from mrdamper.report.identification.campaign import Campaign
 
-_MOST_CURVES = 4  # temperatures at which a coefficient is drawn
-_WARM_GRID = 41  # temperatures of a coefficient's curve
+CURVE_COUNT_MAX = 4
+TEMPERATURE_COUNT = 41
 
 
 def coefficient_figure(campaign: Campaign) -> str:
-    """Return the coefficients over the command (and over temperature), with standard errors; or nothing."""
+    """Return the coefficients versus current and temperature as SVG, or an empty string."""
     fitted = campaign.fitted
     if fitted.damper.temperature_dependent:
         warm = _tempered_curves(campaign)
@@ -32,7 +32,7 @@ def coefficient_figure(campaign: Campaign) -> str:
 
 
 def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
-    """Return the coefficients that depend on the command, with their standard error by first order."""
+    """Return the coefficients that depend on current, with their linearised standard errors."""
     low, high = envelope_of(fitted.training).command
     grid = np.linspace(low, high, 81)
     trained = [np.unique(run.trajectory.command[:: max(len(run) // 50, 1)]) for run in fitted.training]
@@ -53,12 +53,12 @@ def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
 def _tempered_curves(
     campaign: Campaign,
 ) -> list[tuple[str, str, list[panels.Curve], FloatArray | None]]:
-    """Return each coefficient over the command at several temperatures, or over temperature alone."""
+    """Return each coefficient versus current at several temperatures, or versus temperature only."""
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
     commands = np.linspace(*envelope.command, 81)
     if campaign.warm:
-        levels = [degrees + ZERO_CELSIUS_K for degrees in spread_out(campaign.levels.values, _MOST_CURVES)]
+        levels = [degrees + ZERO_CELSIUS_K for degrees in spread_out(campaign.levels.values, CURVE_COUNT_MAX)]
     else:
         levels = [warm for warm in usual_scope(damper, envelope).temperatures if warm is not None]
     unit = "current, A" if damper.command_unit == "A" else "voltage, V"
@@ -73,7 +73,7 @@ def _tempered_curves(
         if flat and not form.temperature_dependent:
             continue
         if flat:
-            grid = np.linspace(levels[0], levels[-1], _WARM_GRID)
+            grid = np.linspace(levels[0], levels[-1], TEMPERATURE_COUNT)
             at = np.full(len(grid), commands[0])
             series = panels.Series("", TRAINING, grid - ZERO_CELSIUS_K, form.value(at, grid))
             found.append(
@@ -83,7 +83,7 @@ def _tempered_curves(
         bands = []
         for warm in levels if form.temperature_dependent else levels[:1]:
             label = f"{warm - ZERO_CELSIUS_K:.0f} °C" if form.temperature_dependent else ""
-            colour = colour_of_warmth(warm, levels) if form.temperature_dependent else TRAINING
+            colour = colour_of_temperature(warm, levels) if form.temperature_dependent else TRAINING
             at = _like(commands, warm)
             series = panels.Series(label, colour, commands, form.value(commands, at))
             bands.append(panels.Curve(series, _band(fitted, name, form, commands, at)))
@@ -98,7 +98,7 @@ def _like(commands: FloatArray, temperature: float) -> FloatArray:
 def _band(
     fitted: Identification, name: str, form: ParameterLaw, command: FloatArray, temperature: FloatArray | None
 ) -> FloatArray | None:
-    """Return the standard error along a coefficient's curve by first order; None: nothing fitted."""
+    """Return the linearised standard error along a curve of a coefficient, or None if it is not fitted."""
     places = {estimate.name: k for k, estimate in enumerate(fitted.estimates)}
     members = [places.get(f"{name}.{number}") for number in form.parameter_names]
     rows = [row for row, place in enumerate(members) if place is not None]
@@ -107,7 +107,7 @@ def _band(
 
 
 def _propagated(fitted: Identification, gradient: FloatArray, places: Sequence[int]) -> FloatArray | None:
-    """Return the standard error along a curve; numbers on a bound count as known."""
+    """Return the standard error along a curve. Parameters at a bound have no uncertainty."""
     if not places:
         return None
     spread = np.nan_to_num(np.array([fitted.estimates[k].standard_error for k in places]))

@@ -1,7 +1,7 @@
-"""Runs of a campaign by motion, temperature and command: their errors pooled, and what they measured.
+"""Runs grouped by motion, temperature and current: pooled errors and measured peak forces.
 
-A run belongs to the level of temperature (or of command) that its mean is near to. Everything here reads
-runs and their errors; figures are drawn by ``panels`` and ``plots``.
+A run belongs to the level of temperature (or current) that is closest to its mean. The modules ``panels``
+and ``plots`` draw the figures.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
 
-_APART_K = 1.5  # mean temperatures closer than this are one level
-_NEAR_PEAK = 0.95  # share of the peak velocity above which the force counts as that at the peak
+LEVEL_DISTANCE_MIN_K = 1.5  # Closer mean temperatures belong to the same level.
+PEAK_VELOCITY_RATIO_MIN = 0.95  # Samples above this fraction of the peak velocity are averaged.
 
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
-    """What the columns of a report are: temperatures [degC] or commands [A or V]."""
+    """The levels of a report: temperatures [degC], or currents [A or V]."""
 
     kind: Literal["temperature", "command"]
     values: tuple[float, ...]
     unit: str
 
     def of(self, error: RunError) -> float | None:
-        """Return the level that a run belongs to; None for a run whose command varies."""
+        """Return the level of a run, or None if its current changes."""
         value = error.temperature_degC if self.kind == "temperature" else error.command
         return None if value is None else min(self.values, key=lambda level: abs(level - value))
 
@@ -43,12 +43,12 @@ class OperatingPoints:
 
 
 def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
-    """Return the temperatures of the runs when there are two or more, else their commands."""
+    """Return the temperatures of the runs if there are two or more, otherwise their currents."""
     known = sorted(e.temperature_degC for e in errors if e.temperature_degC is not None)
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
         for before, now in pairwise(known):
-            if now - before > _APART_K:
+            if now - before > LEVEL_DISTANCE_MIN_K:
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:
@@ -62,7 +62,7 @@ def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
 
 @dataclass(frozen=True, slots=True)
 class ErrorCell:
-    """RMS error [N] pooled over the runs of one motion and level, by split; None where there is no run."""
+    """Pooled RMS error [N] of one motion and level by split, or None without runs."""
 
     training: float | None
     held_out: float | None
@@ -70,7 +70,7 @@ class ErrorCell:
 
 @dataclass(frozen=True, slots=True)
 class ErrorTable:
-    """Pooled RMS errors, a row for each motion and one for all of them together."""
+    """Pooled RMS errors, one row for each motion and one row for all motions."""
 
     levels: OperatingPoints
     rows: tuple[tuple[str, tuple[ErrorCell, ...]], ...]
@@ -82,7 +82,7 @@ class ErrorTable:
 
 
 def error_table(errors: Sequence[RunError], levels: OperatingPoints) -> ErrorTable:
-    """Return the errors pooled by motion and level; runs that belong to no level are left out."""
+    """Return the errors pooled by motion and level. Runs without a level are ignored."""
 
     def cells(members: Sequence[RunError]) -> tuple[ErrorCell, ...]:
         return tuple(
@@ -102,7 +102,7 @@ def error_table(errors: Sequence[RunError], levels: OperatingPoints) -> ErrorTab
 
 
 def pooled_rms(errors: Iterable[RunError]) -> float | None:
-    """Return the root mean square of the runs' RMS errors [N]; None without runs."""
+    """Return the root mean square of the RMS errors of the runs [N], or None without runs."""
     squares = [error.rmse_N**2 for error in errors]
     return math.sqrt(sum(squares) / len(squares)) if squares else None
 
@@ -111,7 +111,7 @@ def pooled_rms(errors: Iterable[RunError]) -> float | None:
 
 
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
-    """Return the sine run at most levels and commands (of those the longest stroke); None: no sine."""
+    """Return the sine with runs at most levels and currents, or None. The longest stroke breaks a tie."""
     counts: dict[str, set[tuple[float | None, float | None]]] = {}
     for error in errors:
         if error.motion.startswith("sine") and error.command is not None:
@@ -122,14 +122,14 @@ def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None
 
 
 def sine_of(runs: Sequence[PreparedRun]) -> Sine | None:
-    """Return the sine that runs of one periodic motion have made; None where they have no period."""
+    """Return the sine of runs with one periodic motion, or None if they are not periodic."""
     periods = [run.period_s for run in runs if run.period_s]
     swings = [0.5 * float(np.ptp(run.trajectory.displacement[run.scored_from :])) for run in runs]
     return Sine(float(np.median(swings)), 1.0 / float(np.median(periods))) if periods else None
 
 
 def _stroke_in(motion: str) -> float:
-    """Return the amplitude that a motion's label states, for sorting."""
+    """Return the amplitude in the label of a motion, for sorting."""
     parts = motion.split()
     return float(parts[1]) if len(parts) > 1 and parts[1].replace(".", "", 1).isdigit() else 0.0
 
@@ -139,15 +139,15 @@ def _stroke_in(motion: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """Measured force at the peak velocity of a sine: means over the samples near it."""
+    """Measured force at the peak velocity of a sine, averaged over the samples near the peak."""
 
     velocity: float  # [m/s]
     extension: float  # [N]
     retraction: float  # [N]
 
 
-def measured_peak(run: PreparedRun) -> float | None:
-    """Return the largest |force| of the mean cycle [N], in which noise counts little; None: no cycle."""
+def peak_force(run: PreparedRun) -> float | None:
+    """Return the peak absolute force of the mean cycle [N], or None without a cycle."""
     found = cycles(run)
     if run.period_s is None or not len(found):
         return None
@@ -155,13 +155,13 @@ def measured_peak(run: PreparedRun) -> float | None:
     return float(np.abs(mean).max())
 
 
-def measured_pick(run: PreparedRun) -> Pick | None:
-    """Return the peak-velocity pick of a run of a sine; None for any other motion."""
+def pick_of(run: PreparedRun) -> Pick | None:
+    """Return the measured force at peak velocity of a run with a sine, or None for other motions."""
     if run.period_s is None or not run.motion.startswith("sine"):
         return None
     velocity, force = run.trajectory.velocity[run.scored_from :], run.force[run.scored_from :]
     peak = math.sqrt(2.0) * float(np.std(velocity))
-    ways = [velocity > _NEAR_PEAK * peak, velocity < -_NEAR_PEAK * peak]
+    ways = [velocity > PEAK_VELOCITY_RATIO_MIN * peak, velocity < -PEAK_VELOCITY_RATIO_MIN * peak]
     if not all(way.any() for way in ways):
         return None
     return Pick(peak, *(float(force[way].mean()) for way in ways))

@@ -1,4 +1,4 @@
-"""Sections of the report on many runs: loops in small multiples, residuals, errors by motion and level."""
+"""Sections for campaigns with many runs: small multiples of loops, residuals, errors by motion and level."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.fit import Trace
 from mrdamper.report.figures.palette import MEASURED, colour_of
 from mrdamper.report.figures.small_multiples import Line, Point, Row
-from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign, Key, Picture, command_keys
+from mrdamper.report.identification.campaign import PANEL_COLUMNS_MAX, Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
 
-_MOST_MOTIONS = 4  # beside the main one, that are drawn
-_MOST_OVERVIEW = 5  # commands of the first picture
-_STEPPED_s = 7.0  # drawn of a run whose command steps
+OTHER_MOTION_COUNT_MAX = 4
+OVERVIEW_COUNT_MAX = 5
+STEP_RUN_TIME_S = 7.0  # Runs with current steps are drawn up to this time.
 
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
-    """Return loops in small multiples: over temperature at one command, over command at one temperature."""
+    """Return small multiples of loops, by temperature at one current and by current at one temperature."""
     motions = list(dict.fromkeys(error.motion for error in campaign.errors))
     main = campaign.main or max(motions, key=lambda m: sum(e.motion == m for e in campaign.errors))
     if not campaign.warm:
         ordered = [main, *(motion for motion in motions if motion != main)]
         return [
             picture
-            for motion in ordered[: _MOST_MOTIONS + 1]
+            for motion in ordered[: OTHER_MOTION_COUNT_MAX + 1]
             if (picture := _over_commands(campaign, motion, None)) is not None
         ]
     strongest = max(campaign.commands, key=abs, default=None)
@@ -40,26 +40,26 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
         (motion for motion in motions if motion != main),
         key=lambda motion: all(e.command is None for e in campaign.errors if e.motion == motion),
     )
-    found.append(_other_motions(campaign, others[:_MOST_MOTIONS], strongest))
+    found.append(_other_motions(campaign, others[:OTHER_MOTION_COUNT_MAX], strongest))
     return [picture for picture in found if picture is not None]
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> Picture | None:
-    levels = spread_out(campaign.levels.values, MOST_COLUMNS)
+    levels = spread_out(campaign.levels.values, PANEL_COLUMNS_MAX)
     picked = [(level, campaign.at(motion, level, command)) for level in levels]
     columns = [(campaign.levels.label(level), campaign.colour(level), error) for level, error in picked]
     svg = _loop_grid(campaign, columns, f"Loops of {motion} at each temperature")
     if svg is None:
         return None
     at = "" if command is None else f", {command:g} {campaign.errors[0].command_unit}"
-    return Picture(f"{motion}{at}: each temperature", _ERRORS_SAID, svg)
+    return Picture(f"{motion}{at}: each temperature", _ERROR_CAPTION, svg)
 
 
 def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Picture | None:
     unit = campaign.errors[0].command_unit
     picked = [
         (command, campaign.at(motion, level, command))
-        for command in spread_out(campaign.commands, MOST_COLUMNS)
+        for command in spread_out(campaign.commands, PANEL_COLUMNS_MAX)
     ]
     columns = [
         (f"{command:g} {unit}", colour_of(command, campaign.highest), error) for command, error in picked
@@ -69,35 +69,35 @@ def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Pict
         return None
     at = "" if level is None else f", {campaign.levels.label(level)}"
     word = "current" if unit == "A" else "voltage"
-    return Picture(f"{motion}{at}: each {word}", _ERRORS_SAID, svg)
+    return Picture(f"{motion}{at}: each {word}", _ERROR_CAPTION, svg)
 
 
-_ERRORS_SAID = "Above each column its RMS error; red: held out."
+_ERROR_CAPTION = "The RMS error is above each column. It is red for held-out runs."
 
 
 def overview(campaign: Campaign) -> Figure:
-    """Return the loops of few runs; of many the main motion at each command, beside the worst run."""
+    """Return the loops of a few runs, or of the main motion at each current and the worst run."""
     unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
     drawn = [(error.name, error) for error in campaign.errors]
-    if len(drawn) > MOST_COLUMNS:
-        worst = worst_by_motion(campaign.errors)
+    if len(drawn) > PANEL_COLUMNS_MAX:
+        worst = find_worst_by_motion(campaign.errors)
         drawn = [
             (f"{command:g} {unit}", run)
-            for command in spread_out(campaign.commands, _MOST_OVERVIEW)
+            for command in spread_out(campaign.commands, OVERVIEW_COUNT_MAX)
             if campaign.main is not None and (run := campaign.at(campaign.main, level, command)) is not None
         ]
-        drawn += [(f"worst: {run.name}", run) for run in worst[: 1 if drawn else MOST_COLUMNS]]
+        drawn += [(f"worst: {run.name}", run) for run in worst[: 1 if drawn else PANEL_COLUMNS_MAX]]
     found = _loop_rows(
         campaign, [(title, colour_of(run.command, campaign.highest), run) for title, run in drawn]
     )
-    assert found is not None  # a fit has a run
+    assert found is not None  # A fit has at least one run.
     return panels.grid_figure(*found, tall=1.5)
 
 
 def _loop_grid(
     campaign: Campaign, columns: Sequence[tuple[str, str, RunError | None]], label: str
 ) -> str | None:
-    """Return force over displacement and over velocity as SVG, a column for each run that there is."""
+    """Return force versus displacement and velocity as SVG, one column for each run."""
     found = _loop_rows(campaign, columns)
     return None if found is None else panels.grid(*found, label)
 
@@ -105,7 +105,7 @@ def _loop_grid(
 def _loop_rows(
     campaign: Campaign, columns: Sequence[tuple[str, str, RunError | None]]
 ) -> tuple[list[tuple[str, bool]], list[Row]] | None:
-    """Return titles and panels of loops; None without a run."""
+    """Return titles and panels of the loops, or None without runs."""
     known = [(title, colour, error) for title, colour, error in columns if error is not None]
     if not known:
         return None
@@ -126,8 +126,8 @@ def _both(trace: Trace, x: FloatArray, colour: str) -> tuple[Line, ...]:
 
 
 def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | None) -> Picture | None:
-    """Return a row for each other motion, a column for each temperature."""
-    levels = spread_out(campaign.levels.values, MOST_COLUMNS)
+    """Return one row for each other motion and one column for each temperature."""
+    levels = spread_out(campaign.levels.values, PANEL_COLUMNS_MAX)
     rows, splits = [], []
     for motion in motions:
         picked = [campaign.at(motion, level, command) or campaign.at(motion, level, None) for level in levels]
@@ -137,7 +137,7 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
         stepped = known[0].command is None
         over_time = stepped or not campaign.runs[known[0].name].period_s
         traces = [
-            None if error is None else campaign.trace(error, _STEPPED_s if stepped else None)
+            None if error is None else campaign.trace(error, STEP_RUN_TIME_S if stepped else None)
             for error in picked
         ]
         row = tuple(
@@ -147,7 +147,7 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
             for trace, level in zip(traces, levels, strict=True)
         )
         unit = known[0].command_unit
-        at = "the command steps" if stepped else f"{known[0].command:g} {unit}"
+        at = "current steps" if stepped else f"{known[0].command:g} {unit}"
         at += ", held out" if all(error.split == "held_out" for error in known) else ""
         errors = ", ".join("–" if error is None else f"{error.rmse_N:.0f}" for error in picked)
         rows.append(
@@ -165,19 +165,19 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
         (campaign.levels.label(level), all(split[column] in {"held_out", None} for split in splits))
         for column, level in enumerate(levels)
     ]
-    said = "One cycle, or the first seconds of a motion without a period. Red: held out in every motion."
-    return Picture("The other motions: each temperature", said, panels.grid(titles, rows, "Other motions"))
+    caption = "One cycle, or the first seconds of a motion without a period. Held-out runs are red."
+    return Picture("The other motions: each temperature", caption, panels.grid(titles, rows, "Other motions"))
 
 
 def residual_picture(campaign: Campaign) -> Picture | None:
-    """Return measured minus modelled force of the main motion at every level, coloured by command."""
+    """Return measured minus modelled force of the main motion at every level, coloured by current."""
     motion = campaign.main
     if motion is None or not campaign.warm:
         return None
     titles: list[tuple[str, bool]] = []
     over_velocity: list[tuple[Line, ...]] = []
     over_displacement: list[tuple[Line, ...]] = []
-    for level in spread_out(campaign.levels.values, MOST_COLUMNS):
+    for level in spread_out(campaign.levels.values, PANEL_COLUMNS_MAX):
         errors = [
             error
             for command in campaign.commands
@@ -209,10 +209,10 @@ def residual_picture(campaign: Campaign) -> Picture | None:
     return Picture(motion, "", svg, command_keys(campaign))
 
 
-def worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
-    """Return the worst run of each motion by its error in percent, the worst first.
+def find_worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
+    """Return the run with the largest percent error of each motion, the worst one first.
 
-    Runs whose command steps are left out where there are others: they are drawn over time.
+    Runs with current steps are ignored if there are others because they are drawn versus time.
     """
     steady = [error for error in errors if error.command is not None]
     worst: dict[str, RunError] = {}
@@ -223,16 +223,16 @@ def worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
 
 @dataclass(frozen=True, slots=True)
 class ErrorSection:
-    """Errors pooled by motion and level, as a table and as a figure."""
+    """Errors pooled by motion and level, as table and figure."""
 
     table: ErrorTable
     svg: str
     keys: tuple[Key, ...]
-    columns: str  # what the levels are
+    columns: str  # kind of the levels
 
 
 def error_section(campaign: Campaign) -> ErrorSection:
-    """Return RMS errors [N] by motion and temperature (or command), training and held out."""
+    """Return the RMS errors [N] by motion and temperature (or current) of training and held-out runs."""
     levels = campaign.levels
     table = error_table(campaign.errors, levels)
     placed = [error for error in campaign.errors if levels.of(error) is not None]

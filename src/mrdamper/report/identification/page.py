@@ -1,7 +1,4 @@
-"""The page of an identification: what an engineer asks first, and what the answers rest on.
-
-Everything it shows follows from the fit and its assessment.
-"""
+"""Page of a fit. All values follow from the fit and its assessment."""
 
 from __future__ import annotations
 
@@ -25,10 +22,10 @@ from mrdamper.report.identification.coefficients import coefficient_figure
 from mrdamper.report.identification.groups import OperatingPoints
 from mrdamper.report.identification.loops import (
     error_section,
+    find_worst_by_motion,
     loop_pictures,
     overview,
     residual_picture,
-    worst_by_motion,
 )
 from mrdamper.report.identification.posterior import posterior_figure
 from mrdamper.report.identification.scores import error_table
@@ -38,7 +35,7 @@ from mrdamper.report.identification.tables import (
     error_summary_table,
 )
 from mrdamper.report.identification.temperature import (
-    assumed_words,
+    assumption_sentence,
     characteristics_section,
     temperature_section,
 )
@@ -47,8 +44,8 @@ from mrdamper.report.identification.verdict import convergence_sentence, verdict
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Section
 
-_MOST_LOOPS = 48  # runs that are drawn one by one; more are grouped by motion and temperature
-_MOST_GROUPS = 6  # motions whose residuals have a figure of their own
+LOOP_COUNT_MAX = 48  # Campaigns with more runs are shown by motion and temperature.
+RESIDUAL_FIGURE_COUNT_MAX = 6  # Campaigns with more motions have one common figure of residuals.
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +67,9 @@ def _first(fitted: FitResult) -> FirstScreen:
     known = sum(each.identifiable for each in fitted.estimates)
     over = _range(envelope_of(fitted.training).command, unit)
     flags = [("These runs are simulated, not measured", fitted.simulated)] if fitted.simulated else []
-    if assumed := assumed_words(campaign):
-        flags.append(("Assumed, not identified", f'{assumed} What depends on it is marked "assumed"'))
+    if assumed := assumption_sentence(campaign):
+        text = f"{assumed} Values based on it are marked as assumed"
+        flags.append(("The temperature dependence is assumed", text))
     if not fitted.converged:
         flags.insert(0, ("Not converged", convergence_sentence(fitted)))
     if not unseen:
@@ -94,8 +92,8 @@ def _first(fitted: FitResult) -> FirstScreen:
             _expected(fitted)
             or Tile(f"{known} of {len(fitted.estimates)}", "parameters that these runs determine"),
         ),
-        caption=f"{campaign.main or 'the worst runs'}: grey measured, coloured modelled; above each "
-        "column its RMS error; red: held out",
+        caption=f"{campaign.main or 'the worst runs'}: measured force in grey, modelled force in colour. The "
+        "RMS error is above each column, in red for held-out runs",
         flags=flags,
         notes=(
             *result.notes,
@@ -106,7 +104,7 @@ def _first(fitted: FitResult) -> FirstScreen:
 
 
 def _expected(fitted: FitResult) -> Tile | None:
-    """Return the error to expect of new runs, from cross-validation."""
+    """Return the expected error of new runs from cross-validation."""
     band = fitted.force_band
     if band is None:
         return None
@@ -119,7 +117,7 @@ def _picture(fitted: FitResult) -> Figure:
 
 
 def _sections(fitted: FitResult) -> list[Section]:
-    """Return the tables of a fit; the page has pictures and values between them."""
+    """Return the tables of a fit. The page also has figures and values between them."""
     judged = fitted.assessment
     selection = [] if fitted.selection is None else [candidate_table(fitted.selection)]
     errors = error_table(_ordered(Campaign(fitted, judged.runs)))
@@ -136,7 +134,7 @@ def _ordered(campaign: Campaign) -> list[RunError]:
 
 
 def _values(fitted: FitResult) -> dict[str, object]:
-    """Return what the page shows below the first screen."""
+    """Return the values of the template below the first screen."""
     judged = fitted.assessment
     campaign = Campaign(fitted, judged.runs)
     ordered = _ordered(campaign)
@@ -148,7 +146,7 @@ def _values(fitted: FitResult) -> dict[str, object]:
         "unit": fitted.damper.command_unit,
         "warm": campaign.warm,
         "error_table": error_table(ordered),
-        **_drawn(campaign, ordered),
+        **_figures(campaign, ordered),
         "warmth": temperature_section(campaign),
         "characteristics": characteristics_section(campaign),
         **_coefficients(campaign),
@@ -164,12 +162,12 @@ def _values(fitted: FitResult) -> dict[str, object]:
     }
 
 
-def _drawn(campaign: Campaign, ordered: Sequence[RunError]) -> dict[str, object]:
-    """Return loops, errors and residuals: of each run where there are few, else by motion and level."""
-    many = len(ordered) > _MOST_LOOPS
+def _figures(campaign: Campaign, ordered: Sequence[RunError]) -> dict[str, object]:
+    """Return loops, errors and residuals, of each run or by motion and level if there are many runs."""
+    many = len(ordered) > LOOP_COUNT_MAX
     grouped = many or campaign.warm
     if grouped:
-        drawn = _traces(campaign, worst_by_motion(campaign.errors)[:_MOST_GROUPS])
+        drawn = _traces(campaign, find_worst_by_motion(campaign.errors)[:RESIDUAL_FIGURE_COUNT_MAX])
     else:
         drawn = _worst_traces(campaign)
     bars = sorted(ordered, key=lambda error: error.split != "training")
@@ -180,7 +178,7 @@ def _drawn(campaign: Campaign, ordered: Sequence[RunError]) -> dict[str, object]
         "loop_pictures": loop_pictures(campaign) if grouped else [],
         "groups": _groups(drawn, campaign.highest),
         "residual_picture": residual_picture(campaign) if grouped else None,
-        "residuals": _residuals(_of_each_cell(campaign) if grouped else drawn, campaign.highest),
+        "residuals": _residuals(_cell_traces(campaign) if grouped else drawn, campaign.highest),
         "energies": plots.energies(
             [(e.command, e.split, e.energy_measured_J, e.energy_model_J) for e in campaign.errors],
             campaign.highest,
@@ -210,8 +208,8 @@ _METHODS: Mapping[str, str] = {
 
 
 def _worst_traces(campaign: Campaign) -> list[plots.Trace]:
-    """Return what is drawn of each run, by motion and command; the worst ones when there are too many."""
-    chosen = sorted(campaign.errors, key=lambda e: -e.nrmse_percent)[:_MOST_LOOPS]
+    """Return the traces of each run by motion and current, or of the worst runs if there are many."""
+    chosen = sorted(campaign.errors, key=lambda e: -e.nrmse_percent)[:LOOP_COUNT_MAX]
     return _traces(campaign, sorted(chosen, key=_order))
 
 
@@ -220,7 +218,7 @@ def _traces(campaign: Campaign, errors: Sequence[RunError]) -> list[plots.Trace]
 
 
 def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
-    """Return the loops by motion, with the same axes within a motion."""
+    """Return the loops by motion. All loops of a motion have the same axes."""
     groups = []
     for motion in dict.fromkeys(trace.motion for trace in traces):
         members = [trace for trace in traces if trace.motion == motion]
@@ -231,19 +229,19 @@ def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
 
 
 def _residuals(traces: Sequence[plots.Trace], highest: float) -> list[tuple[str, str]]:
-    """Return the residuals of the traces, a figure for each motion where those are few."""
+    """Return the residuals of the traces, in one figure for each motion if there are few motions."""
     motions = list(dict.fromkeys(trace.motion for trace in traces))
-    if len(motions) > _MOST_GROUPS:
+    if len(motions) > RESIDUAL_FIGURE_COUNT_MAX:
         return [("all motions", plots.residuals(traces, "all motions", highest))]
     of_motion = {motion: [trace for trace in traces if trace.motion == motion] for motion in motions}
     return [(motion, plots.residuals(members, motion, highest)) for motion, members in of_motion.items()]
 
 
-def _of_each_cell(campaign: Campaign) -> list[plots.Trace]:
-    """Return one run of each motion and command, where the residuals are not drawn by temperature."""
+def _cell_traces(campaign: Campaign) -> list[plots.Trace]:
+    """Return one run of each motion and current, if the residuals are not drawn by temperature."""
     if campaign.warm:
         return []
-    motions = list(dict.fromkeys(error.motion for error in campaign.errors))[:_MOST_GROUPS]
+    motions = list(dict.fromkeys(error.motion for error in campaign.errors))[:RESIDUAL_FIGURE_COUNT_MAX]
     cells = [campaign.at(motion, None, command) for motion in motions for command in campaign.commands]
     return [campaign.trace(error) for error in cells if error is not None]
 
@@ -251,7 +249,7 @@ def _of_each_cell(campaign: Campaign) -> list[plots.Trace]:
 def _order(
     error: RunError, levels: OperatingPoints | None = None
 ) -> tuple[list[tuple[str, float]], float, float, str]:
-    """Sort by motion (numbers in its label as numbers), then temperature, command and name."""
+    """Return the sort key of a run: motion with its numbers, temperature, current, name."""
     parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
     motion = [(text, float(number or 0.0)) for text, number in parts]
     warm = levels.of(error) if levels is not None and levels.kind == "temperature" else None
@@ -284,7 +282,7 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
     chosen = fitted.preparation
     cut = sorted(run.cutoff_Hz for run in fitted.training)
     dead = sorted(1e6 * run.dead_band_m for run in fitted.training)
-    by_rule = "chosen from each run: "
+    by_rule = "computed from each run: "
     return [
         (
             "low-pass of the displacement",
@@ -305,11 +303,13 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
         ),
         (
             "force",
-            "as measured" if not chosen.force_offset_N else f"tare of {chosen.force_offset_N:g} N taken off",
+            f"an offset of {chosen.force_offset_N:g} N was subtracted"
+            if chosen.force_offset_N
+            else "as measured",
         ),
         (
-            "rate inside the fit",
-            f"at most {fitted.problem.settings.rate_Hz:g} Hz; errors are computed at the rate of the file",
+            "sample rate of the fit",
+            f"at most {fitted.problem.settings.rate_Hz:g} Hz. Errors are computed at the rate of the file",
         ),
     ]
 

@@ -1,4 +1,4 @@
-"""The picture of a posterior: forces, coefficients and parameters with their 90 % intervals."""
+"""Figure of a posterior: forces, coefficients and parameters with their 90 % intervals."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from mrdamper.jobs.intervals import coefficient_intervals, force_interval
 from mrdamper.report.figures.intervals import Histogram, Panel, coefficient_panels, force_panels, panel_figure
 from mrdamper.report.figures.style import svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign
-from mrdamper.report.identification.loops import worst_by_motion
+from mrdamper.report.identification.loops import find_worst_by_motion
 
-_DAMPERS = 60  # that a force's interval is drawn from
-_MOST_LOOPS = 4
-_BINS = 40
+SAMPLE_COUNT_MAX = 60  # Each posterior sample needs a simulation.
+LOOP_COUNT_MAX = 4
+BIN_COUNT = 40
 
 
 def posterior_figure(campaign: Campaign, found: FitResult) -> str:
-    """Return the picture; nothing where there are no draws."""
+    """Return the figure as SVG, or an empty string without posterior samples."""
     if found.posterior is None:
         return ""
     damper, draws = found.damper, found.posterior
-    few = draws.dampers(damper, _DAMPERS)
-    worst = worst_by_motion(campaign.errors)[:_MOST_LOOPS]
+    few = draws.dampers(damper, SAMPLE_COUNT_MAX)
+    worst = find_worst_by_motion(campaign.errors)[:LOOP_COUNT_MAX]
     forces = [force_interval(damper, few, campaign.runs[error.name]) for error in worst]
     coefficients = coefficient_intervals(
         damper, draws.dampers(damper, len(draws)), envelope_of(found.training).command
@@ -35,20 +35,20 @@ def posterior_figure(campaign: Campaign, found: FitResult) -> str:
         coefficient_panels(coefficients, damper.command_unit),
         [_histogram(found, k) for k in range(len(draws.names))],
     ]
-    label = "Forces, coefficients and parameters with their intervals of 90 percent"
+    label = "90 % intervals of forces, coefficients and parameters"
     return svg_drawn_by(lambda: panel_figure(groups), label)
 
 
 def _histogram(found: FitResult, k: int) -> Histogram:
-    """Return the draws of a parameter as a histogram, its interval and the best fit."""
+    """Return the histogram of a parameter's posterior samples with the interval and the best fit."""
     assert found.posterior is not None
     draws = found.posterior
     name = draws.names[k]
-    counts, edges = np.histogram(draws.values[:, k], bins=_BINS)
+    counts, edges = np.histogram(draws.values[:, k], bins=BIN_COUNT)
     best = found.damper.parameters_and_lag[name]
-    return Histogram(_titled(name, found), counts, edges, draws.percentiles[name], best)
+    return Histogram(_title(name, found), counts, edges, draws.percentiles[name], best)
 
 
-def _titled(name: str, found: FitResult) -> str:
+def _title(name: str, found: FitResult) -> str:
     unit = found.damper.units.get(name, "s")
     return name.removesuffix(".value").replace("_", " ") + ("" if unit == "-" else f", {unit}")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.padding import Padding
 
 from mrdamper.data.finding import by_kind
 from mrdamper.identify.evaluate import finite, row
@@ -16,7 +15,7 @@ from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.jobs.fit import FitResult
 from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
-from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
+from mrdamper.report.base import DONE, NO_FILES, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.identification.page import PAGE
 from mrdamper.report.identification.scores import pooled_json, summaries
 from mrdamper.report.identification.tables import (
@@ -26,9 +25,8 @@ from mrdamper.report.identification.tables import (
 )
 from mrdamper.report.identification.verdict import verdict_lines
 from mrdamper.report.page import sentence
-from mrdamper.report.sections import Row, Table
+from mrdamper.report.sections import print_compact
 from mrdamper.runtime.outputs import write_table
-from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
 # The terminal shows the most important rows. The report has all of them.
@@ -164,19 +162,12 @@ def _show(found: FitResult, console: Console) -> None:
     for line in verdict_lines(found):
         console.print(escape(line))
     console.print()
-    _print_compact(error_summary_table(found.errors), console)
+    print_compact(error_summary_table(found.errors).printed(), console)
     if found.selection is not None:
         console.print(escape(_selection_line(found.selection)))
-        _print_compact(best_candidates(found.selection, MODEL_COUNT_MAX), console)
+        print_compact(best_candidates(found.selection, MODEL_COUNT_MAX).printed(), console)
     for line in (*_warning_lines(found), *_note_lines(found)):
         console.print(line)
-
-
-def _print_compact(table: Table[Row], console: Console) -> None:
-    """Print a table without its frame and title."""
-    printed = table.printed()
-    printed.box, printed.title = None, None
-    console.print(Padding(printed, (0, 0, 0, 2), expand=False))
 
 
 def _selection_line(selection: Selection) -> str:
@@ -219,14 +210,12 @@ def _note_lines(found: FitResult) -> list[str]:
     return lines
 
 
-def _wrote(found: FitResult, answer: Json, console: Console) -> None:
-    """Print the CPU time, the written files, and the next command."""
-    seconds = f"{cpu_seconds():.2f} s of CPU"
+def _closing(_: FitResult, answer: Json) -> list[str]:
+    """Return the written files and the next command."""
     if "card" not in answer:
-        console.print(f"{seconds}. Use --out DIR to write card, report and errors of each run.", markup=False)
-        return
-    console.print(f"Wrote {answer['card']} and {answer['report']} ({seconds}).", markup=False)
-    console.print(f"Next: mrdamper evaluate {answer['card']} NEW_RUNS", markup=False)
+        return [NO_FILES]
+    next_command = f"Next: mrdamper evaluate {answer['card']} NEW_RUNS"
+    return [f"Wrote {answer['card']} and {answer['report']}.", next_command]
 
 
 def _outcome(found: FitResult) -> Outcome:
@@ -236,7 +225,7 @@ def _outcome(found: FitResult) -> Outcome:
 REPORT: Report[FitResult] = Report(
     answer=_answer,
     show=_show,
-    wrote=_wrote,
+    closing=_closing,
     page=PAGE,
     files=(
         WrittenFile(name="card.json", key="card", write=lambda found, path: write_card(found.card(), path)),

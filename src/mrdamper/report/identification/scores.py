@@ -1,4 +1,4 @@
-"""Errors of a model by run: as JSON has them, and as tables."""
+"""Errors of a model by run, as JSON and as tables."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from mrdamper.jobs.intervals import ForceInterval
 from mrdamper.report.sections import Column, Table, terminal_table
 from mrdamper.schema import Json
 
-_MOST_RUNS = 40  # more than so many are shown by motion and temperature,
-_WORST_RUNS = 10  # and the worst of them
-_MOST_OPEN = 48  # rows of a page's table; more of them are folded
+RUN_COUNT_MAX = 40  # More runs are shown by motion and temperature.
+WORST_RUN_COUNT = 10
+OPEN_ROW_COUNT_MAX = 48  # A longer table is folded on a page.
 NO_FORCES: Mapping[str, ForceInterval] = MappingProxyType({})
 _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
 
 def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
-    """Return median, worst and worst above zero command of ``nrmse_percent``, by split."""
+    """Return median, worst, and worst with current of ``nrmse_percent``, by split."""
     every = tuple(errors)
     parts = {split: [error for error in every if error.split == split] for split in _SPLITS}
     return {split: summary(part) for split, part in parts.items() if part}
 
 
 def summaries(errors: Iterable[RunError]) -> Json:
-    """Return median and worst of ``nrmse_percent`` by split, as JSON has them."""
+    """Return median and worst of ``nrmse_percent`` by split as JSON."""
     return {split: in_percent(values) for split, values in by_split(errors).items()}
 
 
 def in_percent(values: Mapping[str, float]) -> Json:
-    """Return a summary with the unit in its keys."""
+    """Return a summary whose keys contain the unit."""
     return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class PooledError:
-    """The RMS error over the runs of one motion, temperature (to 1 degC) and split."""
+    """The RMS error of the runs of one motion, temperature (rounded to 1 degC) and split."""
 
     motion: str
     temperature_degC: int
@@ -52,7 +52,7 @@ class PooledError:
 
 
 def pooled_by_temperature(errors: Iterable[RunError]) -> tuple[PooledError, ...]:
-    """Return the errors pooled over currents; runs without a temperature are left out."""
+    """Return the errors of all currents pooled by temperature. Runs without a temperature are ignored."""
     groups: dict[tuple[str, int, Split], list[float]] = {}
     for error in errors:
         if error.temperature_degC is not None:
@@ -65,7 +65,7 @@ def pooled_by_temperature(errors: Iterable[RunError]) -> tuple[PooledError, ...]
 
 
 def pooled_json(errors: Iterable[RunError]) -> list[Json]:
-    """Return the pooled errors as JSON has them."""
+    """Return the pooled errors as JSON."""
     return [
         {
             "motion": each.motion,
@@ -82,21 +82,21 @@ def pooled_json(errors: Iterable[RunError]) -> list[Json]:
 
 
 def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
-    """Print the error of every run; of a campaign, by motion and temperature, and the worst runs."""
+    """Print the error of every run, or of many runs the pooled errors and the worst runs."""
     title = f"{law}: error by run"
-    if len(errors) <= _MOST_RUNS:
-        console.print(_printed(errors, title))
+    if len(errors) <= RUN_COUNT_MAX:
+        console.print(_terminal_table(errors, title))
         return
     pooled = pooled_by_temperature(errors)
     if pooled:
         console.print(_pooled_table(pooled, law))
-    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:_WORST_RUNS]
+    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:WORST_RUN_COUNT]
     console.print(
-        _printed(worst, f"{title}, the {len(worst)} worst of {len(errors)} (all are in errors.csv)")
+        _terminal_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} runs (errors.csv has all)")
     )
 
 
-def _printed(errors: Sequence[RunError], title: str) -> RichTable:
+def _terminal_table(errors: Sequence[RunError], title: str) -> RichTable:
     ordered = sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0))
     return error_table(ordered, title=title).printed()
 
@@ -104,26 +104,26 @@ def _printed(errors: Sequence[RunError], title: str) -> RichTable:
 def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
     """Yield a line for each split: median and worst errors."""
     for split, values in by_split(errors).items():
-        said = ", ".join(
+        text = ", ".join(
             f"{word} {percent(values[name])}"
             for word, name in (
                 ("median", "median"),
-                ("worst above zero command", "worst_above_zero"),
+                ("worst with current", "worst_above_zero"),
                 ("worst", "worst"),
             )
         )
-        yield f"{split.replace('_', ' ')}: {said}"
+        yield f"{split.replace('_', ' ')}: {text}"
 
 
 def show_summaries(errors: Iterable[RunError], console: Console) -> None:
-    """Print the errors' median and worst, by split."""
+    """Print median and worst errors by split."""
     for line in summary_lines(errors):
-        split, _, said = line.partition(":")
-        console.print(f"[bold]{split}[/bold]:{said}")
+        split, _, text = line.partition(":")
+        console.print(f"[bold]{split}[/bold]:{text}")
 
 
 def percent(value: float) -> str:
-    """Return a share in words; NaN is a dash."""
+    """Format a percentage, with a dash for NaN."""
     return "-" if math.isnan(value) else f"{value:.2f} %"
 
 
@@ -133,7 +133,7 @@ def percent(value: float) -> str:
 def error_table(
     errors: Sequence[RunError], forces: Mapping[str, ForceInterval] = NO_FORCES, title: str = "Error by run"
 ) -> Table[RunError]:
-    """Return the table of errors by run; with ``forces`` what the parameters leave open, by run."""
+    """Return the table of errors by run, with the uncertainty of the forces if ``forces`` is given."""
 
     def interval(error: RunError) -> str | None:
         found = forces.get(error.name)
@@ -163,12 +163,13 @@ def error_table(
         title=title,
         columns=columns,
         rows=errors,
-        caption="Error: over the standard deviation of the measured force. Whole run: from the first "
-        "sample. Offset free: with the best constant force added. Work: of a cycle; of a motion without a "
-        "period that of the whole run. Marked: held out.",
+        caption="Error: RMS error divided by the standard deviation of the measured force. Whole run: "
+        "including "
+        "the start of the run. Offset free: after adding the best constant force. Work: energy of a "
+        "cycle, or of the whole run for a motion without a period. Held-out runs are highlighted.",
         held=lambda error: error.split == "held_out",
         part=lambda error: (error.split, error.command == 0.0),
-        folded=f"All {len(errors)} runs" if len(errors) > _MOST_OPEN else "",
+        folded=f"All {len(errors)} runs" if len(errors) > OPEN_ROW_COUNT_MAX else "",
     )
 
 
@@ -177,18 +178,18 @@ def _command(error: RunError) -> str:
 
 
 def _pooled_table(pooled: Sequence[PooledError], law: str) -> RichTable:
-    """Return the RMS error by motion and temperature; held-out ones are in brackets."""
+    """Return the RMS error by motion and temperature. Held-out errors are in brackets."""
     degrees = sorted({each.temperature_degC for each in pooled})
     rows = []
     for motion in dict.fromkeys(each.motion for each in pooled):
         cells = []
         for degree in degrees:
             found = [each for each in pooled if (each.motion, each.temperature_degC) == (motion, degree)]
-            told = [
+            values = [
                 f"{each.rmse_N:.1f}" if each.split == "training" else f"({each.rmse_N:.1f})" for each in found
             ]
-            cells.append(" ".join(told))
+            cells.append(" ".join(values))
         rows.append((motion, *cells))
-    title = f"{law}: RMS error in N over all currents, held-out runs in brackets"
+    title = f"{law}: RMS error in N of all currents, held-out runs in brackets"
     names = ("motion", *(f"{degree} degC" for degree in degrees))
     return terminal_table(title, names, rows, left=("motion",))

@@ -21,18 +21,17 @@ def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
             Column("value", "value", form=".5g"),
             Column("± standard error", lambda each: significant(each.standard_error, 2) or None, form="s"),
             Column("unit", "unit"),
-            Column("identifiable", _judged),
+            Column("identifiable", _identifiability),
         ],
         rows=estimates,
         held=lambda each: bool(each.at_bound) or not each.identifiable,
-        caption="The standard error accounts for residuals that are correlated within half a cycle. In "
-        "brackets: the design error, which is the standard error for independent noise of the size of the "
-        "residual. A parameter is identifiable if it is below 30 %. Marked: parameters that the runs do not "
-        "determine.",
+        caption="The standard error accounts for residuals that are correlated within half a cycle. The "
+        "design error, in brackets, is the standard error for independent noise of the size of the residual. "
+        "A parameter is identifiable if its design error is below 30 %. Other parameters are highlighted.",
     )
 
 
-def _judged(estimate: Estimate) -> str:
+def _identifiability(estimate: Estimate) -> str:
     if estimate.at_bound:
         bound = estimate.lower if estimate.at_bound == "lower" else estimate.upper
         return f"on its {estimate.at_bound} bound, {bound:.3g}"

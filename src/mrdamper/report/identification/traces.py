@@ -1,4 +1,4 @@
-"""What is drawn of a run: one cycle or a few seconds of it, measured and modelled, thinned."""
+"""Traces of a run for figures: one cycle or a few seconds, measured and modelled, with reduced samples."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
 from mrdamper.report.figures.fit import Trace
 
-_POINTS = 240  # of a drawn cycle
+CYCLE_POINT_COUNT = 240
 
 
 def trace_of(
-    damper: Damper, run: PreparedRun, error: RunError, *, seconds: float | None = None, points: int = _POINTS
+    damper: Damper,
+    run: PreparedRun,
+    error: RunError,
+    *,
+    seconds: float | None = None,
+    points: int = CYCLE_POINT_COUNT,
 ) -> Trace:
-    """Return the second cycle of a run (its start has died away), or the first seconds after the start.
+    """Return the second cycle of a run, or the first seconds of a motion without a period.
 
-    ``seconds`` is how much is drawn; None: a period, or three seconds of a motion that has none.
+    The transient has decayed in the second cycle. ``seconds`` is the duration of the trace. The default is a
+    period, or three seconds for a motion without a period.
     """
     return traces_of(damper, [(run, error)], seconds=seconds, points=points)[0]
 
@@ -30,9 +36,9 @@ def traces_of(
     pairs: Sequence[tuple[PreparedRun, RunError]],
     *,
     seconds: float | None = None,
-    points: int = _POINTS,
+    points: int = CYCLE_POINT_COUNT,
 ) -> list[Trace]:
-    """Return the same of several runs, which are simulated together."""
+    """Return the traces of several runs, which are simulated together."""
     if damper.law.kernel is None:
         pairs = [(decimate(run, PYTHON_RATE_Hz), error) for run, error in pairs]
     forces = simulate_each(damper.on_limits(), [run.trajectory for run, _ in pairs])

@@ -1,4 +1,4 @@
-"""What ``derate`` found: the answer's keys, tables for a terminal, maps, the table as CSV and as C."""
+"""Result of ``derate`` as JSON, terminal output, maps, CSV file and C header."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rich.markup import escape
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.derate import DerateResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
-from mrdamper.report.figures.style import WIDE
+from mrdamper.report.figures.style import WIDTH_INCH
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import table_of, terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 
 
-def _listed(values: FloatArray) -> list[object]:
+def _json_list(values: FloatArray) -> list[object]:
     """Return a map as nested lists with null for NaN and infinity."""
-    return [_listed(each) if each.ndim else finite_or_none(float(each)) for each in values]
+    return [_json_list(each) if each.ndim else finite_or_none(float(each)) for each in values]
 
 
 def _answer(found: DerateResult) -> Json:
@@ -34,10 +34,10 @@ def _answer(found: DerateResult) -> Json:
         "probability": found.probability,
         "ambient_degC": found.ambient_degC.tolist(),
         "air_m_s": found.air_m_s.tolist(),
-        "duration_min": _listed(found.duration_min),
-        "largest": _listed(found.largest),
-        "low": _listed(found.low),
-        "high": _listed(found.high),
+        "duration_min": _json_list(found.duration_min),
+        "largest": _json_list(found.largest),
+        "low": _json_list(found.low),
+        "high": _json_list(found.high),
         "limited_by": [
             [[_limited(found, part) for part in row] for row in each] for each in found.limited_by
         ],
@@ -66,11 +66,11 @@ def _cell(found: DerateResult, d: int, w: int, a: int) -> str:
 
 
 def _summary(found: DerateResult) -> list[str]:
-    """Return the share of the map that bears the whole duty, and what the worst corner bears."""
+    """Return the number of conditions without a restriction, and the limit in the worst condition."""
     steady = found.largest[-1]
     allowed = int((steady >= found.whole * (1.0 - 1e-9)).sum())
     return [
-        f"steady: {allowed} of {steady.size} conditions bear the whole {found.quantity}, "
+        f"steady state: {allowed} of {steady.size} conditions allow the full {found.quantity} of "
         f"{found.whole:g} {found.unit}",
         f"{found.ambient_degC[-1]:g} degC, {found.air_m_s[0]:g} m/s, steady: "
         f"{_cell(found, -1, 0, -1)} {found.unit}",
@@ -78,25 +78,25 @@ def _summary(found: DerateResult) -> list[str]:
 
 
 def _show(found: DerateResult, console: Console) -> None:
+    for line in _summary(found):
+        console.print(escape(line))
     for d, minutes in enumerate(found.duration_min):
         sure = f"{100 * found.probability:.0f} % interval"
-        title = f"largest {found.quantity} [{found.unit}], {_minutes(minutes)}, {sure}"
+        title = f"Permissible {found.quantity} [{found.unit}], {_minutes(minutes)}, {sure}"
         places = range(len(found.ambient_degC))
         rows = [(f"{air:g}", *(_cell(found, d, w, a) for a in places)) for w, air in enumerate(found.air_m_s)]
         names = ("air m/s", *(f"{ambient:g} degC" for ambient in found.ambient_degC))
         console.print(terminal_table(title, names, rows))
-    for line in _summary(found):
-        console.print(escape(line))
-    for each in found.limits:
-        said = f"- limit of the {each.name}: {each.celsius:.4g} degC {each.source}, at its hottest point"
-        console.print(escape(said))
+    for limit in found.limits:
+        text = f"Limit of the {limit.name}: {limit.celsius:.4g} degC {limit.source}, at its hottest point."
+        console.print(escape(text))
     print_notes(found.notes, console)
 
 
 def _figure(found: DerateResult) -> Figure:
-    """Return a map for each duration: the largest over ambient and air."""
+    """Return a map of the permissible value versus ambient temperature and air speed for each duration."""
     count = len(found.duration_min)
-    figure = Figure(figsize=(WIDE, 2.6))
+    figure = Figure(figsize=(WIDTH_INCH, 2.6))
     for d, minutes in enumerate(found.duration_min):
         axes = figure.add_subplot(1, count, d + 1)
         axes.imshow(
@@ -104,14 +104,14 @@ def _figure(found: DerateResult) -> Figure:
         )
         axes.grid(visible=False)
         for (w, a), value in np.ndenumerate(found.largest[d]):
-            said = "none" if math.isnan(value) else f"{value:.3g}"
-            axes.text(a, w, said, ha="center", va="center", fontsize=6.0)
+            text = "none" if math.isnan(value) else f"{value:.3g}"
+            axes.text(a, w, text, ha="center", va="center", fontsize=6.0)
         axes.set_xticks(range(len(found.ambient_degC)), [f"{each:g}" for each in found.ambient_degC])
         axes.set_yticks(range(len(found.air_m_s)), [f"{each:g}" for each in found.air_m_s] if d == 0 else [])
         axes.set_title(_minutes(minutes), loc="left", pad=3)
         axes.set_xlabel("ambient, °C", labelpad=1.5)
         if d == 0:
-            axes.set_ylabel(f"air, m/s (largest {found.quantity} in {found.unit})", labelpad=1.5)
+            axes.set_ylabel(f"air speed, m/s (permissible {found.quantity} in {found.unit})", labelpad=1.5)
     figure.subplots_adjust(left=0.07, right=0.99, top=0.91, bottom=0.16, wspace=0.06)
     return figure
 
@@ -140,7 +140,7 @@ def _in_c(values: FloatArray) -> str:
 
 
 def _write_header(found: DerateResult, path: Path) -> None:
-    """Write the low ends as C: what is allowed with 95 %; zero where nothing is."""
+    """Write the lower 95 % bounds as a C header. The value 0 means that nothing is permissible."""
     axes = {
         "ambient_degC": found.ambient_degC,
         "air_m_s": found.air_m_s,
@@ -148,8 +148,8 @@ def _write_header(found: DerateResult, path: Path) -> None:
     }
     sizes = "".join(f"[{n}]" for n in found.low.shape)
     lines = [
-        f"/* {found.quantity} [{found.unit}] that keeps every limit, low end of its interval:",
-        "   by duration (1e9 min is steady), air and ambient */",
+        f"/* Permissible {found.quantity} [{found.unit}] within all temperature limits, lower bound,",
+        "   by duration (1e9 min is the steady state), air speed and ambient temperature. */",
         "#ifndef MRDAMPER_DERATE_H",
         "#define MRDAMPER_DERATE_H",
         *(f"static const float derate_{name}[{len(x)}] = {{{_in_c(x)}}};" for name, x in axes.items()),
@@ -166,9 +166,9 @@ def _first(found: DerateResult) -> FirstScreen:
 
     def tile(place: str, d: int, w: int, a: int) -> Tile:
         air, ambient = found.air_m_s[w], found.ambient_degC[a]
-        said = f"at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
+        text = f"at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
         value, _, band = _cell(found, d, w, a).partition(" ")
-        return Tile(f"{value} {found.unit}", said, band.strip("()"))
+        return Tile(f"{value} {found.unit}", text, band.strip("()"))
 
     middle = len(found.ambient_degC) // 2
     return FirstScreen(
@@ -176,9 +176,9 @@ def _first(found: DerateResult) -> FirstScreen:
         subject=f"Duty: {found.duty}; {found.quantity} up to {found.whole:g} {found.unit}.",
         verdict=_summary(found)[0],
         tiles=(tile(", the hottest corner", -1, 0, -1), tile("", -1, 0, middle), tile("", 0, 0, -1)),
-        caption=f"The largest {found.quantity} in {found.unit} with which no part's hottest point passes its "
-        f"limit ({names})",
-        flags=[("The map rests on an extrapolation", note) for note in found.notes],
+        caption=f"Largest {found.quantity} in {found.unit} at which the hottest point of each part stays "
+        f"below its limit ({names})",
+        flags=[("The map is an extrapolation", note) for note in found.notes],
     )
 
 

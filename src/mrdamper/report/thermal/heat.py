@@ -1,10 +1,8 @@
-"""What ``heat`` found: the answer's keys, the tables of a terminal, the page, the curve as CSV."""
+"""Result of ``heat`` as JSON, terminal output, page and CSV file of the curve."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,7 @@ from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
-from mrdamper.report.sections import terminal_table
+from mrdamper.report.sections import print_compact, terminal_table
 from mrdamper.report.thermal.heat_page import (
     PAGE,
     end_band,
@@ -38,7 +36,7 @@ from mrdamper.thermal.temperature_rise import Rise
 
 
 def _answer(run: HeatResult) -> Json:
-    """Return what ``mrdamper heat --json`` prints, but for the files."""
+    """Return the object that ``mrdamper heat --json`` prints, without the paths of the files."""
     rise, drawing, card = run.rise, run.drawing, run.card
     return {
         "duty": run.duty.text,
@@ -134,37 +132,34 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
 
 
 def summary(run: HeatResult) -> list[str]:
-    """Return when the limit is reached, how hot the fluid gets, and what force that costs."""
-    rise, interval = run.rise, next(iter(shown_intervals(run)), None)
-    return [*_limit_words(rise, interval), _end_words(rise, interval)]
+    """Return the limits, the temperature of the fluid at the end, and the loss of force."""
+    intervals = shown_intervals(run)
+    return _sentences(run.rise, intervals[0] if intervals else None)
 
 
 def show(run: HeatResult, console: Console) -> None:
-    """Print temperatures over time, where the heat went, and what a reader should know."""
-    for (title, rise), interval in zip_longest(run.rises, shown_intervals(run)):
-        console.print(_table(rise, _title(run, title)))
-        for line in _words(rise, interval):
-            console.print(line)
+    """Print the limits, the values at the end, the temperatures at seven times, and notes."""
+    intervals = shown_intervals(run)
+    lines = summary(run)
+    if run.bare is not None:
+        bare_interval = intervals[1] if len(intervals) > 1 else None
+        index = run.bare.limits.index(run.bare.first_limit)
+        sentence = _limit_sentence(run.bare, bare_interval, index)
+        lines.append(f"Without heat sink: l{sentence[1:]}")
+    for line in (*lines, _energy_sentence(run.rise)):
+        console.print(escape(line))
+    print_compact(_table(run.rise), console)
     if run.calibrated is not None:
         for line in _calibration_words(run.calibrated):
             console.print(escape(line))
     print_notes(run.notes, console)
-    laws = "; ".join(f"{surface}: {law}" for surface, law in run.rise.correlations.items())
-    console.print(escape(f"film coefficients: {laws}"))
 
 
-def _title(run: HeatResult, title: str) -> str:
-    sink = run.drawing.sink
-    if title != "with heat sink":
-        return "no heat sink" if run.bare is None else title
-    return title if sink is None else sink_in_words(sink)
-
-
-def _table(rise: Rise, title: str) -> Table:
+def _table(rise: Rise) -> Table:
     parts = (rise.fluid, rise.hot["gap"], rise.coil, rise.hot["coil"], rise.wall)
-    shown = (int(np.argmin(np.abs(rise.time - at * rise.time[-1] / 6))) for at in range(7))
+    steps = (int(np.argmin(np.abs(rise.time - sixth * rise.time[-1] / 6))) for sixth in range(7))
     rows = []
-    for k in dict.fromkeys(shown):
+    for k in dict.fromkeys(steps):
         force = rise.peak_force_N[k]
         cells = (
             f"{rise.time[k] / 60:.1f}",
@@ -174,60 +169,61 @@ def _table(rise: Rise, title: str) -> Table:
             f"{sum(watts[k] for watts in rise.paths_W.values()):.1f}",
         )
         rows.append(cells)
-    places = ("fluid degC", "hottest", "coil degC", "hottest", "wall degC")
-    return terminal_table(title, ("minutes", *places, "peak force N", "W in", "W out"), rows)
+    columns = ("fluid degC", "max", "coil degC", "max", "wall degC", "peak force N", "W in", "W out")
+    return terminal_table("", ("minutes", *columns), rows)
 
 
-def _end_words(rise: Rise, interval: PredictionInterval | None) -> str:
-    """Return how hot the fluid is at the end: as an interval, where there is one."""
-    band = end_band(rise, interval, "degC")
-    after = f"fluid after {rise.time[-1] / 60:.4g} min"
-    return f"{after}: {band}" if band else f"{after}: {rise.fluid_degC[-1]:.1f} degC, extrapolated"
-
-
-def _limit_words(rise: Rise, interval: PredictionInterval | None) -> Iterator[str]:
-    for k, each in enumerate(rise.limits):
-        when = "not reached" if each.time_s is None else f"reached after {each.time_s / 60:.1f} min"
-        band = limit_band(interval, k)
-        hottest = f"hottest point {each.hottest - ZERO_CELSIUS_K:.1f} degC"
-        limit = f"limit of the {each.limit.name}, {each.limit.celsius:.4g} degC {each.limit.source}"
-        yield f"{limit}: {when}{f' ({band})' if band else ''}; {hottest}"
+def _sentences(rise: Rise, interval: PredictionInterval | None) -> list[str]:
+    """Return the limits, the temperature of the fluid at the end, and the loss of force."""
+    after = f"after {rise.time[-1] / 60:.4g} min"
+    band = end_band(rise, interval, "degC") or "extrapolated beyond the runs of the card"
+    lines = [_limit_sentence(rise, interval, k) for k in range(len(rise.limits))]
+    lines.append(f"Fluid {after}: {rise.fluid_degC[-1]:.1f} degC ({band}).")
     if rise.force_loss_percent is not None:
-        yield f"the peak force has lost {rise.force_loss_percent:.1f} % of what it is at 20 degC"
+        lines.append(f"Peak force {after}: {rise.force_loss_percent:.1f} % lower than at 20 degC.")
+    return lines
 
 
-def _words(rise: Rise, interval: PredictionInterval | None) -> list[str]:
-    """Return the lines below a table of temperatures: limit, force, where the heat went; with intervals."""
+def _limit_sentence(rise: Rise, interval: PredictionInterval | None, index: int) -> str:
+    reached, band = rise.limits[index], limit_band(interval, index)
+    limit, hottest = reached.limit, reached.hottest - ZERO_CELSIUS_K
+    when = f"not reached in {rise.time[-1] / 60:.4g} min"
+    if reached.time_s is not None:
+        when = f"reached after {reached.time_s / 60:.1f} min"
+    return (
+        f"Limit of the {limit.name} ({limit.celsius:.4g} degC, {limit.source.removeprefix('of ')}): {when}"
+        f"{f' ({band})' if band else ''}. Hottest point {hottest:.1f} degC."
+    )
+
+
+def _energy_sentence(rise: Rise) -> str:
+    """Return the distribution of the dissipated energy."""
     energy = rise.energy_J
     total = energy["mechanical"] + energy["coil"]
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
-    shares = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
-    return [
-        *_limit_words(rise, interval),
-        _end_words(rise, interval),
-        f"of {total / 1e3:.1f} kJ: {shares} (account closes to {rise.energy_closure:.0e})",
-    ]
+    percents = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
+    return f"Energy {total / 1e3:.1f} kJ: {percents}."
 
 
 def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
-    """Return the two factors, their errors and the residual."""
+    """Return the two factors, their standard errors and the residual."""
     curve = calibrated.curve
-    lines = [
-        f"calibrated by {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
+    return [
+        f"Calibrated with {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
         f"{curve.time[-1] / 60:.4g} min):",
-        f"  heat capacity x {calibrated.heat_capacity:.4g} +- {calibrated.heat_capacity_error:.1g}",
-        f"  convection x {calibrated.film:.4g} +- {calibrated.film_error:.1g}; "
+        f"  Factor of heat capacity {calibrated.heat_capacity:.4g} +- {calibrated.heat_capacity_error:.1g}",
+        f"  Factor of convection {calibrated.film:.4g} +- {calibrated.film_error:.1g}, "
         f"correlation {calibrated.correlation:.2f}",
-        f"  residual {calibrated.residual_K:.2g} K, noise of the thermometer {curve.noise_K:.2g} K",
+        f"  Residual {calibrated.residual_K:.2g} K, noise of the sensor {curve.noise_K:.2g} K",
+        *(f"  {note}" for note in calibrated.notes),
     ]
-    return [*lines, *(f"  {note}" for note in calibrated.notes)]
 
 
 # ----------------------------------------------------------------------------------------------- the files
 
 
 def _write_calibrated(run: HeatResult, path: Path) -> None:
-    """Write the drawing that follows what was measured, as the file that it came from."""
+    """Write the calibrated geometry file in the format of the given one."""
     found, drawing = run.calibrated, run.drawing
     assert found is not None
     title = f"{drawing.name}, calibrated by {found.curve.name}"

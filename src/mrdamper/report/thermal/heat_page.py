@@ -1,4 +1,4 @@
-"""The page of ``heat``: its first screen, its sections, and the words that terminal and page share."""
+"""Page of ``heat``: first screen, sections, and texts that are also used in the terminal."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mrdamper.thermal.model.reduced import REDUCED_ORDER
 from mrdamper.thermal.temperature_rise import Rise
 
 _MODELS = {
-    "reduced": f"finite elements, reduced to {REDUCED_ORDER} unknowns",
+    "reduced": f"finite elements, reduced to {REDUCED_ORDER} states",
     "network": "three axial zones",
     "lumped": "one node (the paper's Eq. 8)",
 }
@@ -38,17 +38,17 @@ def _first(run: HeatResult) -> FirstScreen:
     bare = "" if run.bare is None else f"without the heat sink {run.bare.fluid_degC[-1]:.1f} °C"
     hot = Tile(f"{rise.fluid_degC[-1]:.1f} °C", f"fluid after {minutes}", end_band(rise, interval) or bare)
     first = rise.first_limit
-    named = f"to the limit of the {first.limit.name}, {first.limit.celsius:.4g} °C at its hottest point"
-    left = Tile(reached(first), named, limit_band(interval, rise.limits.index(first)))
-    fade = Tile(
-        "–" if loss is None else f"{loss:.1f} %", "of the peak force at 20 °C lost by then", _peak_band(rise)
+    label = (
+        f"until the hottest point of the {first.limit.name} reaches its limit of {first.limit.celsius:.4g} °C"
     )
+    time_left = Tile(reached(first), label, limit_band(interval, rise.limits.index(first)))
+    fade = Tile("–" if loss is None else f"{loss:.1f} %", "loss of peak force since 20 °C", _peak_band(rise))
     return FirstScreen(
         title=f"Heating of {run.drawing.name}",
-        subject=f"Card: {card.title or card.damper.law.name}. Duty: {run.duty.text}. "
-        f"Model: {_MODELS[rise.model]}.",
+        subject=f"Card: {card.title or card.damper.law.name}. Load cycle: {run.duty.text}. "
+        f"Thermal model: {_MODELS[rise.model]}.",
         verdict=_verdict(run),
-        tiles=(hot, left, fade),
+        tiles=(hot, time_left, fade),
         caption=_caption(run),
         flags=temperature_flags(card),
         notes=run.notes,
@@ -59,52 +59,57 @@ def _verdict(run: HeatResult) -> str:
     rise, first = run.rise, run.rise.first_limit
     minutes, hot = rise.time[-1] / 60, rise.fluid_degC[-1]
     hottest = f"{first.hottest - ZERO_CELSIUS_K:.1f} °C"
-    said = f"no part reaches its limit in {minutes:.4g} min: nearest is the {first.limit.name}'s "
-    said += f"{first.limit.celsius:.4g} °C, whose hottest point is at {hottest}"
+    limit = f"limit of {first.limit.celsius:.4g} °C"
+    text = (
+        f"No part reaches its limit in {minutes:.4g} min. The closest is the {first.limit.name} with a "
+        f"{limit} and {hottest} at its hottest point"
+    )
     if first.time_s is not None:
-        limit = f"the {first.limit.name}'s limit of {first.limit.celsius:.4g} °C"
-        said = f"{limit} is reached after {reached(first)}"
+        text = f"The {first.limit.name} reaches the {limit} after {reached(first)}"
     if run.bare is None:
-        return said
-    return f"{said}; the heat sink takes {run.bare.fluid_degC[-1] - hot:.1f} K off the temperature at the end"
+        return text
+    cooler = run.bare.fluid_degC[-1] - hot
+    return f"{text}. The heat sink lowers the final temperature of the fluid by {cooler:.1f} K"
 
 
 def _caption(run: HeatResult) -> str:
     intervals = shown_intervals(run)
     if not intervals:
         return ""
-    rests = (
-        "Nothing was measured: drawing and card may be off (standard deviations: power and capacity 10 %, "
+    source = (
+        "It follows from assumed standard deviations because no curve was measured: power and heat capacity "
+        "10 %, losses 25 %, inner conductances 30 %"
     )
-    rests += "losses 25 %, inner conductances 30 %)"
     if run.calibrated is not None:
-        rests = "The band is what the measured curve leaves open"
-        rests += "" if run.bare is None else "; without the sink nothing was measured"
-    share = f"{100 * intervals[0].probability:.0f} %"
-    held = f"The band holds the fluid's temperature with {share}, the thick line on the limit the time to it"
-    return f"{held}. {rests}"
+        source = "It is the uncertainty that remains after calibration with the measured curve"
+        source += "" if run.bare is None else ". The curve does not apply without the heat sink"
+    percent = f"{100 * intervals[0].probability:.0f} %"
+    return (
+        f"The band is the {percent} interval of the fluid temperature. The thick line is the {percent} "
+        f"interval of the time to the limit. {source}"
+    )
 
 
 def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
-    """Return what a card assumes of temperature, or does not know of it, as flags of a first screen."""
+    """Return warnings if the temperature dependence of a card is assumed or missing."""
     damper, flags = card.damper, []
     if damper.assumed:
         names = ", ".join(name.replace("_", " ") for name in damper.assumed)
         flags.append(
             (
-                "Assumed, not identified",
-                f"The temperature laws of {names} come from a fluid: power and force below rest on that",
+                "The temperature dependence is assumed",
+                f"The temperature dependence of {names} was taken from a fluid, not fitted",
             )
         )
     if not damper.temperature_dependent:
         flags.append(
-            ("The card does not know temperature", "Its force, and so the mechanical power, is held constant")
+            ("The card has no temperature model", "Force and mechanical power do not depend on temperature")
         )
     return flags
 
 
 def _sections(run: HeatResult) -> dict[str, object]:
-    """Return what the page shows below the first screen."""
+    """Return the values of the template below the first screen."""
     drawing = run.drawing
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
     return {
@@ -129,7 +134,7 @@ def _figure(run: HeatResult) -> Figure:
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
-    """Return energy [kJ] and its share of what went in [%], by name."""
+    """Return energy [kJ] and fraction of the input energy [%], by name."""
     energy = rise.energy_J
     total = energy["mechanical"] + energy["coil"]
     return {
@@ -138,7 +143,7 @@ def _account(rise: Rise) -> dict[str, tuple[float, float]]:
 
 
 def sink_in_words(sink: HeatSink) -> str:
-    """Return a sink in a few words: number, width, thickness, pitch, material."""
+    """Return the dimensions of a heat sink as text: number of fins, width, thickness, pitch, material."""
     pitch = f" at {1e3 * sink.pitch:.3g} mm pitch" if sink.fins > 1 else ""
     fins = "fin" if sink.fins == 1 else "fins"
     return (
@@ -148,21 +153,21 @@ def sink_in_words(sink: HeatSink) -> str:
 
 
 def shown_intervals(run: HeatResult) -> list[PredictionInterval]:
-    """Return the intervals that may stand beside the curves: none where the card is extrapolated."""
+    """Return the intervals of the curves, or an empty list if the card is extrapolated."""
     return [] if run.extrapolated else run.prediction_intervals
 
 
 def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C") -> str:
-    """Return the interval of the fluid's temperature at the end; empty where there is none."""
+    """Return the interval of the final fluid temperature as text, or an empty string."""
     if interval is None:
         return ""
-    near = int(np.argmin(np.abs(interval.time - rise.time[-1])))
-    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
-    return f"{low:.1f} to {high:.1f} {unit} with {100.0 * interval.probability:.0f} %"
+    nearest = int(np.argmin(np.abs(interval.time - rise.time[-1])))
+    low, high = interval.low[nearest] - ZERO_CELSIUS_K, interval.high[nearest] - ZERO_CELSIUS_K
+    return f"{100.0 * interval.probability:.0f} % interval {low:.1f} to {high:.1f} {unit}"
 
 
 def _draw_field(rise: Rise) -> str:
-    """Return the temperature field at the end; empty for models without a field."""
+    """Return the final temperature field as SVG, or an empty string for models without a field."""
     reduced, heating = rise.field, rise.heating
     if reduced is None or not isinstance(heating, FieldHeating):
         return ""
@@ -173,7 +178,7 @@ def _draw_field(rise: Rise) -> str:
 
 
 def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str, Any]]:
-    """Return the limits as a page and an answer show them: fluid, coil, seals, each at its hottest point."""
+    """Return the limits of fluid, coil and seals, each at its hottest point, for page and answer."""
     rows = []
     for k, each in enumerate(rise.limits):
         to_limit = None if interval is None else interval.to_limits[k]
@@ -193,16 +198,16 @@ def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str
 
 
 def reached(limit: LimitReached) -> str:
-    """Return when a limit is reached, in words."""
+    """Return the time to a limit as text."""
     return "not reached" if limit.time_s is None else f"{limit.time_s / 60:.1f} min"
 
 
-def limit_band(interval: PredictionInterval | None, which: int = 0) -> str:
-    """Return the interval of the time to a limit; empty where there is none."""
-    if interval is None or not math.isfinite((to_limit := interval.to_limits[which]).low_s):
+def limit_band(interval: PredictionInterval | None, index: int = 0) -> str:
+    """Return the interval of the time to a limit as text, or an empty string."""
+    if interval is None or not math.isfinite((to_limit := interval.to_limits[index]).low_s):
         return ""
-    latest = f"{to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "not within the duty"
-    return f"{100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {latest}"
+    high = f"to {to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "or longer"
+    return f"{100 * interval.probability:.0f} % interval {to_limit.low_s / 60:.1f} min {high}"
 
 
 def _peak_band(rise: Rise) -> str:

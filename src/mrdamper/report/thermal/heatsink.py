@@ -1,15 +1,18 @@
-"""What ``sink`` found: the answer's keys, tables of a terminal, the page, the front as CSV, the best sink."""
+"""Result of ``heatsink`` as JSON, terminal output, page, CSV file of the front and file of the best sink."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rich.console import Console
+from rich.markup import escape
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.heatsink import draw_sweeps, front_figure
-from mrdamper.report.sections import Column, Picture, Section, Table
+from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, toml_text, write_record
@@ -17,34 +20,54 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, SinkEffect, Sweep
 
+DESIGN_COUNT_MAX = 8  # The terminal shows evenly spaced designs of the front, the report all.
+
 
 def _first(run: HeatsinkResult) -> FirstScreen:
     best, reference, limits = run.best, run.reference, run.limits
-    judge = _judge(run)
-    own = "the drawing's own sink" if reference.sink else "the bare damper"
+    method = _method(run)
     mass = f", {1e3 * limits.mass:.0f} g" if limits.mass < 1e9 else ""
-    assert best.sink is not None  # a search returns sinks
     return FirstScreen(
         title=f"Heat sinks for {run.drawing.name}",
-        subject=f"Duty: {run.duty.text}. Within {1e3 * limits.span:.4g} mm of length and "
-        f"{1e3 * limits.width:.4g} mm of width{mass}; fins of "
-        f"{1e3 * limits.least_thickness:.3g} mm or thicker, {1e3 * limits.least_gap:.3g} mm apart or more.",
-        verdict=f"{sink_in_words(best.sink)}: {run.gain.middle:.1f} K cooler than {own}, by {judge}"
-        + ("" if run.gain.better else ", but its interval includes zero"),
+        subject=f"Load cycle: {run.duty.text}. Maximum {1e3 * limits.span:.4g} mm length, "
+        f"{1e3 * limits.width:.4g} mm width{mass}. Fins at least {1e3 * limits.least_thickness:.3g} mm thick "
+        f"and {1e3 * limits.least_gap:.3g} mm apart.",
+        verdict=" ".join(_verdict(run)),
         tiles=(
-            Tile(f"{_degrees(best.fluid)} °C", "fluid at the end of the duty, coolest sink", ""),
+            Tile(
+                f"{_degrees(best.fluid)} °C", "fluid at the end of the load cycle with the coolest sink", ""
+            ),
             Tile(
                 f"{run.gain.middle:.1f} K",
-                f"cooler than {own} ({_degrees(reference.fluid)} °C, {1e3 * reference.mass:.0f} g)",
-                f"90 %: {run.gain.low:.1f} to {run.gain.high:.1f} K over films and power",
+                f"cooler than {_reference(run)} ({_degrees(reference.fluid)} °C, "
+                f"{1e3 * reference.mass:.0f} g)",
+                f"90 % interval {run.gain.low:.1f} to {run.gain.high:.1f} K",
             ),
-            Tile(f"{1e3 * best.mass:.0f} g", "mass of its fins", _lightest_band(run)),
+            Tile(f"{1e3 * best.mass:.0f} g", "mass of the fins", _lightest_band(run)),
         ),
-        caption=f"{run.found.tried} sinks of a grid were tried on the zone network; {len(run.found.designs)} "
-        f"are on the front, {len(run.front)} of them judged by {judge}",
+        caption=f"{run.found.tried} sinks of a grid were evaluated with the zone network. "
+        f"{len(run.found.designs)} are on the Pareto front. {len(run.front)} of these were evaluated with "
+        f"{method}",
         flags=temperature_flags(run.card),
         notes=run.notes,
     )
+
+
+def _verdict(run: HeatsinkResult) -> list[str]:
+    """Return the best sink, and its advantage over the reference with its uncertainty."""
+    assert run.best.sink is not None  # A search returns sinks.
+    lines = [
+        f"Best heat sink: {sink_in_words(run.best.sink)}.",
+        f"It is {run.gain.middle:.1f} K cooler than {_reference(run)} (90 % interval {run.gain.low:.1f} to "
+        f"{run.gain.high:.1f} K, from the uncertainty of heat transfer and power).",
+    ]
+    if not run.gain.better:
+        lines.append("The advantage is not significant because the interval includes zero.")
+    return lines
+
+
+def _reference(run: HeatsinkResult) -> str:
+    return "the reference" if run.reference.sink else "the bare damper"
 
 
 def _lightest_band(run: HeatsinkResult) -> str:
@@ -59,28 +82,34 @@ def _sections(run: HeatsinkResult) -> list[Section]:
         Picture("To scale", lambda: draw_dampers(_dampers(run), "Best sink and reference, to scale")),
     ]
     if run.sweeps is not None:
-        said = f"The paper's Eq. (10) is lost; read as {EFFICIENCY_FORMULA}. By the zone network."
-        found.append(Picture("The paper's sweeps", lambda: draw_sweeps(run), said))
+        caption = (
+            f"Eq. (10) of the paper is not legible and was assumed as {EFFICIENCY_FORMULA}. The values are "
+            "from the zone network."
+        )
+        found.append(Picture("Parameter studies of the paper", lambda: draw_sweeps(run), caption))
     return found
 
 
-def _judge(run: HeatsinkResult) -> str:
+def _method(run: HeatsinkResult) -> str:
     return "finite elements" if run.best.model == "finite_element" else "the zone network"
 
 
 def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
-    """Return what the table of the front lists, each with what it is called; most have no name."""
-    named = [("bare", run.bare), *([("reference", run.reference)] if run.reference.sink is not None else [])]
+    """Return the designs of the table with their labels. Most labels are empty."""
+    labelled = [
+        ("bare", run.bare),
+        *([("reference", run.reference)] if run.reference.sink is not None else []),
+    ]
     light = run.lightest if run.reference.sink is not None else None
     return [
-        *named,
+        *labelled,
         *(("as cool" if each is light else "", each) for each in run.front[:-1]),
         ("coolest", run.best),
     ]
 
 
 def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
-    """Return the front beside the bare damper and the reference."""
+    """Return the table of the bare damper, the reference and the Pareto front."""
 
     def size(title: str, name: str, least_fins: int = 1) -> Column[tuple[str, SinkDesign]]:
         def value(row: tuple[str, SinkDesign]) -> float | None:
@@ -93,13 +122,13 @@ def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
         return Column(title, lambda row: getattr(row[1], name) - ZERO_CELSIUS_K, "degC", ".1f", printed)
 
     return Table(
-        title=f"Heat sinks: fluid at the end of the duty against mass, by {_judge(run)}",
+        title=f"Fluid temperature at the end of the load cycle and mass, by {_method(run)}",
         columns=[
             Column("", lambda row: row[0]),
             Column("fins", lambda row: 0 if row[1].sink is None else row[1].sink.fins, form="d"),
             size("width", "width"),
             size("thickness", "thickness"),
-            size("pitch", "pitch", 2),  # a single fin has none
+            size("pitch", "pitch", 2),  # A single fin has no pitch.
             Column("material", lambda row: "" if row[1].sink is None else row[1].sink.material.name),
             Column("mass", lambda row: 1e3 * row[1].mass, "g", ".1f", printed="g"),
             degrees("fluid", "fluid", printed="degC"),
@@ -107,18 +136,18 @@ def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
             degrees("network", "network_fluid"),
         ],
         rows=_designs(run),
-        caption="As cool: the lightest that is as cool as the reference.",
+        caption="The label 'as cool' marks the lightest design that is as cool as the reference.",
         held=lambda row: row[0] == "reference",
     )
 
 
 def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
-    """Return what is drawn: the reference, the best, and the lightest that is as cool as the reference."""
+    """Return the drawn dampers: reference, coolest, and the lightest that is as cool as the reference."""
 
     def titled(name: str, design: SinkDesign) -> tuple[str, DamperDrawing]:
         words = "no fins" if design.sink is None else sink_in_words(design.sink)
-        figures = f"{design.fluid - ZERO_CELSIUS_K:.1f} °C, {1e3 * design.mass:.0f} g"
-        return f"{name}: {figures}\n{words}", run.drawing.with_sink(design.sink)
+        values = f"{design.fluid - ZERO_CELSIUS_K:.1f} °C, {1e3 * design.mass:.0f} g"
+        return f"{name}: {values}\n{words}", run.drawing.with_sink(design.sink)
 
     chosen = [titled("reference", run.reference), titled("coolest", run.best)]
     if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
@@ -130,7 +159,7 @@ def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
 
 
 def _answer(run: HeatsinkResult) -> Json:
-    """Return what ``mrdamper heatsink --json`` prints, but for the files."""
+    """Return the object that ``mrdamper heatsink --json`` prints, without the paths of the files."""
     limits, lightest = run.limits, run.lightest
     return {
         "duty": run.duty.text,
@@ -162,7 +191,7 @@ def _answer(run: HeatsinkResult) -> Json:
 
 
 def _design(design: SinkDesign) -> Json:
-    """Return a design's line; the bare damper has no fins."""
+    """Return the dimensions and temperatures of a design. The bare damper has no fins."""
     found = design.sink
     return {
         "fins": 0 if found is None else found.fins,
@@ -184,12 +213,12 @@ def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
     return {
         "formula": EFFICIENCY_FORMULA,
         "follows_paper": {"width": width.follows_paper, "fins": fins.follows_paper},
-        "width": [_swept(effect) for effect in width.effects],
-        "fins": [_swept(effect) for effect in fins.effects],
+        "width": [_sweep_row(effect) for effect in width.effects],
+        "fins": [_sweep_row(effect) for effect in fins.effects],
     }
 
 
-def _swept(effect: SinkEffect) -> Json:
+def _sweep_row(effect: SinkEffect) -> Json:
     return {
         "fins": effect.sink.fins,
         "width_m": effect.sink.width,
@@ -203,7 +232,7 @@ def _swept(effect: SinkEffect) -> Json:
 def _toml(run: HeatsinkResult) -> str:
     """Return the best sink as a file for ``mrdamper heat --sink``."""
     best = run.best.sink
-    assert best is not None  # a search returns sinks
+    assert best is not None  # A search returns sinks.
     return toml_text({"sink": write_record(best, defaults=True)}, sink_in_words(best))
 
 
@@ -211,19 +240,16 @@ def _toml(run: HeatsinkResult) -> str:
 
 
 def _show(run: HeatsinkResult, console: Console) -> None:
-    """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
-    console.print(_front_table(run).printed(whole=True))
-    console.print(f"[bold]{run.gain.middle:.1f} K[/bold] cooler than the reference{_banded(run)}")
-    for sweep, kind in zip(run.sweeps or (), ("widths", "numbers of fins"), strict=False):
-        percent = ", ".join(f"{100.0 * value:.1f}" for value in sweep.efficiency)
-        console.print(f"efficiency (Eq. 10) over the paper's {kind}: {percent} %")
+    """Print the verdict, the labelled designs, and evenly spaced designs of the front."""
+    for line in _verdict(run):
+        console.print(escape(line))
+    table = _front_table(run)
+    others = [row for row in table.rows if not row[0]]
+    step = max(-(-len(others) // DESIGN_COUNT_MAX), 1)
+    shown = others[::step]
+    rows = [row for row in table.rows if row[0] or any(row is other for other in shown)]
+    print_compact(replace(table, rows=rows).printed(whole=True), console)
     print_notes(run.notes, console)
-
-
-def _banded(run: HeatsinkResult) -> str:
-    """Return the interval of the gain, and whether it includes zero."""
-    band = f", {run.gain.low:.1f} to {run.gain.high:.1f} K with 90 % over films and power"
-    return band if run.gain.better else band + ", which includes zero"
 
 
 def _degrees(kelvin: float | None) -> str:

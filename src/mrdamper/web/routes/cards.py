@@ -18,9 +18,9 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import FitNote
 
 NOTE_FILE = "note.json"
-"""What was noted of a fit, beside its card."""
+"""File of the note on a fit, in the folder of its card."""
 
-_MOST_CARD = 8_000_000  # bytes
+_CARD_MAX_BYTES = 8_000_000
 
 
 def card_routes(context: AppContext) -> APIRouter:
@@ -52,7 +52,9 @@ def card_routes(context: AppContext) -> APIRouter:
             raise ConflictError(f"there is a card {name!r} already; choose another name, or delete it")
         beside = folder.cards / f".upload-{secrets.token_hex(8)}.json"
         try:
-            await folder.store(beside, request.stream(), _MOST_CARD, request.headers.get("content-length"))
+            await folder.store(
+                beside, request.stream(), _CARD_MAX_BYTES, request.headers.get("content-length")
+            )
             try:
                 await context.reader.ask(Query("card", {"path": beside}))
             except InputError as fault:

@@ -1,4 +1,4 @@
-"""Routes: measured files, what is in them, their channel maps."""
+"""Routes: measured files, their contents, and their channel maps."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def file_routes(context: AppContext) -> APIRouter:
 
 
 async def _beginnings(context: AppContext, paths: list[Path], order: MapRequest) -> list[Json] | None:
-    """Preview the beginnings of files with a map; None when one of them must be read whole."""
+    """Return previews of the beginnings of files with a map; None if one file must be read completely."""
     previews = []
     for path in paths:
         query = Query("preview_head", {"path": path}, {"given": order.map or {}})
@@ -102,7 +102,7 @@ async def _beginnings(context: AppContext, paths: list[Path], order: MapRequest)
 
 
 async def _map(context: AppContext, paths: list[Path], order: MapRequest) -> Json:
-    """Look into files with a map; write it beside them when all can be read with it."""
+    """Return previews of files with a map; save the map if all files can be read with it."""
     given = order.map or {}
     queries = [Query("preview", {"path": path}, {"given": given}) for path in paths]
     previews = [await context.reader.ask(query) for query in queries]

@@ -1,4 +1,4 @@
-"""Routes: what people write (drawings, sinks, plans, tables), and what a drawing holds."""
+"""Routes: inputs (geometry, sinks, plans, tables), and the content of a geometry."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import DrawingRequest
 from mrdamper.web.workspace import INPUT_SUFFIXES
 
-_MOST_INPUT = 4_000_000  # bytes
+_INPUT_MAX_BYTES = 4_000_000
 
 
 def input_routes(context: AppContext) -> APIRouter:
@@ -23,7 +23,9 @@ def input_routes(context: AppContext) -> APIRouter:
     @routes.put("/api/inputs/{name}")
     async def write_input(name: str, request: Request) -> Response:
         path = folder.new(folder.inputs, name, INPUT_SUFFIXES)
-        size = await folder.store(path, request.stream(), _MOST_INPUT, request.headers.get("content-length"))
+        size = await folder.store(
+            path, request.stream(), _INPUT_MAX_BYTES, request.headers.get("content-length")
+        )
         context.events.publish("inputs")
         return json_response({"name": name, "bytes": size}, 201)
 
@@ -31,7 +33,7 @@ def input_routes(context: AppContext) -> APIRouter:
     async def read_input(name: str) -> Response:
         path = folder.input(name)
         with path.open("rb") as file:
-            text = file.read(_MOST_INPUT).decode("utf-8", errors="replace")
+            text = file.read(_INPUT_MAX_BYTES).decode("utf-8", errors="replace")
         return PlainTextResponse(text)
 
     @routes.delete("/api/inputs/{name}")
@@ -65,5 +67,5 @@ def input_routes(context: AppContext) -> APIRouter:
 
 
 def drawing_of(context: AppContext, name: str) -> str:
-    """Return a preset's name, or the path of the drawing in the folder."""
+    """Return the name of a preset, or the path of a geometry in the folder."""
     return name if name in context.choices["dampers"] else str(context.folder.input(name))  # type: ignore[operator]  # a list

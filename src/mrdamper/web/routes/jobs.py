@@ -1,4 +1,4 @@
-"""Routes: jobs, what they json_response, and what they make."""
+"""Routes: jobs with their answers and files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mrdamper.web.job_record import job_ids
 from mrdamper.web.schemas import read_order
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
-_MOST_JOBS = 200  # listed
+_JOBS_MAX_COUNT = 200  # Longest list.
 
 
 def job_routes(context: AppContext) -> APIRouter:
@@ -75,7 +75,7 @@ def job_routes(context: AppContext) -> APIRouter:
 
 
 def _names_are_there(folder: WorkFolder, options: Json) -> None:
-    """Refuse an order for what is not there, before it is queued."""
+    """Raise NotThereError if a request names a missing item."""
     for key in ("files",):
         for name in options.get(key) or ():
             folder.run_file(name)
@@ -86,7 +86,7 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
         if options["model"] is not None:
             folder.card(options["model"])
     keys = ["first", "second"]
-    if "replace" not in options:  # identify writes its card
+    if "replace" not in options:  # A fit writes its card.
         keys.append("card")
     for key in keys:
         if options.get(key) is not None:
@@ -94,9 +94,9 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
 
 
 def job_rows(context: AppContext) -> list[Json]:
-    """Return the jobs as the pages see them, the newest first."""
+    """Return the jobs for the pages, newest first."""
     found = []
-    for job_id in job_ids(context.folder.results)[:_MOST_JOBS]:
+    for job_id in job_ids(context.folder.results)[:_JOBS_MAX_COUNT]:
         try:
             found.append(context.queue.record(job_id).row())
         except NotThereError:

@@ -1,4 +1,4 @@
-"""Routes: runs, their samples for drawing, the force that a card models on them; quick heating curves."""
+"""Routes: runs, their samples, the modelled force of a card, and quick heating curves."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ async def _ask(context: AppContext, kept: Kept, series: Path, place: Path, windo
 
 
 def _window(request: Request) -> tuple[int | None, float | None, float | None]:
-    """Return most samples, begin and end that a request asks for."""
+    """Return the maximum number of samples, begin and end of a request."""
     asked = request.query_params
     try:
         most = int(asked["max"]) if "max" in asked else None

@@ -1,4 +1,4 @@
-"""Routes: the state of all, and that it has changed."""
+"""Routes: state of the folder and its changes."""
 
 from __future__ import annotations
 
@@ -65,20 +65,20 @@ def _state(context: AppContext) -> Json:
         "most_upload_bytes": context.most_upload,
         "formats": list(context.formats),
         "unnamed": folder.unnamed(),
-        "records": _of_each(folder.record_files(context.formats), partial(_record, folder)),
-        "inputs": _of_each(folder.input_files(), _input),
-        "cards": _of_each(folder.card_names(), partial(_card, folder)),
+        "records": _rows(folder.record_files(context.formats), partial(_record, folder)),
+        "inputs": _rows(folder.input_files(), _input),
+        "cards": _rows(folder.card_names(), partial(_card, folder)),
         "jobs": job_rows(context),
         "choices": context.choices,
     }
 
 
-def _of_each(found: Iterable[Item], told: Callable[[Item], Json]) -> list[Json]:
-    """Return what is told of each; a file that went away meanwhile is left out."""
+def _rows(items: Iterable[Item], row_of: Callable[[Item], Json]) -> list[Json]:
+    """Return a row for each item; an item that was deleted is omitted."""
     rows = []
-    for each in found:
+    for item in items:
         with suppress(FileNotFoundError, NotThereError):
-            rows.append(told(each))
+            rows.append(row_of(item))
     return rows
 
 
@@ -108,7 +108,7 @@ def _card(folder: WorkFolder, name: str) -> Json:
 
 
 def _note(path: Path) -> Json:
-    """Return what was noted of a card; nothing where the file is none of ours."""
+    """Return the note on a card; an invalid file is an empty note."""
     try:
         said = read_record(FitNote, json.loads(path.read_text(encoding="utf-8")), path.name)
     except (OSError, ValueError, InputError):

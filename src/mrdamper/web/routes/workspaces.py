@@ -1,7 +1,7 @@
-"""Routes: the dampers of a server; and the way to the app of each.
+"""Routes: the dampers of a server and their applications.
 
-The server's own folder is a damper, and so is each folder in its ``dampers/``: of the same form, with runs,
-drawings, cards and results of its own. One is opened when it is first asked for, below ``/damper/NAME``.
+The server's folder is a damper, and each folder in its ``dampers/`` is another one with the same structure.
+The application of a damper starts with the first request below ``/damper/NAME``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mrdamper.web.workspace import NotThereError, WorkFolder
 
 @dataclass(frozen=True, slots=True)
 class _Opened:
-    """A damper that was asked for: its app, what it works on, and the lock on its folder."""
+    """An open damper: its application, its context, and the lock on its folder."""
 
     app: ASGIApp
     context: AppContext
@@ -35,7 +35,7 @@ class _Opened:
 
 
 class Workspaces:
-    """ASGI app of all dampers but that of the server's own folder: hands each request to its damper's."""
+    """ASGI application that passes each request to its damper in ``dampers/``."""
 
     def __init__(self, main: AppContext, app_of: Callable[[AppContext, Workspaces], ASGIApp]) -> None:
         self.main = main
@@ -48,7 +48,7 @@ class Workspaces:
         await self._open(name).app({**scope, "root_path": f"{before}/{name}"}, receive, send)
 
     def names(self) -> list[str]:
-        """Return the dampers beside that of the server's own folder."""
+        """Return the names of the dampers in ``dampers/``."""
         found = []
         with suppress(FileNotFoundError):
             for path in sorted(self.main.folder.dampers.iterdir()):
@@ -57,7 +57,7 @@ class Workspaces:
         return [name for name in found if not name.startswith(".")]
 
     def add(self, name: str) -> None:
-        """Make an empty damper."""
+        """Create an empty damper."""
         path = self.main.folder.new(self.main.folder.dampers, name)
         try:
             path.mkdir(parents=True)
@@ -66,11 +66,11 @@ class Workspaces:
         self.main.events.publish("dampers")
 
     def is_at_work(self, name: str) -> bool:
-        """Tell whether a job of a damper runs or waits."""
+        """Return True if a job of a damper runs or waits."""
         return name in self._opened and not self._opened[name].context.queue.is_idle
 
     async def discard(self, name: str) -> str:
-        """Move a damper with all that it has into the trash of the server's folder; return its name there."""
+        """Move a damper with its files into the trash of the server's folder; return the entry's name."""
         path = self._place(name)
         if self.is_at_work(name):
             raise ConflictError(f"jobs of {name!r} have not ended; cancel them first")
@@ -81,7 +81,7 @@ class Workspaces:
         return kept
 
     async def close(self) -> None:
-        """End all processes of all dampers."""
+        """End the processes of all dampers."""
         await asyncio.gather(*map(self._close, self._opened.values()))
         await self.main.close()
 
@@ -91,7 +91,7 @@ class Workspaces:
     def _open(self, name: str) -> _Opened:
         if name not in self._opened:
             main, place = self.main, self._place(name)
-            claim = WorkFolder(place).claim()  # refused before anything of it begins
+            claim = WorkFolder(place).claim()  # The lock fails before the application starts.
             context = AppContext(
                 place, most_upload=main.most_upload, local=main.local, beside=main, name=name
             )
@@ -106,7 +106,7 @@ class Workspaces:
 
 
 def workspace_routes(workspaces: Workspaces) -> APIRouter:
-    """Return the routes below /api/workspaces; each damper has them."""
+    """Return the routes below /api/workspaces, which every damper has."""
     routes, main = APIRouter(), workspaces.main
 
     @routes.get("/api/workspaces")
@@ -132,6 +132,6 @@ def workspace_routes(workspaces: Workspaces) -> APIRouter:
 
 
 def _figures(root: Path) -> Json:
-    """Return how much there is of a damper, without opening it."""
+    """Return the numbers of files and cards of a damper without opening it."""
     files = [each for each in root.glob("runs/[!.]*") if each.suffix != ".toml"]
     return {"files": len(files), "cards": len(list(root.glob("cards/[!.]*/card.json")))}

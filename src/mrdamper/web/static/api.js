@@ -1,8 +1,8 @@
-// The server's calls, and nothing else: JSON and binary answers, patience with those that take a while, events.
+// Requests to the server: JSON and binary answers, repeated requests for slow answers, and events.
 
 import { Streams } from "./streams.js";
 
-/** What the server said no with; `message` is for people. */
+/** Error of a refused request; `message` is for the user. */
 export class Refused extends Error {
   constructor(message, status) {
     super(message);
@@ -14,11 +14,11 @@ const TRIES = 400;
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const part = encodeURIComponent;
 
-/** What addresses of this page's damper begin with; empty for that of the server's own folder. */
+/** Prefix of all addresses of the damper; empty for the server's own folder. */
 export const DAMPER = window.location.pathname.match(/^\/damper\/[^/]+/)?.[0] ?? "";
 export const DAMPER_NAME = decodeURIComponent(DAMPER.split("/")[2] ?? "");
 
-/** Send a request; one that answers "working" (202) is sent again until it is done or `signal` ends it. */
+/** Send a request, and repeat it while the status is 202, until `signal` aborts it. */
 async function send(method, address, { body = null, raw = null, signal = null } = {}) {
   const options = { method, signal, headers: {} };
   if (raw !== null) options.body = raw;
@@ -68,6 +68,7 @@ export const drawDamperOf = (base, asked, signal) => json("POST", `/api/dampers/
 export const look = (name, signal) => json("GET", `/api/files/${part(name)}/look`, { signal });
 export const glance = (name, signal) => json("GET", `/api/files/${part(name)}/look?head=1`, { signal });
 export const deleteFile = (name) => json("DELETE", `/api/files/${part(name)}`);
+export const getCard = (name) => json("GET", `/api/cards/${part(name)}`);
 export const deleteCard = (name) => json("DELETE", `/api/cards/${part(name)}`);
 export const deleteJob = (id) => json("DELETE", `/api/jobs/${part(id)}`);
 export const getTrash = () => json("GET", "/api/trash");
@@ -96,21 +97,21 @@ function query(values) {
 
 export const getRuns = () => json("GET", "/api/runs");
 
-/** Return a run's channels as typed arrays: `{head, columns: {time_s, force_N, ...}}`. */
+/** Return the channels of a run as typed arrays: `{head, columns: {time_s, force_N, ...}}`. */
 export async function series(run, { max = null, from = null, to = null, file = null, signal = null } = {}) {
   const asked = query({ max, from_s: from, to_s: to, file });
   const response = await send("GET", `/api/runs/${part(run)}/series${asked}`, { signal });
   return unpack(await response.arrayBuffer());
 }
 
-/** Return the modelled force on a run's samples, in the same form. */
+/** Return the modelled force at the samples of a run in the same format. */
 export async function modelled(run, card, { max = null, from = null, to = null, file = null, signal = null } = {}) {
   const asked = query({ card, max, from_s: from, to_s: to, file });
   const response = await send("GET", `/api/runs/${part(run)}/model${asked}`, { signal });
   return unpack(await response.arrayBuffer());
 }
 
-/** Take a binary answer apart: length, header in JSON, then columns of float32. */
+/** Parse a binary answer: length, header in JSON, columns of float32. */
 export function unpack(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
@@ -122,11 +123,11 @@ export function unpack(buffer) {
 }
 
 let worker = null;
-let own = null; // where there is no shared worker, or its text did not come
+let own = null; // Used if the shared worker is missing or could not be loaded.
 const hearing = new Map();
 let keys = 0;
 
-/** Hear the events at the address of a job, or of the folder; returns a function that stops it. */
+/** Listen to the events of a job or of the folder; return a function that stops listening. */
 function hear(of, heard) {
   keys += 1;
   const key = keys;
@@ -148,7 +149,7 @@ function shared() {
   made.port.start();
   made.addEventListener("error", () => {
     if (own) return;
-    own = new Streams(); // the server was lost before it had sent the worker
+    own = new Streams(); // The worker could not be loaded.
     hearing.forEach(hearOwn);
   });
   window.addEventListener("pagehide", () => [...hearing.keys()].forEach((key) => made.port.postMessage({ key, leave: true })));
@@ -161,10 +162,10 @@ function hearOwn({ of, heard }) {
   else own.watch(heard);
 }
 
-/** Follow a job's events; `heard` has `progress`, `message` and `end`. Returns a function that stops listening. */
+/** Listen to the events of a job: `progress`, `message` and `end`. Return a function that stops listening. */
 export const follow = (id, heard) => hear(`${DAMPER}/api/jobs/${part(id)}/events`, (name, data) => heard[name]?.(data));
 
-/** Call `changed` when something in the folder of this damper changes, `reached` when the server is lost (false) or back (true). */
+/** Call `changed` after changes in the folder of this damper, and `reached` with the state of the connection. */
 export function watchFolder(changed, reached) {
   const mine = ({ damper }) => damper === undefined || damper === DAMPER_NAME;
   hear(null, (name, data) => {

@@ -1,7 +1,7 @@
-// The frame around the pages: which page is shown, what the folder holds, and telling pages when it changes.
+// Frame of the pages: routing, state of the folder, and notification of the page about changes.
 //
-// A page is a module with `show(place, app, query)`; it returns `{changed(what), address(query), close()}`, all optional. Pages are
-// loaded when they are first asked for. The folder's state is fetched again when the server says that it changed.
+// A page is a module with `show(place, app, query)`, which returns `{changed(what), address(query), close()}`; each member
+// is optional. A page is loaded on its first use. The state of the folder is fetched again after each change.
 
 import { DAMPER, getForms, getState, watchFolder } from "./api.js";
 import { startDampers } from "./dampers.js";
@@ -27,19 +27,19 @@ const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
 const place = document.getElementById("page");
 const chosen = new Map();
 
-/** What pages share. */
+/** Functions and state that all pages share. */
 const app = {
   state: null,
-  forms: null, // fields of each kind of job
+  forms: null, // Fields of each kind of job.
 
-  /** Fetch the folder's state again. */
+  /** Fetch the state of the folder. */
   async refresh() {
     app.state = await getState();
     frame();
     return app.state;
   },
 
-  /** Say something at the edge of the page for a while. */
+  /** Show a message at the edge of the page for some seconds. */
   toast(kind, text, ...actions) {
     const box = note(kind, el("span", { text }), actions);
     box.append(button("×", () => box.remove(), { class: "quiet", "aria-label": "Close" }));
@@ -47,7 +47,7 @@ const app = {
     setTimeout(() => box.remove(), TOAST_MS[kind]);
   },
 
-  /** Run something that may be refused, and say so. */
+  /** Run an action, and show its error. */
   async attempt(action) {
     try {
       return await action();
@@ -57,7 +57,7 @@ const app = {
     }
   },
 
-  /** Return what was chosen under a name, on any page, in this window. */
+  /** Return the shared choice of a name in this window. */
   chosen: (name) => chosen.get(name) ?? fromSession(name),
 
   choose(name, value) {
@@ -66,27 +66,27 @@ const app = {
     try {
       sessionStorage.setItem(`mrdamper${DAMPER}-${name}`, value ?? "");
     } catch {
-      // kept for this page only
+      // Without storage the choice is lost with the page.
     }
   },
 
-  /** Show the page anew: what it was empty for is there now. */
+  /** Show the page again, because missing items have arrived. */
   again: () => route(),
 
-  /** Register a form of the page that is shown: what is changed in it stands in the address, and comes back with it. */
+  /** Register a form of the current page. Its changed fields are stored in the address and restored from it. */
   remember(kind, form) {
     shown.forms.set(kind, form);
   },
 
-  /** Keep the value of a form's field in the address. */
+  /** Store the value of a field in the address. */
   keepField(kind, name, value) {
     const query = addressed();
-    query.delete(`${kind}.${name}`); // the order in the address is that of the changes
+    query.delete(`${kind}.${name}`); // The address keeps the order of the changes.
     query.set(`${kind}.${name}`, JSON.stringify(value));
     app.keep(query);
   },
 
-  /** Keep the job that the page shows in the address: the fields of its form are those of the job. */
+  /** Store the displayed job in the address instead of the fields of its form. */
   keepJob(kind, id) {
     const query = addressed();
     for (const name of [...query.keys()]) if (name.startsWith(`${kind}.`)) query.delete(name);
@@ -94,7 +94,7 @@ const app = {
     app.keep(query);
   },
 
-  /** Keep what the page shows in its address; with `step` Back undoes it. Once another page is asked for, that stays. */
+  /** Store the state of the page in its address. With `step`, Back undoes the change. */
   keep(query, step = false) {
     if (pageAsked() !== shown.name) return;
     const address = `#/${shown.name}${query.size ? `?${query}` : ""}`;
@@ -134,7 +134,7 @@ function frame() {
 
 let shown = { name: null, page: null, forms: new Map() };
 
-/** Set the fields of forms that an address names, one after the other as they were changed. */
+/** Set the fields that an address contains, in the order of their changes. */
 async function restoreForms(query, forms) {
   for (const [key, text] of query) {
     const [kind, name] = key.split(".");
@@ -147,7 +147,7 @@ async function restoreForms(query, forms) {
   }
 }
 
-/** Return the name of the page that the address asks for. */
+/** Return the name of the page in the address. */
 function pageAsked() {
   const [path] = window.location.hash.replace(/^#\/?/, "").split("?");
   return path in PAGES ? path : "runs";
@@ -177,7 +177,7 @@ async function route() {
     if (mine === turn) {
       shown.page = page;
       await restoreForms(new URLSearchParams(asked ?? ""), shown.forms);
-    } else page.close?.(); // another was asked for meanwhile: what this one listens to would stay open
+    } else page.close?.(); // Another page was requested, so the listeners of this page are closed.
   } catch (fault) {
     if (mine === turn) fill(place, el("h1", { text: TITLES[name] }), note("fault", fault.message), button("Try again", route));
   }
@@ -186,7 +186,7 @@ async function route() {
 let waiting = null;
 const gathered = new Set();
 
-/** Gather what changed for a moment, fetch the state once, tell the page once. */
+/** Collect changes for a moment, fetch the state once, and notify the page once. */
 function changed(what) {
   for (const each of what) gathered.add(each);
   waiting ??= setTimeout(async () => {
@@ -196,18 +196,25 @@ function changed(what) {
     try {
       await app.refresh();
     } catch {
-      return; // the events come again when the server is back
+      return; // The events are repeated when the server is available again.
     }
     shown.page?.changed?.(all);
   }, 120);
 }
 
-// A file that is dropped beside its place would be opened by the browser, and the page with what was typed be gone.
+// Without these listeners the browser would open a dropped file and leave the page.
 for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) => event.preventDefault());
 
 document.querySelector("a.skip").addEventListener("click", (event) => {
-  event.preventDefault(); // its address would be taken for that of a page
+  event.preventDefault(); // The address of the link is not the address of a page.
   place.focus();
+});
+window.addEventListener("beforeprint", () => {
+  const { state } = app;
+  const names = state.files.map((file) => file.name);
+  const files = names.length > 12 ? `${names.slice(0, 12).join(", ")} and ${names.length - 12} more` : names.join(", ");
+  const used = ["card", "drawing"].map((name) => app.chosen(name)).filter(Boolean);
+  document.getElementById("printed").textContent = [`Damper: ${state.folder_name}`, `Printed: ${new Date().toLocaleString()}`, `Files: ${files || "none"}`, used.length && `In use: ${used.join(", ")}`, `mrdamper ${state.versions.mrdamper}`].filter(Boolean).join(" · ");
 });
 startDampers(app, document.getElementById("folder"));
 startTheme(document.getElementById("theme"));

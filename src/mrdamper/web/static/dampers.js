@@ -1,22 +1,24 @@
-// The dampers of the server: a folder of its own for each; which there are, another one, the way from one to another.
+// Dampers of the server: list, creation and removal. Each damper has its own folder.
 
 import { addDamper, DAMPER_NAME, deleteDamper, getDampers } from "./api.js";
-import { button, el, field, fill, table } from "./dom.js";
+import { button, el, field, fill, note, table } from "./dom.js";
 import { removal } from "./parts.js";
 
 const addressOf = (name) => (name === null ? "/" : `/damper/${encodeURIComponent(name)}/`);
 
 const isOpen = ({ name }) => (name ?? "") === DAMPER_NAME;
 
-/** Open the list of dampers at a press on `opener`. */
+/** Open the list of dampers when `opener` is pressed. */
 export function startDampers(app, opener) {
   const list = el("div");
+  const wrong = el("div");
   const name = el("input", { id: "new-damper", maxlength: 60, placeholder: "such as RD-8040 no. 2" });
   const sheet = el("dialog", { id: "dampers", "aria-label": "Dampers" },
     el("h2", { text: "Dampers" }),
     el("p", { class: "small", text: "Each has its own runs, drawing, fits, sinks, controllers and exports, in a folder of its own." }),
     list,
     el("form", { class: "row end", onsubmit: add }, field("Another damper", name), el("button", { class: "main", text: "Create" })),
+    wrong,
     el("div", { class: "actions" }, button("Close", () => sheet.close())));
   document.body.append(sheet);
   opener.addEventListener("click", () => draw().then(() => sheet.showModal()));
@@ -33,8 +35,10 @@ export function startDampers(app, opener) {
 
   async function add(event) {
     event.preventDefault();
-    const made = await app.attempt(() => addDamper(name.value.trim()));
-    if (made) window.location.assign(addressOf(made.name));
-    else sheet.close(); // what is wrong is told at the edge of the page
+    try {
+      window.location.assign(addressOf((await addDamper(name.value.trim())).name));
+    } catch (fault) {
+      fill(wrong, note("fault", fault.message)); // The entry stays, to be corrected.
+    }
   }
 }

@@ -1,10 +1,9 @@
-// Fewer points that look the same: what a plot draws of series with millions of samples.
+// Decimation of series with millions of samples to points that give the same picture.
 //
-// Functions on typed arrays, pixels in and pixels out. A time series keeps the first, lowest, highest and
-// last sample of every pixel column, found from the ends of blocks of samples; a loop keeps the segments that touch
-// a pixel nobody has touched yet. Nothing is drawn here.
+// A time series keeps the first, lowest, highest and last sample of every pixel column. The extremes of blocks of
+// samples speed up the search. A loop keeps the segments that touch a new pixel. Nothing is drawn here.
 
-/** Return the first index in sorted `x`, from `low` up to `high`, whose value is not below `value`. */
+/** Return the first index in sorted `x` from `low` to `high` whose value is at least `value`. */
 export function lowerBound(x, value, low = 0, high = x.length) {
   while (low < high) {
     const middle = (low + high) >> 1;
@@ -14,11 +13,11 @@ export function lowerBound(x, value, low = 0, high = x.length) {
   return low;
 }
 
-const BLOCK = 256; // samples
+const BLOCK = 256; // Samples of a block.
 const blocks = new WeakMap();
 const sorted = new WeakMap();
 
-/** Tell whether `x` never falls (NaN counts as falling). */
+/** Return true if `x` never decreases; NaN counts as a decrease. */
 export function isSorted(x) {
   if (sorted.has(x)) return sorted.get(x);
   let rises = true;
@@ -35,7 +34,7 @@ function scan(values, from, to, ends) {
   }
 }
 
-/** Return the lowest and highest value of every block of a typed array, in turn; found once. */
+/** Return the lowest and highest value of every block of a typed array; the result is cached. */
 function blocksOf(values) {
   let found = blocks.get(values);
   if (!found) {
@@ -51,7 +50,7 @@ function blocksOf(values) {
   return found;
 }
 
-/** Return the lowest and highest finite value from `from` up to `to`, or null when there is none. */
+/** Return the lowest and highest finite value from `from` to `to`; null if there is no finite value. */
 export function extent(values, from = 0, to = values.length) {
   const ends = [Infinity, -Infinity];
   const first = Math.ceil(from / BLOCK);
@@ -78,7 +77,7 @@ export function extent(values, from = 0, to = values.length) {
  * @param {number} to one past the last index
  * @param {(v: number) => number} toX value to pixel
  * @param {(v: number) => number} toY value to pixel
- * @param {number} columns width in pixels: with fewer than four samples in each, all are kept
+ * @param {number} columns width in pixels; with fewer than four samples per column all samples are kept
  */
 export function seriesPath(x, y, from, to, toX, toY, columns) {
   const out = [];
@@ -105,14 +104,14 @@ export function seriesPath(x, y, from, to, toX, toY, columns) {
   return Float64Array.from(out);
 }
 
-const PIECE = 4096; // samples that are drawn in one go
-const FEW = 20000; // up to this many samples all are kept
+const PIECE = 4096; // Samples of one piece.
+const FEW = 20000; // Up to this number all samples are kept.
 
 /**
- * Yield the pieces of a loop: `{points, at}`, pixels as `seriesPath` has them and the sample of each.
+ * Yield the pieces of a loop: `{points, at}`, pixels in the format of `seriesPath` and the sample of each.
  *
- * Of many samples only those segments stay that touch a pixel which no segment before touched. Pieces come from
- * all over the loop, so that the first few show what the whole looks like.
+ * A long loop keeps only segments that touch a new pixel. The pieces are spread over the loop, so that the first pieces
+ * show the shape of the loop.
  *
  * @param {ArrayLike<number>} x
  * @param {ArrayLike<number>} y of the same length
@@ -144,7 +143,7 @@ export function* loopPieces(x, y, from, to, toX, toY, width, height) {
   };
   for (const piece of all ? Array(pieces).keys() : scattered(pieces)) {
     const begin = from + piece * PIECE;
-    const end = Math.min(to, begin + PIECE + 1); // its last sample begins the next
+    const end = Math.min(to, begin + PIECE + 1); // The last sample of a piece is the first of the next.
     const points = [];
     const at = [];
     const keep = (k, px, py) => {
@@ -175,7 +174,7 @@ export function* loopPieces(x, y, from, to, toX, toY, width, height) {
   }
 }
 
-/** Yield 0 to count - 1, each once, neighbours far apart. */
+/** Yield 0 to count - 1 in a spread order. */
 function* scattered(count) {
   let step = Math.max(1, Math.round(0.618 * count));
   const common = (a, b) => (b ? common(b, a % b) : a);
@@ -183,7 +182,7 @@ function* scattered(count) {
   for (let k = 0, at = 0; k < count; k += 1, at = (at + step) % count) yield at;
 }
 
-/** Return about `wanted` round numbers between two values, and how many decimals they need. */
+/** Return about `wanted` round numbers between two values, and the number of decimals. */
 export function ticks(low, high, wanted) {
   const span = high - low;
   if (!(span > 0)) return { values: [low], decimals: 0 };

@@ -1,8 +1,8 @@
-// Small helpers that build the page. All text goes in as text, never as markup.
+// Helpers that build the page. All text is inserted as text, never as markup.
 
 /**
- * Return an element. `props` sets attributes; `on...` adds listeners; `class`, `text` and `value` mean what they say.
- * A child that is a string becomes a text node; null and false are left out.
+ * Return an element. `props` sets attributes; `on...` adds listeners; `class`, `text` and `value` set these properties.
+ * A string becomes a text node. Null and false are ignored.
  */
 export function el(name, props = {}, ...children) {
   const node = document.createElement(name);
@@ -26,24 +26,24 @@ function add(node, children) {
   }
 }
 
-/** Return what the address says behind the page's name. */
+/** Return the query of the address. */
 export const addressed = () => new URLSearchParams(window.location.hash.split("?")[1] ?? "");
 
-/** Return a link that opens a file beside the page. */
+/** Return a link that opens a file in a new tab. */
 export const opening = (href, text, props = {}) => el("a", { href, text, target: "_blank", rel: "noopener", ...props });
 
-/** Return a hidden field that takes files, `{picker, pick()}`; `taken` gets a list of them. */
+/** Return a hidden file field, `{picker, pick()}`; `taken` receives the list of files. */
 export function filePicker(accept, taken, props = {}) {
   const picker = el("input", { type: "file", accept, hidden: true, ...props });
   picker.addEventListener("change", () => {
     const files = [...picker.files];
-    picker.value = ""; // the same one may be brought again
+    picker.value = ""; // The same file can be chosen again.
     taken(files);
   });
   return { picker, pick: () => picker.click() };
 }
 
-/** Put children in the place of what a node held. */
+/** Replace the children of a node. */
 export function fill(node, ...children) {
   node.replaceChildren();
   add(node, children);
@@ -62,7 +62,7 @@ export function svg(name, attributes = {}, ...children) {
 
 let fields = 0;
 
-/** Return a labelled field: `label` above, the control, its unit beside it and a hint below. */
+/** Return a labelled field: the label with the unit, the control, and a hint. */
 export function field(label, control, { unit = "", hint = "", wide = false } = {}) {
   fields += 1;
   const id = control.id || `f${fields}`;
@@ -77,6 +77,63 @@ export function field(label, control, { unit = "", hint = "", wide = false } = {
   );
 }
 
+const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
+const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 has two meanings.
+
+/** Return the number that a text contains, with a decimal point or comma; NaN if it is invalid or ambiguous. */
+export function parseNumber(text) {
+  const plain = text.trim().replace("−", "-");
+  return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
+}
+
+/** Return the numbers of a list that is separated by semicolons, blanks, or commas with a blank. */
+function parseNumbers(text) {
+  const parts = text.split(text.includes(";") ? ";" : /,?\s+/).map((part) => part.trim()).filter(Boolean);
+  return parts.length === 1 && /\d,\d/.test(parts[0]) ? [NaN] : parts.map(parseNumber); // 20,60 has two meanings.
+}
+
+/**
+ * Return the field of a number (of several with `list`): `{input, node, read(), set(value), require(reason)}`.
+ *
+ * An invalid entry marks the field, and `read` throws an error that names the field and the entry.
+ */
+export function numberField(label, unit, value, { list = false, empty = null, hint = "", ...props } = {}) {
+  const input = el("input", { type: "text", inputmode: "decimal", autocomplete: "off", class: "number", ...props });
+  let needed = "";
+  const fault = () => {
+    const text = input.value.trim();
+    if (!text) return needed;
+    const values = list ? parseNumbers(text) : [parseNumber(text)];
+    return values.some(Number.isNaN) ? `“${text}” is not a number. Enter one such as 2.5 or 2,5${list ? ", and separate several by semicolons" : ""}.` : "";
+  };
+  const mark = () => {
+    input.title = fault();
+    input.setAttribute("aria-invalid", String(Boolean(input.title)));
+  };
+  const set = (next) => {
+    input.value = list ? (next ?? []).join("; ") : next ?? "";
+    mark();
+  };
+  input.addEventListener("input", mark);
+  set(value);
+  return {
+    input,
+    node: field(label, input, { unit, hint }),
+    set,
+    read() {
+      mark();
+      if (input.title) throw new Error(`${label}: ${input.title}`);
+      if (!input.value.trim()) return empty;
+      return list ? parseNumbers(input.value) : parseNumber(input.value);
+    },
+    /** Mark the field while it is empty, with a reason; without a reason it may be empty. */
+    require(reason) {
+      needed = reason;
+      mark();
+    },
+  };
+}
+
 /** Return a drop-down list of `[value, text]` pairs (or plain texts). */
 export function select(options, chosen, props = {}) {
   const node = el("select", props);
@@ -87,7 +144,7 @@ export function select(options, chosen, props = {}) {
   return node;
 }
 
-/** Return a check box with its words behind it. */
+/** Return a check box with its label. */
 export function check(text, checked, props = {}) {
   const box = el("input", { type: "checkbox", ...props });
   box.checked = checked;
@@ -99,11 +156,11 @@ export function button(text, onclick, props = {}) {
   return el("button", { type: "button", onclick, ...props }, text);
 }
 
-const MANY = 12; // rows from which on a table scrolls in its place, and is one stop of Tab
+const MANY = 12; // Longer tables scroll and are one stop of Tab.
 
 /**
- * Make a list one stop of Tab: Left and Right go through what can be pressed in it, Up and Down through its rows.
- * Returns what is to be called when the list was drawn anew.
+ * Make a list one stop of Tab. Left and Right move through the controls of a row, Up and Down through the rows.
+ * Return the function to be called after the list was drawn again.
  */
 export function rove(place) {
   const all = () => [...place.querySelectorAll("button, a[href], input, summary")].filter((one) => !one.disabled);
@@ -159,7 +216,7 @@ export function table(columns, rows, { caption = "", label = caption || "table",
     el("table", {}, caption && el("caption", { text: caption }), el("thead", {}, head), body));
 }
 
-/** Return a box that says what to do next where there is nothing to show yet. */
+/** Return a box with the next action for a page without content. */
 export function empty(title, text, ...actions) {
   return el("div", { class: "empty" }, el("h3", { text: title }), el("p", { text }), actions.length > 0 && el("p", {}, actions));
 }
@@ -169,7 +226,7 @@ export function note(kind, ...children) {
   return el("div", { class: `notice ${kind}`, role: kind === "fault" ? "alert" : "status" }, ...children);
 }
 
-/** Return a number with `digits` significant digits, without an exponent where it can be read without one. */
+/** Return a number with `digits` significant digits, with an exponent only for very large or small values. */
 export function number(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
@@ -185,10 +242,10 @@ export function fixed(value, decimals = 1) {
   return value.toFixed(decimals).replace("-", "−");
 }
 
-/** Tell whether there is a value. */
+/** Return true if there is a value. */
 export const has = (value) => value !== null && value !== undefined;
 
-/** Return a whole number with its thousands apart. */
+/** Return a whole number with separated thousands. */
 export const counted = (count) => (count ?? 0).toLocaleString("en-GB").replaceAll(",", " ");
 
 /** Return a time in words: `4 min 10 s`. */
@@ -211,7 +268,7 @@ export function bytes(count) {
   return `${(count / 1e9).toFixed(1)} GB`;
 }
 
-/** Hand a blob to the browser's downloads. */
+/** Download a blob. */
 export function save(name, blob) {
   const address = URL.createObjectURL(blob);
   const link = el("a", { href: address, download: name });

@@ -11,8 +11,8 @@ const SAVED = {
  * Draw a damper with a design's fins into a figure.
  *
  * @param {HTMLElement} place
- * @param {object} facts of the drawing, as the server tells them, in millimetres
- * @param {{fins: number, width_m: number, thickness_m: number, pitch_m: number}} design of the sink; none: the drawing's
+ * @param {object} facts geometry from the server, in millimetres
+ * @param {{fins: number, width_m: number, thickness_m: number, pitch_m: number}} fins of the sink; missing: the sink of the geometry
  */
 export function drawDamper(place, facts, design = sinkOf(facts)) {
   const [radius, length] = [facts.outer_diameter_mm / 2, facts.length_mm];

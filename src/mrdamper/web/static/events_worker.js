@@ -1,4 +1,4 @@
-// The shared worker of a browser: holds the event streams for all tabs of one server.
+// Shared worker of a browser with the event streams for all tabs of one server.
 
 import { Streams } from "./streams.js";
 

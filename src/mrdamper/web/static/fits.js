@@ -1,4 +1,4 @@
-// The table of fits: sorted, filtered, pinned, with notes; any of them laid over each other, or taken up again.
+// Table of fits with sorting, filter, pins and notes. Fits can be overlaid, compared, and repeated.
 
 import { cardFile, deleteCard, putCard, putNote } from "./api.js";
 import { addressed, button, check, el, field, filePicker, fill, fixed, number, opening, table } from "./dom.js";
@@ -6,7 +6,7 @@ import { removal } from "./parts.js";
 
 const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
-/** Return a card's name as a folder may have it. */
+/** Return a card name that is valid as the name of a folder. */
 export const cardName = (text) => text.replace(NAME, "-");
 
 const COLUMNS = [
@@ -14,7 +14,7 @@ const COLUMNS = [
   { key: "law", title: "law", value: (card) => card.law ?? "" },
   { key: "runs", title: "runs", number: true, value: (card) => card.runs },
   { key: "cost", title: "cost", unit: "%", number: true, value: (card) => card.cost_percent, decimals: 2 },
-  { key: "converged", title: "converged", value: (card) => (card.converged == null ? "" : card.converged ? "yes" : "no") },
+  { key: "converged", title: "converged", value: (card) => (card.cancelled ? "cancelled" : card.converged == null ? "" : card.converged ? "yes" : "no") },
   { key: "held", title: "held out", unit: "%, median", number: true, value: (card) => card.held_out_percent, decimals: 2 },
   { key: "command", title: "command", value: (card) => range(card.envelope?.command, card.command_unit) },
   { key: "temperature", title: "temperature", value: (card) => range(card.envelope?.temperature_degC, "°C") },
@@ -63,7 +63,7 @@ export function fitTable(app, heard) {
     window.location.hash = `#/loops?${wanted}`;
   }
 
-  /** Return the fits that are looked for, in order, pinned ones first. */
+  /** Return the matching fits in order, pinned fits first. */
   function found() {
     const down = state.sort.startsWith("-");
     const column = COLUMNS.find(({ key }) => key === state.sort.replace("-", "")) ?? COLUMNS[0];
@@ -89,7 +89,8 @@ export function fitTable(app, heard) {
   const jobOf = (card) => app.state.jobs.find((job) => job.kind === "fit" && job.options.card === card.name) ?? null;
   const cellOf = (column) => (card) => {
     const value = column.value(card);
-    return column.number ? (column.decimals ? fixed(value, column.decimals) : value) : value;
+    if (column.key === "converged" && ["cancelled", "no"].includes(value)) return el("span", { class: "tag warning", text: value === "no" ? "not converged" : value });
+    return column.number && column.decimals ? fixed(value, column.decimals) : value;
   };
 
   function tick(card) {

@@ -1,54 +1,72 @@
-// Forms of jobs, drawn from what the registry declares of each field (/api/forms): no option is declared here.
+// Forms of jobs, built from the declared fields (/api/forms). No option is declared here.
 
 import { putInput } from "./api.js";
-import { button, check, el, field as labelled, filePicker, fill, rove, select } from "./dom.js";
+import { button, check, el, field as labelled, filePicker, fill, numberField, rove, select } from "./dom.js";
 
 const MORE = "More";
-const FOLDED = 2; // fewer seldom changed fields are not worth a fold
-const FEW = 6; // boxes that stand side by side
+const FOLDED = 2; // More rarely changed fields than this are folded.
+const FEW = 6; // More boxes than this are in a scrolled list.
+const SHARED = ["drawing", "duty", "controller"]; // Choices that all pages share.
 
 /**
  * Return the form of a kind of job.
  *
  * @param {object} app
  * @param {string} kind
- * @param {{given?: object, offered?: object, unit?: string, changed?: () => void, slots?: object}} how
- *   given: fields that the page knows itself; offered: names by what a field offers (`runs`); slots: controls of the
- *   page's own `{node, read, set}`, by what the field asks for (`duty`); changed: called when a field was changed
+ * @param {{given?: object, offered?: object, only?: object, changed?: () => void, slots?: object}} how
+ *   given: values that the page sets; offered: names by kind of offer (`runs`); only: the choices that a field keeps;
+ *   slots: controls of the page `{node, read, set}` by kind of field (`duty`); changed: called after a field was changed
  */
-export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, changed = null } = {}) {
+export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots = {}, changed = null } = {}) {
   const controls = new Map();
-  const fields = app.forms[kind];
+  const fields = app.forms[kind].map((one) => (one.name in only ? narrowed(one, only[one.name]) : one));
   const folds = fields.filter((one) => one.group === MORE).length > FOLDED;
   for (const one of fields.map((each) => (folds || each.group !== MORE ? each : { ...each, group: "" }))) {
     if (one.name in given) continue;
     const made = slots[one.word] ?? controlOf(app, one, `${kind}-${one.name.replaceAll("_", "-")}`, offered);
     if (one.help) made.node.title ||= one.help;
+    const shared = SHARED.find((choice) => [one.word, one.name].includes(choice));
     made.node.addEventListener("input", () => {
       changed?.(one.name);
-      app.keepField(kind, one.name, made.read());
+      try {
+        const value = made.read();
+        app.keepField(kind, one.name, value);
+        if (shared && value) app.choose(shared, value);
+      } catch {
+        // An invalid entry is marked in its field and is not stored.
+      }
     });
-    controls.set(one.name, { ...made, one });
+    controls.set(one.name, { ...made, one, shared, initial: shared && made.read() });
   }
   const under = (group) => [...controls.values()].filter(({ one }) => one.group === group).map(({ node }) => node);
   const groups = [...new Set([...controls.values()].map(({ one }) => one.group))].filter((group) => group !== MORE);
 
   const form = {
-    /** Return what was asked for, with what the page gives. */
+    /** Return the options of the form and the values that the page sets; throw an error for an invalid entry. */
     read: () => ({ ...Object.fromEntries([...controls].map(([name, control]) => [name, control.read()])), ...given }),
 
-    /** Show other values; names that the form does not have are left alone. */
+    /** Show other values; names without a field are ignored. */
     set(values) {
       for (const [name, value] of Object.entries(values ?? {})) controls.get(name)?.set(value);
     },
 
-    /** Set a field as if it had been changed by hand. */
+    /** Take over the choices that were made on any page; a choice that this form alone has made is shared. */
+    share() {
+      for (const { shared, initial, set, read, has } of controls.values()) {
+        if (!shared) continue;
+        const choice = app.chosen(shared);
+        if (choice && (has?.(choice) ?? true)) set(choice);
+        else if (!choice && read() !== initial) app.choose(shared, read());
+      }
+    },
+
+    /** Set a field like a change by the user. */
     async restore(name, value) {
       controls.get(name)?.set(value);
       if (controls.has(name)) await changed?.(name);
     },
 
-    /** Take what a drawing says; what leaves a part away is off where the drawing has none. */
+    /** Show the values of a geometry; options of missing parts are disabled. */
     follow(facts) {
       this.set(Object.fromEntries(Object.entries(facts).filter(([, value]) => typeof value !== "object")));
       for (const { one, input, set } of controls.values()) {
@@ -58,41 +76,50 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
       }
     },
 
-    /** Return a field's control: `{node, read(), set(value), input}`. */
+    /** Return the control of a field: `{node, read(), set(value), input}`. */
     control: (name) => controls.get(name),
 
-    /** Offer what has come into the folder. */
+    /** Offer new items of the folder. */
     draw() {
       for (const control of controls.values()) control.draw?.();
     },
 
-    /** Offer other names for what fields offer. */
+    /** Replace the names of an offer. */
     offer(what, names) {
       offered[what] = names;
       for (const control of controls.values()) if (control.one.offers === what) control.offer(names);
     },
 
-    /** Return the fields of a group, or of all but those behind "More". */
+    /** Return the fields of a group, or of all groups except "More". */
     nodes: (group = null) =>
       (group === null ? groups : [group]).map((each) => [
         each && each !== MORE && el("h3", { class: "gap", text: each }),
         el("div", { class: "fields gap" }, under(each)),
       ]),
 
-    /** Return the fields that are seldom changed, folded. */
+    /** Return the rarely changed fields in a fold. */
     more: (title = MORE, props = {}, ...first) =>
       under(MORE).length > 0 && el("details", props, el("summary", { text: title }), el("div", { class: "fields" }, first, under(MORE))),
 
-    /** Return all of it as a panel with a button. */
+    /** Return the form as a panel with a button. */
     panel(label, start, ...first) {
       return el("form", { class: "panel", "aria-label": label, onsubmit: (event) => event.preventDefault() }, first, this.nodes(), this.more(), el("div", { class: "actions" }, start));
     },
   };
+  form.share();
   app.remember(kind, form);
   return form;
 }
 
-/** Return the control of a field: its node, and what reads and sets it. */
+/** Return a field that offers only some of its choices: nothing else is preset or sent. */
+function narrowed(one, names) {
+  const choices = one.choices.filter(([value]) => names.includes(value));
+  const begins = [one.begins].flat().filter((value) => names.includes(value));
+  const first = begins.length ? begins : names.slice(0, 1);
+  return { ...one, choices, ...(one.many ? { begins: first, default: names } : { begins: first[0], default: first[0] }) };
+}
+
+/** Return the control of a field: its node, and functions that read and set it. */
 function controlOf(app, one, id, offered) {
   if (one.word === "duty") return dutyControl(app, one, id);
   if (one.slider) return sliderControl(one, id);
@@ -103,13 +130,14 @@ function controlOf(app, one, id, offered) {
 }
 
 function textControl(one, id) {
-  const numeric = one.type !== "text";
-  const bounds = numeric ? { type: "number", min: one.least, max: one.most, step: one.type === "whole" ? 1 : "any", inputmode: "decimal" } : { type: "text", maxlength: 160 };
-  const input = el("input", { ...bounds, id, value: one.begins ?? "", placeholder: one.none });
+  if (one.type !== "text") {
+    return numberField(one.label, one.unit, one.begins, { empty: one.default, id, placeholder: one.none });
+  }
+  const input = el("input", { type: "text", maxlength: 160, id, value: one.begins ?? "", placeholder: one.none });
   return {
-    node: labelled(one.label, input, { unit: one.unit, wide: !numeric }),
+    node: labelled(one.label, input, { unit: one.unit, wide: true }),
     input,
-    read: () => (input.value.trim() === "" ? one.default : numeric ? Number(input.value) : input.value.trim()),
+    read: () => input.value.trim() || one.default,
     set: (value) => (input.value = value ?? ""),
   };
 }
@@ -125,13 +153,14 @@ function sliderControl(one, id) {
   return slider(one.label, one.unit, one.begins ?? min, { min, max, step, decimals: step < 1 ? 1 : 0, id });
 }
 
-/** Return a slider with its value beside the label; `told` is called while it moves. */
+/** Return a slider with its label and value; `told` is called while it moves. */
 export function slider(label, unit, value, { min, max, step, decimals = 0, id = null }, told = () => {}) {
   const input = el("input", { type: "range", min, max, step, id: id ?? `s-${label.replaceAll(" ", "-").toLowerCase()}` });
-  input.value = value; // after its bounds, or it is clipped to the usual ones
+  input.value = value; // The bounds must be set first, because the browser clips the value.
   const output = el("output", { for: input.id });
   const say = () => {
-    output.textContent = `${Number(input.value).toFixed(decimals).replace("-", "−")} ${unit}`;
+    const shown = Number(input.value).toFixed(decimals);
+    output.textContent = `${(Number(shown) === Number(input.value) ? shown : input.value).replace("-", "−")} ${unit}`;
     input.setAttribute("aria-valuetext", output.textContent);
   };
   input.addEventListener("input", () => {
@@ -145,13 +174,15 @@ export function slider(label, unit, value, { min, max, step, decimals = 0, id = 
     read: () => Number(input.value),
     set(next) {
       if (next === null || next === undefined) return;
+      Object.assign(input, { min: Math.min(min, next), max: Math.max(max, next), step }); // A value is never clipped or rounded.
       input.value = next;
+      if (Number(input.value) !== Number(next)) Object.assign(input, { step: "any", value: next });
       say();
     },
   };
 }
 
-/** Return the things of the folder that a field may name, as `[value, text]` pairs. */
+/** Return the items of the folder that a field offers, as `[value, text]` pairs. */
 function thingsFor(app, one) {
   const { state } = app;
   const found = {
@@ -167,7 +198,7 @@ function thingsFor(app, one) {
 /** Return cards that can be read. */
 export const cardsOf = (app) => app.state.cards.filter((card) => !card.error);
 
-/** Return the names of inputs of a suffix, those that are or may be of one of some kinds. */
+/** Return the names of inputs with a suffix and one of some kinds; inputs of unknown kind are included. */
 export const inputsOf = (app, suffix, kinds) =>
   app.state.inputs.filter((input) => input.name.endsWith(suffix) && (!kinds.length || !input.kind || kinds.includes(input.kind))).map((input) => input.name);
 
@@ -176,13 +207,10 @@ function choiceControl(app, one, id) {
   const list = select([], "", { id });
   const draw = (chosen) => {
     const named = new Map([...(optional ? [["", one.required ? `choose a ${one.word}` : one.none || "none"]] : []), ...one.choices, ...thingsFor(app, one)]);
-    if (chosen && !named.has(chosen)) named.set(chosen, `${chosen}, which is gone`);
+    if (chosen && !named.has(chosen)) named.set(chosen, `${chosen} (deleted)`);
     fill(list, [...named].map(([value, text]) => el("option", { value, text, selected: value === (chosen ?? "") })));
   };
-  const kept = one.word === "drawing" ? app.chosen("drawing") : null; // one damper is drawn once for all steps
-  const known = thingsFor(app, one).concat(one.choices).some(([name]) => name === kept);
-  draw((known ? kept : null) ?? one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
-  if (one.word === "drawing") list.addEventListener("input", () => app.choose("drawing", list.value));
+  draw(one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
   const take = (name) => {
     draw(name);
     list.dispatchEvent(new Event("input", { bubbles: true }));
@@ -190,21 +218,24 @@ function choiceControl(app, one, id) {
   const brings = one.places.includes("inputs");
   return {
     node: el("div", { class: "wide" }, labelled(one.label, list), brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, take),
-      one.word === "drawing" && el("p", { class: "small" }, el("a", { href: "#/drawing", text: "Draw your own damper" }))),
+      one.word === "drawing" && el("p", { class: "small" }, el("a", { href: "#/drawing", text: "Enter your own geometry" }))),
     input: list,
     read: () => list.value || null,
     set: draw,
+    has: (value) => thingsFor(app, one).concat(one.choices).some(([name]) => name === value),
     draw: () => draw(list.value),
   };
 }
 
-/** Return boxes to tick, and a line for what has no box. */
+/** Return check boxes, and a text field for other values. */
 function severalControl(app, one, id, offered) {
   const boxes = new Map();
   const picks = el("div", { class: "picks" });
   const settle = rove(picks);
   const numeric = one.type !== "text";
-  const line = el("input", { type: "text", id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label });
+  const props = { id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label };
+  const numbers = numeric && numberField(one.label, "", [], { ...props, list: true, empty: [] });
+  const line = numbers ? numbers.input : el("input", { type: "text", ...props });
   const add = (value, text, on) => {
     if (!boxes.has(value)) boxes.set(value, check(text, on));
     boxes.get(value).box.checked = on;
@@ -227,7 +258,8 @@ function severalControl(app, one, id, offered) {
       if (boxes.has(value)) boxes.get(value).box.checked = true;
       else if (one.free) rest.push(value);
     }
-    line.value = rest.join(", ");
+    if (numbers) numbers.set(rest);
+    else line.value = rest.join(", ");
   };
   offer(offered[one.offers] ?? []);
   set(one.begins ?? (one.required ? [...boxes.keys()] : []));
@@ -235,11 +267,11 @@ function severalControl(app, one, id, offered) {
     add(name, name, true);
     draw();
   };
-  const typed = () => line.value.split(numeric ? /[,;\s]+/ : /[,;]+/).map((each) => each.trim()).filter(Boolean);
+  const typed = () => (numbers ? numbers.read() : line.value.split(/[,;]+/).map((text) => text.trim()).filter(Boolean));
   const brings = one.places.includes("inputs");
   return {
     node: el("div", { class: "wide", role: "group", "aria-label": one.label },
-      one.label !== one.group && el("span", { class: "small", text: `${one.label}${one.unit ? `, ${one.unit}` : ""}${one.none && !one.free ? `; none ticked: ${one.none}` : ""}` }),
+      one.label !== one.group && el("span", { class: "small", text: `${one.label}${one.unit ? `, ${one.unit}` : ""}${one.none && !one.free ? `; without a choice: ${one.none}` : ""}` }),
       picks, one.free && line, brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, brought)),
     input: line,
     draw() {
@@ -255,7 +287,7 @@ function severalControl(app, one, id, offered) {
   };
 }
 
-/** Return a name as a pattern that nothing else matches. */
+/** Return a pattern that matches a name literally. */
 export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 /** Return the choice of one file of runs, or all. */
@@ -264,26 +296,36 @@ function filesControl(app, one, id) {
   return { node: labelled(one.label, list), input: list, read: () => (list.value ? [list.value] : null), set: (names) => (list.value = names?.length === 1 ? names[0] : "") };
 }
 
-const SINE = /^sine:([\d.]+)mm:([\d.]+)Hz:([\d.]+)([AV]):([\d.]+)s$/;
+const SINE = /^sine:([-+\d.e]+)mm:([-+\d.e]+)Hz:([-+\d.e]+)([AV]):([-+\d.e]+)s$/;
 
-/** Return a sine's numbers, `{amplitude_mm, frequency_Hz, command, unit, duration_s}`, of a duty in words; else null. */
+/** Return the values of a sine text, `{amplitude_mm, frequency_Hz, command, unit, duration_s}`; null for another text. */
 export function sineOf(text) {
   const found = SINE.exec(text ?? "");
   return found && { amplitude_mm: Number(found[1]), frequency_Hz: Number(found[2]), command: Number(found[3]), unit: found[4], duration_s: Number(found[5]) };
 }
 
-/** Return a sine's numbers as a duty in words. */
-export const dutyText = ({ amplitude_mm, frequency_Hz, command, unit, duration_s }) => `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${Math.round(duration_s)}s`;
+/** Return the text of a sine as a load cycle. */
+export const dutyText = ({ amplitude_mm, frequency_Hz, command, unit, duration_s }) => `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${duration_s}s`;
 
-/** Return the choice of a table of a duty. */
+/** Return the choice of a table with a load cycle. */
 export const tableChoice = (app, label, none, id) =>
   choiceControl(app, { label, none, default: null, choices: [], places: ["inputs"], files: ".csv", looks: ["duty"], word: "table" }, id);
 
-/** Return the choice of a duty: a sine, or a table; the sine's command has the unit of the card in use. */
+/** Return the sine that a load cycle begins with: inside the range of the card in use, in its unit. */
+export function firstSine(app, text) {
+  const { command_unit: unit = "A", envelope } = app.state.cards.find((card) => card.name === app.chosen("card")) ?? {};
+  const sine = { ...sineOf(text), unit };
+  const stroke = Math.max(...(envelope?.displacement_mm ?? [Infinity]).map(Math.abs));
+  sine.command = Math.min(sine.command, envelope?.command?.[1] ?? sine.command);
+  sine.amplitude_mm = Math.min(sine.amplitude_mm, Math.max(1, Math.floor(stroke)));
+  const speed = Math.max(...(envelope?.velocity_mm_s ?? [Infinity]).map(Math.abs));
+  sine.frequency_Hz = Math.min(sine.frequency_Hz, Math.max(0.1, Math.floor((10 * speed) / (2 * Math.PI * sine.amplitude_mm)) / 10));
+  return sine;
+}
+
+/** Return the choice of a load cycle: a sine, or a table; the command of the sine has the unit of the card in use. */
 function dutyControl(app, one, id) {
-  const about = app.state.cards.find((card) => card.name === app.chosen("card"));
-  const usual = { ...sineOf(one.default), unit: about?.command_unit ?? "A" };
-  usual.command = Math.min(usual.command, about?.envelope?.command?.[1] ?? usual.command);
+  const usual = firstSine(app, one.default);
   const table = tableChoice(app, "Motion", "a sine", id);
   const numbers = [["amplitude_mm", "Amplitude", "mm"], ["frequency_Hz", "Frequency", "Hz"], ["command", usual.unit === "V" ? "Voltage" : "Current", usual.unit], ["duration_s", "Duration", "s"]]
     .map(([name, label, unit]) => [name, textControl({ label, unit, type: "number", least: 0, most: null, begins: usual[name], none: "", default: usual[name] }, `${id}-${name}`)]);
@@ -297,12 +339,12 @@ function dutyControl(app, one, id) {
       const sine = sineOf(text);
       table.set(sine ? null : text);
       fields.hidden = !sine;
-      for (const [name, control] of numbers) if (sine) control.set(sine[name]);
+      for (const [name, control] of numbers) if (sine && (name !== "command" || sine.unit === usual.unit)) control.set(sine[name]);
     },
   };
 }
 
-/** Return a button that brings an input (a drawing, a table) into the folder. */
+/** Return a button that uploads an input (a geometry, a table). */
 export function inputPicker(app, label, accept, brought) {
   const { picker, pick } = filePicker(accept, ([file]) =>
     app.attempt(async () => {

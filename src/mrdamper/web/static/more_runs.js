@@ -1,11 +1,11 @@
-// Beside the files on the page Runs: public data to begin with, and a check of all runs without a fit.
+// Parts of the page Runs: public data, and a check of all runs without a fit.
 
 import { getData } from "./api.js";
 import { button, el, fill, note, table } from "./dom.js";
 import { askOnce, filesOf, findingTable, JobPanel, notes } from "./parts.js";
 import { firstScreen } from "./shown.js";
 
-/** Return the list of public data with a button each to fetch it: `{node, close()}`. */
+/** Return the list of public data sets with buttons that fetch them: `{node, close()}`. */
 export function publicData(app) {
   const list = el("div");
   const made = el("div");
@@ -58,6 +58,6 @@ export function checkAll(app) {
     begun: () => fill(found),
     busy: (on) => (start.disabled = on),
   });
-  const node = el("section", { id: "check" }, el("h2", { text: "Check" }), el("p", { class: "small", text: "Tells what is wrong with each run and between runs, without a fit, as a report to keep." }), el("div", { class: "actions" }, start), panel.node, found);
+  const node = el("section", { id: "check" }, el("h2", { text: "Check" }), el("p", { class: "small", text: "Checks each run and compares the runs, without a fit. The result is a report." }), el("div", { class: "actions" }, start), panel.node, found);
   return { node, panel, close: () => panel.close() };
 }

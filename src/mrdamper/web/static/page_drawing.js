@@ -1,4 +1,4 @@
-// Drawing: the damper's own geometry in a form, its section beside it; a TOML file that every later step takes.
+// Drawing: form of the geometry with its section. The geometry is a TOML file for all later steps.
 
 import { drawDamperOf, getDamper } from "./api.js";
 import { button, check, el, field, fill, note, select } from "./dom.js";
@@ -7,14 +7,15 @@ import { inputPicker, inputsOf, jobForm } from "./forms.js";
 import { heading } from "./parts.js";
 
 const WAIT_MS = 200;
-const FOLDED = ["seals", "sink", "calibration", "manufacture"]; // may be left out
+const FOLDED = ["seals", "sink", "calibration", "manufacture"]; // Optional tables.
+const GEOMETRY = ["body", "piston", "rod", "coil", "fluid", "seals"]; // The calibration holds for these tables.
 const TITLES = { sink: "Heat sink", manufacture: "What can be made" };
 
 export async function show(place, app, query) {
   const names = [...app.state.choices.dampers, ...inputsOf(app, ".toml", ["drawing"])];
   const base = [query.get("drawing"), app.chosen("drawing")].find((name) => names.includes(name)) ?? names[0];
   const kinds = Object.keys(app.forms).filter((name) => name.startsWith("drawing-")).map((name) => name.slice("drawing-".length));
-  const tables = new Map(kinds.map((kind) => [kind, jobForm(app, `drawing-${kind}`, { changed: () => later() })]));
+  const tables = new Map(kinds.map((kind) => [kind, jobForm(app, `drawing-${kind}`, { changed: () => later(GEOMETRY.includes(kind)) })]));
   const drawn = el("figure", { class: "plot", id: "section" });
   const wrong = el("div", { "aria-live": "polite" });
   const name = el("input", { type: "text", maxlength: 60, id: "drawing-name" });
@@ -22,10 +23,12 @@ export async function show(place, app, query) {
   const from = select(names, base, { id: "drawing-base" });
   const save = button("Save and use it", keep, { class: "main", id: "save-drawing" });
   const edge = { id: "drawing-form", class: "panel", "aria-label": "Geometry of the damper", onsubmit: (event) => event.preventDefault() };
+  const dropped = el("div", { "aria-live": "polite" });
   let timer = null;
+  let calibrated = null; // Tables of the base until a dimension is changed.
   let asked = new AbortController();
 
-  /** Return the tables that were filled in; one without any entry of its own is left out. */
+  /** Return the tables with entries. */
   function read() {
     const found = [...tables].map(([kind, form]) => [kind, Object.fromEntries(Object.entries(form.read()).filter(([, value]) => value !== null))]);
     return Object.fromEntries(found.filter(([kind, table]) => (kind === "sink" ? table.fins > 0 : Object.keys(table).length)));
@@ -45,13 +48,25 @@ export async function show(place, app, query) {
     }
   }
 
-  function later() {
+  function later(geometry) {
+    if (geometry) dropCalibration();
     clearTimeout(timer);
     timer = setTimeout(draw, WAIT_MS);
   }
 
+  /** Clear the calibration factors of the base geometry once. Later entries of the user stay. */
+  function dropCalibration() {
+    const { calibration, sink } = calibrated ?? {};
+    calibrated = null;
+    if (!calibration && (sink?.film_multiplier ?? 1) === 1) return;
+    tables.get("calibration").set(Object.fromEntries(app.forms["drawing-calibration"].map((one) => [one.name, one.begins])));
+    tables.get("sink").set({ film_multiplier: null });
+    fill(dropped, note("info", `The calibration factors of ${base} were removed, because they hold for its geometry only.`));
+  }
+
   async function begin() {
     const found = await getDamper(base);
+    calibrated = found.tables;
     for (const [kind, form] of tables) {
       const nothing = Object.fromEntries(app.forms[`drawing-${kind}`].map((one) => [one.name, one.begins]));
       form.set({ ...nothing, ...found.tables[kind] });
@@ -66,8 +81,8 @@ export async function show(place, app, query) {
       const kept = await drawDamperOf(base, { name: name.value.trim(), replace: over.box.checked, tables: read() });
       await app.refresh();
       app.choose("drawing", kept.name);
-      app.toast("good", `${kept.name} lies with the inputs and is the drawing of all steps now.`);
-      app.go("heating", { drawing: kept.name });
+      app.toast("good", `${kept.name} is saved with the inputs. All pages use it now.`);
+      app.go("heating");
     });
   }
 
@@ -75,7 +90,7 @@ export async function show(place, app, query) {
   const titled = (kind) => TITLES[kind] ?? `${kind[0].toUpperCase()}${kind.slice(1)}`;
   fill(
     place,
-    heading("Drawing", "Your damper as far as heat sees it. What is left empty has the value that stands in it, or its usual one."),
+    heading("Drawing", "Geometry of your damper for the heating model. An empty field has the displayed or the default value."),
     el("div", { class: "split wide-form" },
       el("form", edge,
         field("Begin with", from), inputPicker(app, "Bring a drawing (TOML)", ".toml", (file) => app.go("drawing", { drawing: file })),
@@ -84,7 +99,7 @@ export async function show(place, app, query) {
           : [el("h3", { class: "gap", text: titled(kind) }), form.nodes()])),
         el("div", { class: "fields gap" }, field("Name of the drawing", name, { wide: true })), over.node,
         el("div", { class: "actions" }, save)),
-      el("div", { class: "stays" }, drawn, wrong)),
+      el("div", { class: "stays" }, drawn, dropped, wrong)),
   );
   await app.attempt(begin);
   return {

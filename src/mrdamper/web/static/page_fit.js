@@ -1,4 +1,4 @@
-// Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
+// Fit: choice of the law and of held-out runs, progress of the fit, errors by run, and parameters with uncertainty.
 
 import { cardFile, getJob, getRuns, jobFile } from "./api.js";
 import { addressed, button, el, empty, fill, note, number, opening } from "./dom.js";
@@ -8,25 +8,27 @@ import { cardInUse, heading, JobPanel } from "./parts.js";
 import { Plot } from "./plot.js";
 import { runChoice } from "./run_choice.js";
 import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
+import { motionOf } from "./run_marks.js";
 import { CHOSEN, LinkedView } from "./view.js";
 
-const FIRST_RUNS = 3; // of a fit, in its view
+const FIRST_RUNS = 3; // Number of runs that the view of a fit shows first.
 
 export async function show(place, app, query) {
   const { runs: all, reading } = await getRuns();
   const runs = all.filter((run) => !run.error);
   const result = el("div");
-  const tables = el("div"); // below, where there is room for them
+  const tables = el("div"); // Tables need the full width.
   const cards = el("div");
   const predicted = el("div");
   const cost = new Plot({ title: "Cost while fitting", x: "evaluation, steps", y: "error, % of spread", name: "cost", height: 220 });
   const costBox = el("div", { hidden: true }, cost.node);
   const course = { all: [], best: [] };
 
-  // ------------------------------------------------------------------------------------ what is asked for
+  // ------------------------------------------------------------------------------------ options
   const units = unitsOf(runs);
   const names = () => choice.runs().map((run) => run.name);
-  const choice = runChoice(runs, () => {
+  const choice = runChoice(runs, (byHand) => {
+    if (byHand) app.choose("runs", JSON.stringify(choice.read()));
     form.offer("runs", names());
     start.disabled = !names().length;
   });
@@ -34,8 +36,18 @@ export async function show(place, app, query) {
   form.set({ card: freeName(app) });
   const start = button("Identify", begin, { class: "main", id: "start-fit", disabled: !runs.length });
 
+  const asked = {
+    set(options) {
+      form.set(options);
+      choice.take(options);
+    },
+    share() {
+      const kept = app.chosen("runs");
+      if (kept) choice.take(JSON.parse(kept));
+    },
+  };
   const panel = new JobPanel(app, "fit", {
-    form,
+    form: asked,
     begun: () => {
       course.all.length = 0;
       course.best.length = 0;
@@ -74,13 +86,15 @@ export async function show(place, app, query) {
   }
 
   async function begin() {
-    const asked = form.read();
-    const card = cardName(asked.card ?? "damper");
-    app.choose("card", card);
-    await panel.start({ ...asked, card, ...choice.read() });
+    await panel.start(() => {
+      const options = form.read();
+      const card = cardName(options.card ?? "damper");
+      app.choose("card", card);
+      return { ...options, card, ...choice.read() };
+    });
   }
 
-  // ---------------------------------------------------------------------------------------- what was found
+  // ---------------------------------------------------------------------------------------- result
   function drawResult(job) {
     const { answer } = job;
     const card = job.options.card;
@@ -97,7 +111,7 @@ export async function show(place, app, query) {
         button("Draw the damper", () => app.go("drawing")),
         button("How hot does it get?", () => app.go("heating", { card })),
       ),
-      el("h3", { class: "gap", text: "What to know before using the numbers" }),
+      el("h3", { class: "gap", text: "Notes" }),
       notesOf(job),
       el("p", { class: "small", text: `The fit took ${number(answer.cpu_s)} s of CPU.` }),
     );
@@ -110,13 +124,13 @@ export async function show(place, app, query) {
     );
   }
 
-  /** Return the address of a run's loops with a card. */
+  /** Return the address of the loops of a run with a card. */
   const addressOf = (card) => (run) => `#/loops?${new URLSearchParams({ run, card })}`;
 
   let view = null;
-  let named = query.get("job"); // the fit whose choice of runs and cards stands in the address
+  let named = query.get("job"); // Fit whose runs and cards are in the address.
 
-  /** Return the linked view of a fit, at first with the runs that it models worst, held-out ones before others. */
+  /** Return the linked view of a fit. First it shows the worst runs of one motion, held-out runs before others. */
   function drawView(job) {
     const { answer, options } = job;
     const kept = addressed();
@@ -129,8 +143,9 @@ export async function show(place, app, query) {
     const worst = [...answer.runs].sort((a, b) => (b.split === "held_out") - (a.split === "held_out") || b.nrmse_percent - a.nrmse_percent);
     const found = worst.flatMap(({ name }) => runs.find((run) => run.name === name) ?? []);
     view?.close();
-    view = new LinkedView(app, found, { runs: found.slice(0, FIRST_RUNS), cards: [options.card] });
-    return el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "What is drawn" }, view.aside), view.node);
+    const motion = found.filter((run) => motionOf(run) === motionOf(found[0]));
+    view = new LinkedView(app, found, { runs: motion.slice(0, FIRST_RUNS), cards: [options.card] });
+    return el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "Drawn runs and cards" }, view.aside), view.node);
   }
 
   // ------------------------------------------------------------------------------------------ cards kept
@@ -147,7 +162,7 @@ export async function show(place, app, query) {
   });
   const compared = el("div");
 
-  /** Return the files that a card can be tried on; null: all. */
+  /** Return the files on which a card can be evaluated; null: all. */
   function filesFor(card) {
     const unit = app.state.cards.find((one) => one.name === card)?.command_unit;
     return units.length > 1 && units.includes(unit) ? filesIn(runs, unit) : null;
@@ -155,11 +170,10 @@ export async function show(place, app, query) {
 
   const fits = fitTable(app, {
     async again(card, job) {
-      const { options } = await getJob(job.id); // with the names of its files
-      choice.take(options);
-      form.set({ ...options, card: freeName(app), replace: false });
+      const { options } = await getJob(job.id); // The single record contains the file names.
+      asked.set({ ...options, card: freeName(app), replace: false });
       place.scrollIntoView();
-      app.toast("info", `The form says what was asked for ${card.name}.`);
+      app.toast("info", `The form shows the options of ${card.name}.`);
     },
     compare: (first, second) => comparison.start({ first, second }),
   });
@@ -172,10 +186,10 @@ export async function show(place, app, query) {
     }
     const trial = jobForm(app, "evaluate");
     trial.set({ card: cardInUse(app, query.get("card")) });
-    const tried = () => {
-      const asked = trial.read();
-      return prediction.start({ ...asked, files: asked.files ?? filesFor(asked.card) });
-    };
+    const tried = () => prediction.start(() => {
+      const options = trial.read();
+      return { ...options, files: options.files ?? filesFor(options.card) };
+    });
     fill(
       cards,
       el("h3", { class: "gap", text: "Predict: how a card does on runs" }),
@@ -184,12 +198,12 @@ export async function show(place, app, query) {
   }
 
   const hint = runs.length
-    ? empty("No fit yet", `${runs.length} runs are ready. Keep the usual law, hold out a run or two, and press Identify: it takes seconds to a minute. You may leave this page meanwhile.`)
+    ? empty("No fit yet", `${runs.length} runs are ready. Keep the default law, hold out one or two runs, and press Identify. The fit takes seconds to a minute. You can leave this page during the fit.`)
     : empty("No runs to fit", reading ? "Files are still being read; come back in a moment." : "A model is identified from runs. Add files first, and map their channels if they are not understood.", button("Go to Runs", () => app.go("runs"), { class: "main" }));
   fill(result, hint);
   fill(
     place,
-    heading("Fit", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
+    heading("Fit", "One law for all currents and temperatures. The result is a card, which heating, heat sink, tracking and export use."),
     el("div", { class: "split" }, form.panel("What to fit", start, choice.node), el("div", {}, panel.node, costBox, result)),
     fits.node,
     comparison.node,
@@ -212,7 +226,10 @@ export async function show(place, app, query) {
     address: (next) => (view && next.get("job") === panel.job?.id ? view.read(next) : app.again()),
     changed: (what) => {
       if (!runs.length && what.includes("files")) app.again();
-      else if (what.includes("cards")) drawCards();
+      else if (what.includes("cards")) {
+        drawCards();
+        view?.drawChoice();
+      }
     },
     close() {
       for (const each of [panel, prediction, comparison, cost, view]) each?.close();
@@ -220,7 +237,7 @@ export async function show(place, app, query) {
   };
 }
 
-/** Return the units of the runs' commands, that of most runs first. */
+/** Return the command units of the runs, the most frequent unit first. */
 function unitsOf(runs) {
   const found = [...new Set(runs.map((run) => run.command_unit).filter(Boolean))];
   const count = (unit) => runs.filter((run) => run.command_unit === unit).length;

@@ -1,8 +1,8 @@
-// Heating: temperatures while sliders move, the time to the fluid's limit, and the full study as a job.
+// Heating: temperatures for the sliders, time to the limit of the fluid, and the full study as a job.
 
 import { getDamper, heatCurve, jobFile } from "./api.js";
 import { button, duration, el, fill, fixed, note, number } from "./dom.js";
-import { dutyText, jobForm, sineOf, slider, tableChoice } from "./forms.js";
+import { dutyText, firstSine, jobForm, sineOf, slider, tableChoice } from "./forms.js";
 import { cardPage, filesOf, heading, JobPanel, keepInput, notes, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
@@ -14,11 +14,12 @@ export async function show(place, app, query) {
   const highest = about.envelope?.command?.[1] ?? 2;
   let limit = null;
 
+  const first = firstSine(app, "sine:15mm:1Hz:2A:1800s");
   const share = slider("Duty", "%", 100, { min: 5, max: 100, step: 5 });
   const sine = {
-    command: slider(unit === "V" ? "Voltage" : "Current", unit, Math.min(2, highest), { min: 0, max: Math.max(highest, 0.1), step: 0.05, decimals: 2 }),
-    amplitude_mm: slider("Amplitude", "mm", 15, { min: 1, max: 50, step: 1 }),
-    frequency_Hz: slider("Frequency", "Hz", 1, { min: 0.1, max: 5, step: 0.1, decimals: 1 }),
+    command: slider(unit === "V" ? "Voltage" : "Current", unit, first.command, { min: 0, max: Math.max(highest, 0.1), step: 0.05, decimals: 2 }),
+    amplitude_mm: slider("Amplitude", "mm", first.amplitude_mm, { min: 1, max: 50, step: 1 }),
+    frequency_Hz: slider("Frequency", "Hz", first.frequency_Hz, { min: 0.1, max: 5, step: 0.1, decimals: 1 }),
   };
   const time = slider("Duration", "min", 30, { min: 5, max: 240, step: 5 });
   const motion = () => ({ ...Object.fromEntries(Object.entries(sine).map(([name, one]) => [name, one.read()])), duration_s: 60 * time.read() });
@@ -29,23 +30,24 @@ export async function show(place, app, query) {
     set(text) {
       const found = sineOf(text);
       tabled.set(found ? null : text);
-      for (const [name, one] of Object.entries(sine)) if (found) one.set(found[name]);
+      for (const [name, one] of Object.entries(sine)) if (found && (name !== "command" || found.unit === unit)) one.set(found[name]);
       if (found) time.set(found.duration_s / 60);
     },
   };
   const form = jobForm(app, "heat", { given: { card }, slots: { duty }, changed: (name) => (name === "damper" ? facts() : ask()) });
   const drawing = form.control("damper");
-  share.input.addEventListener("input", () => app.keepField("heat curve", "share", share.read())); // of the curve alone
+  share.input.addEventListener("input", () => app.keepField("heat curve", "share", share.read())); // The job has no such option.
   app.remember("heat curve", { restore: (name, value) => (share.set(value), ask()) });
   const curveNames = app.forms["heat curve"].map((one) => one.name);
 
   const tiles = el("div", { class: "tiles", "aria-live": "polite", id: "heat-tiles" });
   const wrong = el("div");
   const told = el("div");
+  const calibration = el("p", { class: "small", id: "calibration" });
   const curve = new Plot({ title: "Temperatures", x: "time, min", y: "temperature, °C", name: "temperatures", height: 340 });
   const force = new Plot({ title: "Peak force of a cycle", x: "time, min", y: "force, N", name: "peak-force", height: 200, fromZero: true });
 
-  // ------------------------------------------------------------ one request at a time, the latest values win
+  // ------------------------------------------------------------ one request at a time
   let busy = false;
   let again = false;
   let closed = false;
@@ -87,8 +89,8 @@ export async function show(place, app, query) {
       tile(`fluid after ${fixed(last(minutes), 0)} min`, `${fixed(last(found.curve.fluid_degC), 0)} °C`, found.beyond),
       tile("coil", `${fixed(last(found.curve.coil_degC), 0)} °C`, found.beyond),
       about.tempered
-        ? tile("force lost by heating", found.force_loss_percent === null ? "–" : `${fixed(found.force_loss_percent, 0)} %`, found.beyond || found.assumed)
-        : tile("force lost by heating", "unknown", "the card knows no temperature"),
+        ? tile("force lost by heating", found.force_loss_percent === null ? "–" : `${fixed(found.force_loss_percent, 0)} %`, [found.assumed && `assumed: ${found.assumed}`, found.beyond].filter(Boolean).join("; "))
+        : tile("force lost by heating", "unknown", "the card has no temperature model"),
       tile("heat at the start", `${number(found.power_W.mechanical + found.power_W.coil)} W`, found.beyond),
     );
     curve.set(
@@ -107,12 +109,13 @@ export async function show(place, app, query) {
     fill(told, notes(found.notes));
   }
 
-  /** Take ambient, air and sink from the drawing. */
+  /** Show ambient temperature, air speed and sink of the geometry. */
   async function facts() {
     try {
       const found = await getDamper(drawing.read());
       if (closed) return;
       form.follow(found);
+      calibration.textContent = calibrationOf(found);
       ask();
     } catch (fault) {
       fill(wrong, note("fault", fault.message));
@@ -138,15 +141,16 @@ export async function show(place, app, query) {
     begun: () => fill(study),
     busy: (on) => (full.disabled = on),
   });
-  /** Put the drawing that follows the measured curve among the inputs, and use it. */
+  /** Save the calibrated geometry with the inputs, and use it. */
   async function take(job) {
     const own = `${job.id}-calibrated.toml`;
     await keepInput(app, job, "calibrated.toml", own, "it is the drawing of the next steps.");
     drawing.set(own);
+    app.choose("drawing", own);
     await facts();
   }
 
-  const full = button("Full study with heat paths and finite elements", () => panel.start(form.read()), { id: "full-study" });
+  const full = button("Full study with heat paths and finite elements", () => panel.start(form.read), { id: "full-study" });
   fill(
     place,
     title,
@@ -155,18 +159,26 @@ export async function show(place, app, query) {
       { class: "split" },
       el("aside", { class: "panel", "aria-label": "What heats and cools" },
         cards.node, form.nodes()),
-      el("div", {}, tiles, wrong, curve.node, force.node, told,
-        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("heatsink", { card, drawing: drawing.read() }), { class: "main", id: "next-sink" }), button("Track with it", () => app.go("tracking", { card })), button("Export it", () => app.go("export", { card })), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
+      el("div", {}, tiles, wrong, calibration, curve.node, force.node, told,
+        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("heatsink", { card }), { class: "main", id: "next-sink" }), button("Track with it", () => app.go("tracking", { card })), button("Export it", () => app.go("export", { card })), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
         form.more("More of the study: a table of duty, a sink, calibration", { id: "study-more" }, tabled.node),
         panel.node, study),
     ),
   );
   await facts();
-  if (await panel.resume(card, query.get("job"), query.get("drawing")).catch(() => null)) ask();
+  if (await panel.resume(card, query.get("job")).catch(() => null)) await facts();
   return {
     close() {
       closed = true;
       for (const each of [curve, force, panel]) each.close();
     },
   };
+}
+
+/** Return the factors of a geometry that were fitted to a measured damper, in words; empty if it has none. */
+function calibrationOf({ name, tables }) {
+  const { heat_capacity: capacity = 1, film = 1 } = tables.calibration ?? {};
+  const fins = tables.sink?.film_multiplier ?? 1;
+  const factors = [["heat capacity", capacity], ["convection of the body", film], ["convection of the fins", fins]].filter(([, factor]) => factor !== 1);
+  return factors.length ? `${name} contains calibration factors: ${factors.map(([quantity, factor]) => `${quantity} × ${number(factor, 4)}`).join(", ")}. They hold for the damper on which they were measured.` : "";
 }

@@ -1,4 +1,4 @@
-// Heat sink: the Pareto front of coolness against mass; click a design to see it to scale.
+// Heat sink: Pareto front of fluid temperature and mass. A click on a design shows it to scale.
 
 import { drawDamperOf, getDamper } from "./api.js";
 import { button, el, empty, fill, fixed, note, number } from "./dom.js";
@@ -9,10 +9,10 @@ import { nth, Plot } from "./plot.js";
 import { firstScreen, groundsOf, notesOf, tableOf } from "./shown.js";
 
 export async function show(place, app, query) {
-  const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
+  const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the smallest mass within the limits.");
   const { card, cards, without } = cardPage(place, app, query, "heatsink", title, "A sink is searched for the heat that a card's force makes. Fit a model first.");
   if (without) return without;
-  const form = jobForm(app, "heatsink", { given: { card } });
+  const form = jobForm(app, "heatsink", { given: { card }, changed: (name) => name === "damper" && app.attempt(limit) });
   const front = new Plot({ title: "Front: click a design", x: "mass of the fins, g", y: "fluid at the end of the duty, °C", name: "front", height: 340, onPick: (one, k) => one.designs && choose(one.designs[k]) });
   const drawn = el("figure", { class: "plot", id: "section" });
   const list = el("div");
@@ -23,6 +23,12 @@ export async function show(place, app, query) {
   let chosen = null;
 
   const panel = new JobPanel(app, "heatsink", { form, press: "Search", done: drawResult });
+
+  /** Require a mass limit if the geometry has no fins whose mass is the limit. */
+  async function limit() {
+    const { sink } = await getDamper(form.control("damper").read());
+    form.control("mass_g").require(sink ? "" : "enter the largest mass of the fins, because the geometry has no fins whose mass is the limit.");
+  }
 
   async function drawResult(found) {
     job = found;
@@ -51,11 +57,14 @@ export async function show(place, app, query) {
         { name: "without fins", x: [point(answer.bare)[0]], y: [point(answer.bare)[1]], designs: [answer.bare], kind: "points", colour: (c) => c.soft, radius: 5, hollow: true, words: words([answer.bare]) },
       ],
     });
-    choose(designs[designs.length - 1]);
+    const kept = JSON.parse(app.chosen("design") ?? "{}");
+    const all = [...designs, ...(answer.listed ?? []), answer.reference, answer.bare];
+    choose((kept.job === job.id && all.find((one) => same(one, kept.design))) || designs[designs.length - 1]);
   }
 
   function choose(design) {
     chosen = design;
+    app.choose("design", JSON.stringify({ job: job.id, design }));
     front.draw();
     drawList();
     fill(
@@ -71,15 +80,15 @@ export async function show(place, app, query) {
     else fill(drawn, note("warning", "The drawing of this search is no longer in the folder."));
   }
 
-  /** Keep the drawing with this design's fins, and go on with it. */
+  /** Save the geometry with the fins of this design, and use it. */
   async function use(design) {
     const stem = `${job.options.damper.replace(/\.toml$/, "").replace(/-(\d+-fins|bare)$/, "")}-${design.fins ? `${design.fins}-fins` : "bare"}`;
     const { sink: _, ...tables } = facts.tables;
     const kept = await drawDamperOf(job.options.damper, { name: stem, replace: true, ...(design.fins ? { fins: finsOf(design) } : { tables }) });
     await app.refresh();
     app.choose("drawing", kept.name);
-    app.toast("good", `${kept.name} lies with the inputs and is the drawing of all steps now.`);
-    app.go("heating", { card, drawing: kept.name });
+    app.toast("good", `${kept.name} is saved with the inputs. All pages use it now.`);
+    app.go("heating", { card });
   }
 
   function drawList() {
@@ -91,9 +100,10 @@ export async function show(place, app, query) {
     }));
   }
 
-  const nothing = empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on.");
+  const nothing = empty("No search yet", "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.");
   panel.fillPage(place, { title, label: "What to search", first: [cards.node], empty: nothing });
-  await panel.resume(card, query.get("job"), query.get("drawing"));
+  await panel.resume(card, query.get("job"));
+  await app.attempt(limit);
   return {
     close() {
       for (const each of [front, panel]) each.close();

@@ -1,4 +1,4 @@
-// Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
+// Jobs: list of jobs with states and files, inputs, further jobs, and trash.
 
 import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, fill, opening, table } from "./dom.js";
@@ -12,7 +12,7 @@ const MORE_JOBS = {
   cycles: ["The cycles of a long record", "Count the cycles"],
   sweep: ["Many fits, random dampers or heat sinks", "Start the sweep"],
   demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
-}; // what has no page of its own: [title, words on its button]
+}; // Jobs without a page: [title, label of the button].
 
 export function show(place, app) {
   const list = el("div");
@@ -20,7 +20,7 @@ export function show(place, app) {
   const more = el("div");
   const thrown = el("div");
   const forms = [];
-  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs, more, thrown);
+  fill(place, heading("Jobs", "Two jobs run at a time. Their results are files in the folder, which the command line reads as well."), list, inputs, more, thrown);
 
   const actions = (job) => {
     const busy = job.state === "running" || job.state === "queued";
@@ -38,7 +38,7 @@ export function show(place, app) {
   const draw = () => {
     const { jobs } = app.state;
     if (!jobs.length) {
-      fill(list, empty("Nothing has been asked for yet", "Fits, heat sinks, tracking and exports are listed here, with their files. Begin with runs of your damper.", button("Go to Runs", () => app.go("runs"))));
+      fill(list, empty("No jobs yet", "Fits, heat sinks, tracking and exports are listed here, with their files. Begin with runs of your damper.", button("Go to Runs", () => app.go("runs"))));
       return;
     }
     fill(
@@ -46,11 +46,11 @@ export function show(place, app) {
       table(
         [
           { title: "job", class: "whole", cell: (job) => el("b", { text: job.id }) },
-          { title: "of what", class: "name", cell: (job) => subjectOf(job) },
+          { title: "subject", class: "name", cell: (job) => subjectOf(job) },
           { title: "state", cell: (job) => el("span", { class: `tag ${job.state}`, text: job.state }) },
           { title: "asked", class: "whole", cell: (job) => when(job.asked_at) },
           { title: "took", number: true, cell: (job) => took(job) },
-          { title: "how far", cell: (job) => job.message ?? (job.state === "done" ? "" : job.progress?.text ?? "") },
+          { title: "progress", cell: (job) => job.message ?? (job.state === "done" ? "" : job.progress?.text ?? "") },
           { title: "files", class: "name", cell: (job) => files(job) },
           { title: "", cell: actions },
         ],
@@ -64,7 +64,7 @@ export function show(place, app) {
     fill(
       inputs,
       el("h2", { text: "Inputs" }),
-      el("p", { class: "small", text: "What people write: drawings, sinks, fluids, scenarios and campaigns (TOML), duties and rheometer tables (CSV)." }),
+      el("p", { class: "small", text: "Geometry, sinks, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV)." }),
       app.state.inputs.length > 0 &&
         table(
           [
@@ -78,15 +78,15 @@ export function show(place, app) {
       inputPicker(app, "Bring an input", ".toml,.csv", drawInputs),
     );
   }
-  /** Return the form of a job that has no page of its own. */
+  /** Return the form of a job without a page. */
   function jobPanel(kind, title, what) {
     const form = jobForm(app, kind);
     forms.push(form);
-    const start = button(what, () => app.attempt(() => startJob(kind, form.read())), { id: `start-${kind}` });
+    const start = button(what, () => app.attempt(async () => startJob(kind, form.read())), { id: `start-${kind}` });
     return el("details", { id: `job-${kind}` }, el("summary", { text: title }), form.panel(title, start));
   }
 
-  /** Show what was removed on the pages; it can be put back until the trash is emptied. */
+  /** Show the trash, whose entries can be restored. */
   async function drawTrash() {
     const { trash } = (await app.attempt(getTrash)) ?? { trash: [] };
     fill(
@@ -101,7 +101,7 @@ export function show(place, app) {
           trash,
           { caption: "Newest first, in .trash of the folder" },
         ),
-        el("div", { class: "actions" }, button("Empty the trash", () => window.confirm("Delete for good what lies in the trash?") && app.attempt(emptyTrash).then(drawTrash), { class: "danger" })),
+        el("div", { class: "actions" }, button("Empty the trash", () => window.confirm("Delete all items in the trash permanently?") && app.attempt(emptyTrash).then(drawTrash), { class: "danger" })),
       ],
     );
   }

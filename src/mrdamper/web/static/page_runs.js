@@ -1,4 +1,4 @@
-// Runs: drop files, see how each was understood, map channels and units, and see what is wrong and where.
+// Runs: upload of files, channel maps, list of runs, and findings with their positions.
 
 import { deleteFile, getRuns, putFile } from "./api.js";
 import { channelSheet } from "./channels.js";
@@ -22,15 +22,15 @@ export function show(place, app, query) {
   let open = query.get("file");
   let opened = null;
   let known = null;
-  let only = Object.fromEntries(query); // what the runs are filtered by
+  let only = Object.fromEntries(query); // Filters of the runs.
 
   const campaign = jobForm(app, "rig");
   const virtual = el(
     "details",
     {},
     el("summary", { text: "Runs of the virtual rig" }),
-    el("p", { class: "small", text: "Simulated, with noise and sensors, by physics that is none of the laws. A campaign of your own is a TOML input." }),
-    campaign.panel("What to measure", button("Run the campaign", () => rig.start(campaign.read()))),
+    el("p", { class: "small", text: "Simulated runs with sensor noise. Their physics differs from all laws. Your own campaign is a TOML input." }),
+    campaign.panel("What to measure", button("Run the campaign", () => rig.start(campaign.read))),
   );
 
   const { picker, pick } = filePicker(app.state.formats.join(","), upload, { multiple: true, id: "picker" });
@@ -70,6 +70,13 @@ export function show(place, app, query) {
     await draw();
   }
 
+  /** Return the state of a file: "ready" only if at least one of its runs can be used. */
+  function stateTag({ name, state }) {
+    const own = known?.runs.filter((run) => run.file === name) ?? [];
+    const unusable = own.length > 0 && own.every((run) => run.error);
+    return el("span", { class: `tag ${unusable ? "fault" : state}`, text: unusable ? "not usable" : WORDS[state] ?? state });
+  }
+
   function drawFiles() {
     const all = app.state.files;
     if (!all.length) {
@@ -91,9 +98,9 @@ export function show(place, app, query) {
       table(
         [
           { title: "file", class: "name", cell: (file) => button(file.name, () => openFile(file.name), { class: "quiet", "aria-expanded": String(open === file.name), title: "Look inside, map channels" }) },
-          { title: "state", class: "whole", cell: (file) => el("span", { class: `tag ${file.state}`, text: WORDS[file.state] ?? file.state }) },
+          { title: "state", class: "whole", cell: stateTag },
           { title: "runs", number: true, cell: (file) => (file.state === "ready" ? String(file.runs.length) : "–") },
-          { title: "what is wrong", class: "name", cell: (file) => el("span", { class: "small", text: file.error ?? (file.mapped ? "channels mapped by hand" : "") }) },
+          { title: "remarks", class: "name", cell: (file) => el("span", { class: "small", text: file.error ?? (file.mapped ? "channels mapped by hand" : "") }) },
           { title: "size", number: true, cell: (file) => bytes(file.bytes) },
           {
             title: "",
@@ -140,6 +147,7 @@ export function show(place, app, query) {
     const told = await app.attempt(() => getRuns());
     if (!told) return;
     known = told;
+    drawFiles();
     if (!told.runs.length) {
       fill(runs, told.reading ? el("p", { class: "sub", text: `Reading ${told.reading} file${told.reading > 1 ? "s" : ""} …` }) : null);
       return;
@@ -150,7 +158,7 @@ export function show(place, app, query) {
     const rows = el("div", { class: "gap" });
     for (const { id, list } of filters.lists) list.value = [...list.options].some((one) => one.value === only[id]) ? only[id] : "";
 
-    /** Show the runs that match, and keep what was asked for in the address. */
+    /** Show the matching runs, and store the filters in the address. */
     function filter() {
       const kept = addressed();
       only = Object.fromEntries(filters.lists.map(({ id, list }) => [id, list.value]));
@@ -169,7 +177,7 @@ export function show(place, app, query) {
       told.reading > 0 && el("p", { class: "small", text: `Still reading ${told.reading} …` }),
       el("div", { class: "row end" }, filters.nodes),
       rows,
-      findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
+      findings.length > 0 && el("h2", { text: "Findings" }),
       findings.length > 0 && findingTable(findings),
       inferred.length > 0 && el("p", { class: "small", text: `Not in a column, taken from names: ${inferred.join("; ")}.` }),
       el("div", { class: "actions" }, button("Look at the loops", () => app.go("loops"), { class: "main" }), button("Fit a model", () => app.go("fit"))),
@@ -183,7 +191,7 @@ export function show(place, app, query) {
     await drawRuns();
   }
 
-  fill(place, heading("Runs", "Measured runs of your damper. Each file is read in its own process; what cannot be understood says what is wrong and where, and can be mapped by hand."), drop, uploads, virtual, rig.node, data.node, el("h2", { class: "skip", text: "Files" }), misnamed, el("div", { class: "gap" }, files), sheet, runs, checking.node);
+  fill(place, heading("Runs", "Measured runs of your damper. If a file cannot be read, the page shows the reason, and you can map its channels."), drop, uploads, virtual, rig.node, data.node, el("h2", { class: "skip", text: "Files" }), misnamed, el("div", { class: "gap" }, files), sheet, runs, checking.node);
   draw();
   rig.resume().catch(() => {});
   checking.panel.resume(null, query.get("job")).catch(() => {});
@@ -199,7 +207,7 @@ export function show(place, app, query) {
   };
 }
 
-/** Return a table of runs; `all` tell which are copies of others, and which hardly belong to them. */
+/** Return a table of runs. Copies and runs of another damper are found among `all` runs. */
 function runTable(shown, all) {
   const units = [...new Set(all.map((run) => run.command_unit).filter(Boolean))];
   const mixed = units.length > 1;
@@ -208,7 +216,7 @@ function runTable(shown, all) {
   const strangers = strangersOf(all);
   const isPlain = (run) => !run.error && !run.worst && !copies.has(run) && !strangers.has(run);
   const marks = (run) => [
-    isPlain(run) && el("span", { class: "tag ok", text: "nothing" }),
+    isPlain(run) && (run.checked ? el("span", { class: "tag ok", text: "no findings" }) : el("span", { class: "tag running", text: "being checked" })),
     (run.error || run.worst) && el("span", { class: `tag ${run.error ? "fault" : run.worst}`, text: run.error ? "not usable" : run.worst, title: run.error ?? "" }),
     copies.has(run) && el("span", { class: "tag warning", text: "copy", title: `a copy of ${copies.get(run).name}` }),
     strangers.has(run) && el("span", { class: "tag warning", text: "stranger", title: strangers.get(run) }),
@@ -216,7 +224,7 @@ function runTable(shown, all) {
   return table(
     [
       { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, file: run.file })}`, text: run.name, title: run.file }) },
-      { title: "found", cell: (run) => el("span", { class: "row" }, marks(run)) },
+      { title: "findings", cell: (run) => el("span", { class: "row" }, marks(run)) },
       { title: "motion", class: "whole", cell: (run) => run.motion },
       { title: mixed ? "command" : unit === "V" ? "voltage" : "current", unit: mixed ? "" : unit, number: true, cell: (run) => (mixed ? `${commandOf(run)} ${run.command_unit ?? ""}` : commandOf(run)) },
       { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },
@@ -227,7 +235,7 @@ function runTable(shown, all) {
       { title: "force", unit: "N", number: true, cell: (run) => (run.force_range_N ? `${fixed(run.force_range_N[0], 0)} to ${fixed(run.force_range_N[1], 0)}` : "–") },
     ],
     shown,
-    { caption: shown.length < all.length ? `${shown.length} of ${all.length} runs` : "Runs as they were read, SI inside" },
+    { caption: shown.length < all.length ? `${shown.length} of ${all.length} runs` : "Runs" },
   );
 }
 

@@ -1,46 +1,46 @@
-// Pieces that several pages use: headings, the choice of a card, a job's progress, its files, lists of notes.
+// Parts of several pages: headings, choice of a card, progress and files of a job, lists of notes.
 
 import { cancelJob, follow, getJob, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, field, fill, has, note, number, opening, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 
-/** Return a page's heading with a sentence below it. */
+/** Return the heading of a page with its subtitle. */
 export function heading(title, sub) {
   return [el("h1", { text: title }), el("p", { class: "sub", text: sub })];
 }
 
-/** Return a tile with a figure and its `band`; `mark` says on what that is not measured it rests. */
+/** Return a tile with a value and its `band`; `mark` names assumptions and extrapolation. */
 export function tile(name, value, mark = "", band = "") {
   return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), band && el("small", { text: band }), mark && el("i", { text: mark }));
 }
 
 const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // A note on a quantity outside the range of the card's runs.
 
-/** Return in what a result leaves what its card was identified on, for its tiles; empty where it does not. */
+/** Return the quantities in which a result exceeds the range of the card's runs; empty if there are none. */
 export function beyondCard(answer) {
   const found = (answer.notes ?? []).map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
   return found.length ? `extrapolated: ${found.join(", ")}` : "";
 }
 
-/** Return a button that moves something into the trash, and offers to put it back. */
+/** Return a button that moves an item into the trash and offers to restore it. */
 export function removal(app, remove, name, removed = () => {}) {
   const discard = async () => {
     const told = await app.attempt(() => remove(name));
     if (!told) return;
     removed();
-    app.toast("info", `${name} lies in the trash.`, button("Put back", () => app.attempt(() => restore(told.trash)), { class: "quiet" }));
+    app.toast("info", `${name} was moved to the trash.`, button("Put back", () => app.attempt(() => restore(told.trash)), { class: "quiet" }));
   };
   return button("Remove", discard, { class: "quiet danger", "aria-label": `Remove ${name}` });
 }
 
-/** Put a file of a job among the inputs, where the next step finds it. */
+/** Copy a file of a job to the inputs. */
 export async function keepInput(app, job, path, name, words) {
   await putInput(new File([await (await fetch(jobFile(job.id, path))).blob()], name));
-  await app.refresh(); // the next page offers it at once
-  app.toast("good", `${name} lies with the inputs now; ${words}`);
+  await app.refresh(); // The next page offers the new input.
+  app.toast("good", `${name} is saved with the inputs; ${words}`);
 }
 
-/** Fill the body of a fold when it is first opened with what `ask` returns; again after a fault. */
+/** Fill the body of a fold with the result of `ask` when it is opened first, and again after an error. */
 export function askOnce(fold, body, waiting, ask) {
   let asked = false;
   fold.addEventListener("toggle", async () => {
@@ -56,13 +56,13 @@ export function askOnce(fold, body, waiting, ask) {
   });
 }
 
-/** Return notes as a list, or null when there are none. */
+/** Return notes as a list; null if there are no notes. */
 export function notes(texts) {
   const said = [...new Set(texts ?? [])];
   return said.length ? el("ul", { class: "notes" }, said.map((text) => el("li", { text }))) : null;
 }
 
-/** Return the name of the card in use: asked for, chosen before, or the newest. */
+/** Return the name of the card in use: the requested, the chosen, or the newest card. */
 export function cardInUse(app, asked = null) {
   const names = cardsOf(app).map((card) => card.name);
   return [asked, app.chosen("card")].find((name) => name && names.includes(name)) ?? newest(cardsOf(app))?.name ?? null;
@@ -72,7 +72,7 @@ function newest(cards) {
   return [...cards].sort((a, b) => String(b.modified).localeCompare(String(a.modified)))[0];
 }
 
-/** Return a choice of cards that remembers itself. */
+/** Return the choice of the card, which all pages share. */
 export function cardField(app, name, onchange, { label = "Card", none = "", id = null } = {}) {
   const options = cardsOf(app).map((card) => [card.name, `${card.name} (${card.law})`]);
   const list = select(none ? [["", none], ...options] : options, name, { id });
@@ -84,8 +84,8 @@ export function cardField(app, name, onchange, { label = "Card", none = "", id =
 }
 
 /**
- * Begin a page about one card: the card that is chosen, what is known about it, and the choice of another.
- * Where there is no card, the page says why one is needed, and `without` is all there is of it.
+ * Return the card of a page, its state, and the choice of another card.
+ * Without cards the page only explains why a card is needed; `without` is its handle.
  */
 export function cardPage(place, app, query, page, title, why) {
   if (!cardsOf(app).length) {
@@ -98,34 +98,40 @@ export function cardPage(place, app, query, page, title, why) {
   return { card, about, cards: cardField(app, card, (name) => app.go(page, { card: name })) };
 }
 
-/** Return a number's field: its control and its node. */
-export function numberField(label, unit, value, { min = null, max = null, step = "any", hint = "", placeholder = "" } = {}) {
-  const input = el("input", { type: "number", value: value ?? "", min, max, step, placeholder, inputmode: "decimal" });
-  return { input, node: field(label, input, { unit, hint }), read: () => (input.value === "" ? null : Number(input.value)) };
+/** Return a hint that names the controllers which a card does not support, with the reason; null if there are none. */
+export function missingControllers(app, { name, controllers }) {
+  const missing = app.state.choices.controllers.filter((one) => !controllers.includes(one));
+  const banks = missing.filter((one) => one.startsWith("paper"));
+  const others = missing.filter((one) => !banks.includes(one));
+  const reasons = [
+    banks.length && `${banks.join(", ")} (a bank of models, which the law of the card does not allow)`,
+    others.length && `${others.join(", ")} (no run of the card steps its current, so that the delay of the force is unknown)`,
+  ].filter(Boolean);
+  return reasons.length ? el("p", { class: "hint", id: "missing-controllers", text: `Not available for ${name}: ${reasons.join("; ")}.` }) : null;
 }
 
-const AROUND_S = 0.5; // shown before and after the place of a finding
+const AROUND_S = 0.5; // Time that is shown before and after a finding.
 const BUSY = new Set(["queued", "running"]);
 
-/** A job's place in a page: progress while it runs, cancel, what went wrong; found again after a reload. */
+/** Panel of a job: progress, Cancel and errors. It finds a running job again after a reload. */
 export class JobPanel {
   /**
    * @param {object} app
    * @param {string} kind
-   * @param {{form?: object, press?: string, ready?: () => boolean, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
+   * @param {{form?: object, press?: string, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
    */
   constructor(app, kind, heard = {}) {
     Object.assign(this, { app, kind, heard, job: null, stop: null, gone: false });
     this.node = el("div", { class: "job", "data-job": kind });
-    this.result = el("div", { id: `${kind}-result` }); // of a page that is about this job
-    this.button = button(heard.press ?? "", () => (heard.ready?.() ?? true) && this.start(heard.form.read()), { class: "main", id: `start-${kind}` });
+    this.result = el("div", { id: `${kind}-result` }); // Used by pages with one job.
+    this.button = button(heard.press ?? "", () => this.start(heard.form.read), { class: "main", id: `start-${kind}` });
   }
 
   /**
-   * Fill a page that is about this job: its form at the side, what comes of it beside; `empty` stands there until then.
+   * Fill a page with one job: the form and the result. The node `empty` is shown before the first result.
    *
    * @param {{title: any, label: string, first?: any[], above?: any[], empty: Node}} about
-   *   first: fields before those of the form; above: what stands over the job and its result
+   *   first: fields in front of the form; above: nodes above the job and its result
    */
   fillPage(place, { title, label, first = [], above = [], empty: nothing }) {
     fill(this.result, nothing);
@@ -133,7 +139,7 @@ export class JobPanel {
     fill(place, title, el("div", { class: "split" }, this.heard.form.panel(label, this.button, ...first), el("div", {}, above, came)));
   }
 
-  /** Show that the job is at work (or is not), and that an earlier result is gone. */
+  /** Enable or disable the controls during a job. */
   busy(on) {
     this.button.disabled = on;
     this.heard.busy?.(on);
@@ -144,13 +150,18 @@ export class JobPanel {
     this.heard.begun?.(job);
   }
 
-  /** Start a job; true when it was taken. */
+  /**
+   * Start a job; return true if the server accepted it.
+   *
+   * @param {object | (() => object)} options or the function that reads them from a form; an invalid entry starts no job
+   */
   async start(options) {
-    this.busy(true);
-    this.begun();
     fill(this.node);
     try {
-      const { id } = await startJob(this.kind, options);
+      const request = typeof options === "function" ? options() : options;
+      this.busy(true);
+      this.begun();
+      const { id } = await startJob(this.kind, request);
       await this.attach(id);
       if (this.heard.form) this.app.keepJob(this.kind, id);
       this.showItself();
@@ -163,14 +174,14 @@ export class JobPanel {
     }
   }
 
-  /** Show a job that exists: follow it while it runs, else show its end. */
+  /** Show an existing job: follow a running job, show the end of another one. */
   async attach(id) {
     this.leave();
     const job = await getJob(id);
     if (this.gone) return;
     this.job = job;
     this.node.dataset.id = id;
-    this.heard.form?.set(job.options); // the form says what was asked for
+    this.heard.form?.set(job.options); // The form shows the options of the job.
     if (!BUSY.has(job.state)) {
       this.ended(job);
       return;
@@ -196,23 +207,23 @@ export class JobPanel {
       },
       end: async () => {
         this.ended(await getJob(id));
-        await this.app.refresh().catch(() => {}); // the badge knows it now, too
+        await this.app.refresh().catch(() => {}); // Update the badge.
       },
     });
   }
 
   /**
-   * Show the newest job of the kind that is at work, else the newest that is done or waits to be resumed (of a card,
-   * when it is named). A drawing that the step before hands over in the address stays in the form.
+   * Show the job that the address names, else the newest that is running, else the newest that is done or can be resumed
+   * (only jobs of a card, if a card is named). If the address names no job, shared choices stay in the form.
    */
-  async resume(card = null, wanted = null, drawing = null) {
+  async resume(card = null, wanted = null) {
     const mine = this.app.state.jobs.filter((job) => job.kind === this.kind);
     const found =
       mine.find((job) => job.id === wanted) ??
       mine.find((job) => BUSY.has(job.state)) ??
       mine.find((job) => (job.state === "done" || job.resumable) && (!card || job.options.card === card));
     if (found) await this.attach(found.id);
-    if (drawing) this.heard.form?.set({ damper: drawing });
+    if (found?.id !== wanted) this.heard.form?.share();
     return found ?? null;
   }
 
@@ -224,12 +235,12 @@ export class JobPanel {
     else if (job.state === "failed") this.showItself();
   }
 
-  /** Bring what the job says into sight: its button may be far below. */
+  /** Scroll to the message, because its button may be far below. */
   showItself() {
     if (this.node.isConnected) this.node.scrollIntoView({ block: "nearest" });
   }
 
-  /** Return a button that goes on with a job from what it had finished. */
+  /** Return a button that resumes a job. */
   again(job) {
     return button("Resume", (event) => {
       event.target.disabled = true;
@@ -246,7 +257,7 @@ export class JobPanel {
     this.stop = null;
   }
 
-  /** Forget the job: the page is left. */
+  /** Stop the panel because the page is left. */
   close() {
     this.gone = true;
     this.leave();
@@ -255,13 +266,13 @@ export class JobPanel {
 
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
-  if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
-  if (job.resumable) return note("warning", `${job.id} was stopped; what it had finished is kept, and Resume goes on with it.`);
-  const seen = job.answer && job.kind === "fit" ? "what you see is the best so far, not converged." : "";
-  return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
+  if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server stopped during the job. ${job.resumable ? "Resume continues after its finished parts." : "Start it again."}`);
+  if (job.resumable) return note("warning", `${job.id} was cancelled. Its finished parts are kept, and Resume continues after them.`);
+  const seen = job.answer && job.kind === "fit" ? "the page shows the best result so far, which is not converged." : "";
+  return note("warning", seen ? `${job.id} was cancelled; ${seen}` : `${job.id} was cancelled before it had a result.`);
 }
 
-/** Return the report of a job and its other files, to open and to take. */
+/** Return links to the report of a job and to its other files. */
 export const filesOf = (job, report, words = "Open the report") =>
   el("div", { class: "actions" }, opening(jobFile(job.id, report), words, { class: "button" }), fileLinks(job, { only: (path) => !path.endsWith(".html") }));
 
@@ -274,9 +285,9 @@ export function fileLinks(job, { only = null } = {}) {
 }
 
 /**
- * Return findings as a table: where, what, what it does, what to do.
+ * Return a table of findings with position, effect and remedy.
  *
- * Each leads to its place in the linked view.
+ * Each finding links to its position in the linked view.
  */
 export function findingTable(findings) {
   const led = (one, text) => (text ? el("a", { href: placeOf(one), text }) : text);
@@ -285,16 +296,16 @@ export function findingTable(findings) {
       { title: "", cell: (one) => el("span", { class: `tag ${one.severity}`, text: one.severity }) },
       { title: "run", class: "name", cell: (one) => led(one, one.run) },
       { title: "where", class: "whole", cell: (one) => (has(one.from_s) ? led(one, whereOf(one)) : whereOf(one)) },
-      { title: "found", class: "name", cell: (one) => one.found },
-      { title: "what it does to a fit", class: "name", cell: (one) => one.effect },
-      { title: "what to do", class: "name", cell: (one) => one.remedy },
+      { title: "finding", class: "name", cell: (one) => one.found },
+      { title: "effect on a fit", class: "name", cell: (one) => one.effect },
+      { title: "remedy", class: "name", cell: (one) => one.remedy },
     ],
     findings,
     { caption: "Findings" },
   );
 }
 
-/** Return the address of a finding's run in the linked view, with some of the time around its place. */
+/** Return the address of a finding in the linked view. */
 function placeOf({ run, file, from_s: from, to_s: to }) {
   const query = new URLSearchParams({ run, ...(file ? { file } : {}) });
   if (has(from)) {

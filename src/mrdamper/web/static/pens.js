@@ -1,10 +1,10 @@
-// Two pens with the same strokes: one draws on a canvas, one writes SVG. Plots are drawn with either.
+// Two pens with the same interface: one draws on a canvas, one writes SVG.
 //
 // Paths are arrays of pixels `[x0, y0, x1, y1, ...]`; NaN lifts the pen.
 
 const FONT = '"Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 
-/** Draws on a canvas' context, in CSS pixels. */
+/** Pen that draws on the context of a canvas, in CSS pixels. */
 export class CanvasPen {
   constructor(context) {
     this.context = context;
@@ -46,7 +46,7 @@ export class CanvasPen {
       }
       strokes += 1;
       if (strokes === 8000 && down) {
-        // long paths take more than their share of time
+        // Long paths block the browser.
         context.stroke();
         context.beginPath();
         context.moveTo(x, y);
@@ -104,9 +104,9 @@ export class CanvasPen {
 const escaped = (said) => said.replace(/[&<>"']/g, (c) => `&#${c.charCodeAt(0)};`);
 const short = (value) => (Math.round(value * 100) / 100).toString();
 
-let clips = 0; // on one page no two may share a name
+let clips = 0; // The ids of clip paths must be unique in a page.
 
-/** Writes an SVG document. */
+/** Pen that writes an SVG document. */
 export class SvgPen {
   constructor(width, height, measure) {
     this.size = [width, height];

@@ -1,10 +1,10 @@
-// One plot: time series, loops or points on a canvas, with axes, units, legend, zoom, cursor and saving.
+// Plot: time series, loops or points on a canvas, with axes, units, legend, zoom, cursor and saving.
 //
-// A series is `{name, x, y, t, colour, kind, width, dash, radius, hollow, key, quiet}`; series of one `key` are hidden
-// together and share what is said in the legend, where `quiet` ones are left out; `colour` is a function of the palette, `kind`
-// is `series` (x sorted), `loop` or `points`; `t` holds the times of a loop's samples. Beside series a plot takes
-// `areas` (between two curves), `spans` (vertical stripes) and `rules` (straight lines). Saved pictures have the
-// light colours. What a mouse and keys do is in `plot_hand.js`.
+// A series is `{name, x, y, t, colour, kind, width, dash, radius, hollow, key, quiet, since}`. Series with the same `key`
+// share one entry of the legend, which hides them together; `quiet` series have no entry. `colour` is a function of the
+// palette. `kind` is `series` (x sorted), `loop` or `points`. `t` are the times of the samples of a loop. The y axis ignores
+// samples before `since`. A plot also has `areas` (between two curves), `spans` (vertical stripes) and `rules` (straight
+// lines). Saved pictures have the light colours. `plot_hand.js` handles mouse and keyboard.
 
 import { extent, isSorted, loopPieces, lowerBound, seriesPath, ticks } from "./decimate.js";
 import { button, el, fill } from "./dom.js";
@@ -14,30 +14,30 @@ import { drawOver, listen } from "./plot_hand.js";
 import { onTheme, palette } from "./theme.js";
 
 const SMALL = 11.5;
-const MANY = 40000; // samples of a loop that is drawn piece by piece
-const SLICE_MS = 6; // of drawing before others have a turn
+const MANY = 40000; // Loops with more samples are drawn in pieces.
+const SLICE_MS = 6; // Drawing time before the browser can handle events.
 
-const due = new Set(); // plots that are to be drawn
+const due = new Set(); // Plots to be drawn.
 
-/** Draw one plot that is due, the others in the next frames: the browser, too, takes its time for each. */
+/** Draw one waiting plot; the others follow in the next frames. */
 function drawDue() {
   for (const plot of due) {
     due.delete(plot);
     if (plot.paint()) plot.node.removeAttribute("data-drawing");
     else due.add(plot);
-    if (plot.box.clientWidth) break; // others are not to be seen
+    if (plot.box.clientWidth) break; // Invisible plots cost no time.
   }
   if (due.size) requestAnimationFrame(drawDue);
 }
 
-/** What plots share: the series that are hidden, the cursor, and the range of the x axis of those that have the same. */
+/** Shared state of plots: hidden series, cursor, and the range of equal x axes. */
 export class Link {
   constructor() {
     this.members = new Set();
     this.hidden = new Set();
   }
 
-  /** Return the plots whose x axis is that of a plot. */
+  /** Return the plots with the same x axis. */
   alike(plot) {
     return [...this.members].filter((one) => one.options.x === plot.options.x);
   }
@@ -48,29 +48,29 @@ export class Link {
     this.onToggle?.();
   }
 
-  /** Put the cursor of all plots at a time; `from` has the pointer, at `hit`. */
+  /** Move the cursor of all plots to a time; the pointer is in plot `from` at `hit`. */
   point(t, from, hit = null) {
     for (const plot of this.members) drawOver(plot, { t, hit: plot === from ? hit : null });
   }
 }
 
-/** Return a function that gives the k-th colour of a palette. */
+/** Return the function of the k-th colour of a palette. */
 export const nth = (k) => (colours) => colours.colours[k % colours.colours.length];
 
 export class Plot {
   /**
    * @param {object} options
-   * @param {string} options.title said above the plot
+   * @param {string} options.title title above the plot
    * @param {string} options.x label of the axis with its unit, such as "time, s"
    * @param {string} options.y
    * @param {string} [options.name] stem of saved files
-   * @param {number} [options.height] of the canvas [px]
-   * @param {boolean} [options.fromZero] whether the y axis always holds zero
+   * @param {number} [options.height] height of the canvas [px]
+   * @param {boolean} [options.fromZero] whether the y axis always contains zero
    * @param {boolean} [options.bare] without toolbar (small plots)
-   * @param {(series: object, index: number) => void} [options.onPick] a point was clicked
-   * @param {Link} [options.link] what it shares with others
-   * @param {() => void} [options.onView] the range was changed by hand
-   * @param {(span: number[] | null) => void} [options.onSelect] a span is being chosen (null: it is not, any more)
+   * @param {(series: object, index: number) => void} [options.onPick] called after a click on a point
+   * @param {Link} [options.link] shared state of linked plots
+   * @param {() => void} [options.onView] called after the user has changed the range
+   * @param {(span: number[] | null) => void} [options.onSelect] called while a span is dragged; null: the drag has ended
    */
   constructor(options) {
     this.options = { height: 300, name: "plot", ...options };
@@ -81,9 +81,9 @@ export class Plot {
     this.link = options.link ?? new Link();
     this.link.members.add(this);
     this.view = null;
-    this.span = null; // of time: what of loops is drawn
+    this.span = null; // Time span of the drawn part of the loops.
     this.drawn = [];
-    this.stale = true; // what is drawn is not what is to be seen
+    this.stale = true; // The canvas must be drawn again.
     this.build();
     this.stopTheme = onTheme(() => this.draw());
     this.toPaper = () => this.showPaper();
@@ -120,7 +120,7 @@ export class Plot {
     listen(this);
   }
 
-  /** Forget the plot: stop watching sizes and colours. */
+  /** Stop watching sizes and colours. */
   close() {
     due.delete(this);
     this.link.members.delete(this);
@@ -130,7 +130,7 @@ export class Plot {
     window.removeEventListener("afterprint", this.fromPaper);
   }
 
-  /** Show other data; the view is kept when `keepView` says so. */
+  /** Show other data; with `keepView` the ranges stay. */
   set({ series = [], areas = [], spans = [], rules = [] }, { keepView = false } = {}) {
     this.series = series.map((one) => ({ kind: "series", width: 1.4, dash: [], ...one }));
     for (const one of this.series) {
@@ -149,7 +149,7 @@ export class Plot {
     this.draw();
   }
 
-  /** Draw of loops what is in a span of time; null: everything. */
+  /** Draw the part of the loops in a time span; null: everything. */
   setSpan(span) {
     this.span = span;
     if (this.series.some((one) => one.t)) this.draw();
@@ -160,7 +160,7 @@ export class Plot {
     return one.t && this.span ? [lowerBound(one.t, this.span[0]), lowerBound(one.t, this.span[1])] : [0, one.x.length];
   }
 
-  /** Change the range by hand: of all plots with this x axis. */
+  /** Change the range of all plots with this x axis. */
   look(x, y = null) {
     for (const plot of this.link.alike(this)) plot.setView(rounded(x), plot === this ? rounded(y) : null);
     this.options.onView?.();
@@ -170,7 +170,7 @@ export class Plot {
     this.look(null);
   }
 
-  /** Tell whether x alone is zoomed: all are time series. */
+  /** Return true if only x is zoomed, because all series are time series. */
   isFlat() {
     return this.drawn.every(({ one }) => one.kind === "series");
   }
@@ -202,7 +202,7 @@ export class Plot {
       for (const one of shown) {
         let [from, to] = this.within(one);
         if (one.kind === "series") {
-          from = Math.max(0, lowerBound(one.x, x[0]) - 1);
+          from = Math.max(0, lowerBound(one.x, x[0]) - 1, lowerBound(one.x, one.since ?? -Infinity));
           to = Math.min(one.x.length, lowerBound(one.x, x[1]) + 1);
         }
         const found = extent(one.y, from, to);
@@ -221,7 +221,7 @@ export class Plot {
     return { x: apart(x), y: apart(y) };
   }
 
-  /** Draw anew, as soon as there is time. */
+  /** Draw the plot in one of the next frames. */
   draw() {
     this.stale = true;
     this.node.toggleAttribute("data-drawing", true);
@@ -229,7 +229,7 @@ export class Plot {
     due.add(this);
   }
 
-  /** Draw, or go on with long loops; true when nothing is left. */
+  /** Draw the plot, or the next pieces of long loops; return true if it is complete. */
   paint() {
     if (this.stale && !this.begin()) return true;
     const { left, top, width, height } = this.frame.inner;
@@ -240,7 +240,7 @@ export class Plot {
     return !this.later.length;
   }
 
-  /** Draw all but long loops; false when there is no room. */
+  /** Draw everything except long loops; return false if the plot has no size. */
   begin() {
     const width = this.box.clientWidth;
     const height = this.box.clientHeight;
@@ -261,10 +261,10 @@ export class Plot {
     return true;
   }
 
-  /** Draw everything with a pen, long loops `later` where that is given; returns the frame (ranges, and how values become pixels). */
+  /** Draw everything with a pen and return the frame (ranges and pixel scales); with `later` long loops are postponed. */
   render(pen, width, height, colours, { legend = false, later = null } = {}) {
     const ranges = this.ranges();
-    const empty = !this.series.length && !this.areas.length; // its axes have nothing to count yet
+    const empty = !this.series.length && !this.areas.length; // Empty plots have no ticks.
     const none = { values: [], decimals: 0 };
     const yTicks = empty ? none : ticks(...ranges.y, Math.max(3, height / 55));
     const labels = yTicks.values.map((value) => told(value, yTicks.decimals));
@@ -318,7 +318,7 @@ export class Plot {
     const there = [];
     const back = [];
     for (let k = from; k < to; k += step) {
-      const end = Math.min(k + step, to); // of several in half a pixel the least and the most are drawn
+      const end = Math.min(k + step, to); // Of all samples in half a pixel only min and max are drawn.
       const [low] = extent(area.low, k, end) ?? [NaN];
       const [, high] = extent(area.high, k, end) ?? [NaN, NaN];
       if (!Number.isFinite(low) || !Number.isFinite(high)) continue;
@@ -396,7 +396,7 @@ export class Plot {
 
   // ------------------------------------------------------------------------------------------- legend
 
-  /** Return the first stripe that has a name: one stands for all. */
+  /** Return the first stripe with a name, as the legend entry of all stripes. */
   stripes() {
     return this.spans.filter((span) => span.name).slice(0, 1);
   }
@@ -426,7 +426,7 @@ export class Plot {
 
   // ------------------------------------------------------------------------------------------- paper
 
-  /** Put the SVG in the canvas' place while the page is printed. */
+  /** Show the SVG instead of the canvas during printing. */
   showPaper() {
     this.hidePaper();
     const sheet = new DOMParser().parseFromString(svgOf(this), "image/svg+xml").documentElement;
@@ -450,7 +450,7 @@ const linear = ([low, high], a, b) => {
   const slope = (b - a) / (high - low);
   return (value) => a + (value - low) * slope;
 };
-const rounded = (range) => range && range.map((value) => Number(value.toPrecision(7))); // as addresses have it
+const rounded = (range) => range && range.map((value) => Number(value.toPrecision(7))); // The address contains rounded values.
 const apart = ([low, high]) => (high - low > 1e-12 * Math.max(1, Math.abs(low)) ? [low, high] : [low - 0.5, high + 0.5]);
 const padded = ([low, high]) => {
   const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;

@@ -1,4 +1,4 @@
-// What a plot is saved as: SVG, PNG and CSV.
+// Files of a plot: SVG, PNG and CSV.
 
 import { lowerBound } from "./decimate.js";
 import { el, save } from "./dom.js";
@@ -37,7 +37,7 @@ export function saveCsv(plot) {
   save(`${plot.options.name}.csv`, new Blob(csvOf(plot), { type: "text/csv" }));
 }
 
-/** Return the visible series inside the view as CSV, in pieces: one table where they share x, else in rows by name. */
+/** Return the visible series inside the view as CSV parts: one table for a shared x, else rows by name. */
 function csvOf(plot) {
   const shown = plot.visible();
   if (!shown.length) return [""];
@@ -66,5 +66,5 @@ function csvOf(plot) {
 }
 
 const plain = (value) => (Number.isFinite(value) ? String(Number(Number(value).toPrecision(9))) : "");
-const guarded = (said) => (/^[=+\-@\t\r]/.test(said) ? `'${said}` : said); // a spreadsheet would run it
+const guarded = (said) => (/^[=+\-@\t\r]/.test(said) ? `'${said}` : said); // A spreadsheet would evaluate the text.
 const quoted = (said) => `"${guarded(String(said)).replaceAll('"', '""')}"`;

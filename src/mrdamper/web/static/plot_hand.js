@@ -1,6 +1,6 @@
-// What a mouse and keys do on a plot: the cursor that all linked plots share, zooming, choosing a point.
+// Mouse and keyboard on a plot: the shared cursor of linked plots, zoom, and choice of a point.
 //
-// Drag to zoom, double click for the whole, Ctrl and wheel to zoom, arrows + - 0 on the keyboard.
+// Drag or Ctrl and wheel zoom, a double click shows everything; keys: arrows + - 0.
 
 import { lowerBound } from "./decimate.js";
 import { CanvasPen } from "./pens.js";
@@ -10,7 +10,7 @@ const CLICK_PX = 5;
 const NEAR_PX = 18;
 const MOST_SAID = 8;
 
-/** Draw what lies over a plot: the cursor (a time `t`, or the `hit` under the pointer), or a selection in the making. */
+/** Draw the overlay of a plot: the cursor (a time `t`, or the `hit` under the pointer), or an unfinished selection. */
 export function drawOver(plot, cursor, selection = null) {
   const { frame, over } = plot;
   if (!frame || (!cursor && !selection && plot.clear)) return;
@@ -31,7 +31,7 @@ export function drawOver(plot, cursor, selection = null) {
   plot.readout.textContent = said.slice(0, MOST_SAID).join("  ·  ");
 }
 
-/** Draw the cursor; return what it says. */
+/** Draw the cursor; return its text. */
 function drawCursor(plot, pen, { t, hit }, colours) {
   const { frame } = plot;
   const { left, top, width, height } = frame.inner;
@@ -63,7 +63,7 @@ function drawCursor(plot, pen, { t, hit }, colours) {
   return said;
 }
 
-/** Return the drawn point next to a pointer, or null. */
+/** Return the drawn point nearest to the pointer, or null. */
 function hitOf(plot, pointer, within) {
   let best = null;
   let least = within * within;
@@ -81,7 +81,7 @@ function hitOf(plot, pointer, within) {
   return best;
 }
 
-/** Put the cursor where the pointer is, in this plot and those that are linked with it. */
+/** Move the cursor of this plot and of its linked plots to the pointer. */
 function point(plot, pointer) {
   const { inner, x } = plot.frame ?? {};
   if (!inner || pointer.x < inner.left || pointer.x > inner.left + inner.width || pointer.y < inner.top || pointer.y > inner.top + inner.height) {
@@ -97,7 +97,7 @@ function point(plot, pointer) {
 
 const leave = (plot) => plot.link.members.forEach((one) => drawOver(one, null));
 
-/** Let a plot hear the mouse and the keyboard. */
+/** Add the listeners for mouse and keyboard to a plot. */
 export function listen(plot) {
   const { over } = plot;
   let start = null;
@@ -149,7 +149,7 @@ export function listen(plot) {
   over.addEventListener("keydown", (event) => press(plot, event));
 }
 
-/** Return the ranges of x and y between two places of the pointer. */
+/** Return the ranges of x and y between two pointer positions. */
 function rangeOf({ frame }, from, here) {
   const { inner, x, y } = frame;
   const keep = (value, low, high) => Math.min(high, Math.max(low, value));

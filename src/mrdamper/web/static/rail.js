@@ -1,11 +1,11 @@
-// The rail: which steps of the way are done, and which are out of date because something before them has changed.
+// Navigation: marks of finished steps and of steps that are out of date.
 
 import { cardInUse } from "./parts.js";
 
 const JOB_OF = { heating: "heat", heatsink: "heatsink", tracking: "track", export: "export" };
-const DRAWN = ["heat", "heatsink", "export"]; // kinds that take the drawing
+const DRAWN = ["heat", "heatsink", "export"]; // Kinds of jobs that use the geometry.
 
-/** Return by page how its step stands, `[state, words]`; pages that are no step, or open ones, have none. */
+/** Return the state `[state, words]` of the step of each page; open steps have no entry. */
 export function stepsOf(app) {
   const { state } = app;
   const card = state.cards.find((one) => one.name === cardInUse(app));
@@ -16,7 +16,8 @@ export function stepsOf(app) {
   if (card) {
     const since = lastOf("fit", card.name)?.asked_at ?? card.modified;
     const later = state.files.some((file) => file.modified > since);
-    steps.identify = later ? ["old", `runs have come or changed since ${card.name} was fitted`] : ["done", `card ${card.name}`];
+    if (card.cancelled || !card.converged) steps.fit = ["old", `the fit of ${card.name} ${card.cancelled ? "was cancelled" : "did not converge"}`];
+    else steps.fit = later ? ["old", `runs were added or changed after the fit of ${card.name}`] : ["done", `card ${card.name}`];
   }
   if (state.inputs.some((input) => input.kind === "drawing")) steps.drawing = ["done", drawing ?? "a drawing of your own"];
   for (const [page, kind] of Object.entries(JOB_OF)) {
@@ -25,7 +26,7 @@ export function stepsOf(app) {
   }
   return steps;
 
-  /** Return what a job rests on that is not as it was; empty where all is. */
+  /** Return the reason why a job is out of date; empty if it is not. */
   function because(job) {
     if (card.modified > job.asked_at) return `${card.name} has been fitted since`;
     if (!DRAWN.includes(job.kind)) return "";
@@ -35,7 +36,7 @@ export function stepsOf(app) {
   }
 }
 
-/** Mark the steps on the rail. */
+/** Mark the steps in the navigation. */
 export function drawRail(app) {
   const steps = stepsOf(app);
   for (const link of document.querySelectorAll("[data-page]")) {

@@ -1,10 +1,10 @@
-// Which runs are fitted: by unit, motion, command and temperature, and run by run; copies are left aside and marked.
+// Choice of the fitted runs by unit, motion, command and temperature, and by name. Copies are marked and not chosen.
 
 import { check, el, fill } from "./dom.js";
 import { literal } from "./forms.js";
 import { copiesOf, runFilters, strangersOf } from "./run_marks.js";
 
-/** Return how many of some runs are marked, in words; empty where none is. */
+/** Return the number of marked runs in words; empty if no run is marked. */
 function told(runs, marked, one, several) {
   const count = runs.filter((run) => marked.has(run)).length;
   return count ? `; ${count} ${count === 1 ? `is ${one}` : `are ${several}`}` : "";
@@ -13,14 +13,14 @@ function told(runs, marked, one, several) {
 /**
  * Return the choice of runs: `{node, runs(), read()}`.
  *
- * @param {object[]} runs that can be fitted
- * @param {() => void} changed called when others are chosen
+ * @param {object[]} runs runs that can be fitted
+ * @param {(byHand?: boolean) => void} changed called after a change of the choice; byHand: by the user
  */
 export function runChoice(runs, changed) {
   const copies = copiesOf(runs);
   const aside = new Set(copies.keys());
   const strangers = strangersOf(runs);
-  const filters = runFilters(runs, "choose", { oneUnit: true, changed: () => (draw(), changed()) });
+  const filters = runFilters(runs, "choose", { oneUnit: true, changed: () => (draw(), changed(true)) });
   const said = el("summary");
   const picks = el("div", { class: "picks" });
   const each = el("details", { id: "chosen-runs" }, said, picks);
@@ -42,7 +42,7 @@ export function runChoice(runs, changed) {
         if (box.checked) aside.delete(run);
         else aside.add(run);
         say();
-        changed();
+        changed(true);
       });
       return node;
     }));
@@ -52,7 +52,7 @@ export function runChoice(runs, changed) {
   return {
     node: el("div", { class: "wide" }, el("div", { class: "fields" }, filters.nodes), each),
     runs: chosen,
-    /** Choose the runs that a job was asked for. */
+    /** Choose the runs of a job. */
     take({ files, only }) {
       const wanted = runs.filter((run) => (!files || files.includes(run.file)) && (!only?.length || only.includes(literal(run.name))));
       for (const { of, list, single } of filters.lists) list.value = single && wanted.length ? of(wanted[0]) : "";
@@ -61,7 +61,7 @@ export function runChoice(runs, changed) {
       draw();
       changed();
     },
-    /** Return the files and the names of what was chosen, as a job takes them; all runs: neither. */
+    /** Return the chosen files and names as options of a job; if all runs are chosen, both are empty. */
     read() {
       const wanted = new Set(chosen());
       if (wanted.size === runs.length) return { files: null, only: [] };

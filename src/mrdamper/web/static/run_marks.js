@@ -1,4 +1,4 @@
-// What runs have in common: by what they are filtered, which are copies, and which hardly belong to the others.
+// Comparison of runs: filters, copies, and runs that probably belong to another damper.
 
 import { field, fixed, has, number, select } from "./dom.js";
 
@@ -13,35 +13,35 @@ const KINDS = [
   ["command", "Command", commandOf],
   ["temperature", "Temperature", temperatureOf],
 ];
-const ALIKE = 0.1; // share by which the speeds of like runs differ
-const FEW = 3; // like runs that tell what is usual
-const FAR = 2; // times the usual force, or one such part of it
+const ALIKE = 0.1; // Maximum relative difference of the speeds of similar runs.
+const FEW = 3; // Minimum number of similar runs for a comparison.
+const FAR = 2; // Ratio to the median force (or its inverse) from which on a run is reported.
 
 const isRead = (run) => !run.error && run.force_range_N;
 
-/** Return the commonest of some texts. */
+/** Return the most frequent text. */
 function commonest(texts) {
   const count = new Map();
   for (const text of texts) count.set(text, (count.get(text) ?? 0) + 1);
   return [...count].sort((a, b) => b[1] - a[1])[0]?.[0];
 }
 
-/** Return things in groups: key -> those that have it. */
+/** Return items by their keys. */
 function grouped(all, keyOf) {
   const groups = new Map();
   for (const one of all) groups.set(keyOf(one), [...(groups.get(keyOf(one)) ?? []), one]);
   return groups;
 }
 
-/** Return what two runs share that are the same measurement: figures to the last digit. */
+/** Return a text that is equal for two runs of the same measurement. */
 const measurement = (run) => JSON.stringify([run.command_unit, run.samples, run.rate_Hz, run.stroke_mm, run.peak_velocity_mm_s, run.force_range_N, run.command_range]);
 
-/** Return the copies among runs: run -> the first one that it equals. */
+/** Return the copies among runs: run -> its original. */
 export function copiesOf(runs) {
   return new Map([...grouped(runs.filter(isRead), measurement).values()].flatMap(([first, ...others]) => others.map((run) => [run, first])));
 }
 
-/** Return the runs that are hardly of the same damper as the others: run -> why, in words. */
+/** Return the runs that probably belong to another damper: run -> reason. */
 export function strangersOf(runs) {
   const commanded = runs.filter((run) => run.command_unit);
   const usual = commonest(commanded.map(unitOf));
@@ -53,25 +53,25 @@ export function strangersOf(runs) {
       const like = group.filter((one) => one !== run && Math.abs(one.peak_velocity_mm_s / run.peak_velocity_mm_s - 1) <= ALIKE).map(span);
       if (like.length < FEW) continue;
       const ratio = span(run) / like.sort((a, b) => a - b)[Math.floor(like.length / 2)];
-      if (ratio > FAR || ratio < 1 / FAR) found.set(run, `its force is ${number(ratio, 2)} times that of runs like it`);
+      if (ratio > FAR || ratio < 1 / FAR) found.set(run, `its force is ${number(ratio, 2)} times the force of similar runs`);
     }
   }
   return found;
 }
 
-/** Return copies and strangers as findings between runs. */
+/** Return copies and runs of another damper as findings. */
 export function findingsBetween(runs) {
-  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, file: run.file, found: `a copy of ${first.name}`, effect: "counts twice, and tells no more", remedy: "Identify leaves it out unless it is ticked" }));
-  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, file: run.file, found: why, effect: "two dampers in one card", remedy: "leave it out on Identify where it is of another damper" }));
+  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, file: run.file, found: `a copy of ${first.name}`, effect: "counts twice without new information", remedy: "The fit omits it unless you choose it" }));
+  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, file: run.file, found: why, effect: "the card describes two dampers", remedy: "Exclude it from the fit if it belongs to another damper" }));
   return [...strangers, ...copies];
 }
 
 /**
- * Return lists by which runs are filtered: `{lists, nodes, matching()}`; of a kind that all runs share there is none.
+ * Return lists that filter runs: `{lists, nodes, matching()}`; a property that all runs share has no list.
  *
  * @param {object[]} runs
- * @param {string} prefix of the lists' ids
- * @param {{oneUnit?: boolean, changed: () => void}} how oneUnit: volts and amperes are never taken together
+ * @param {string} prefix prefix of the ids
+ * @param {{oneUnit?: boolean, changed: () => void}} how oneUnit: volts and amperes exclude each other
  */
 export function runFilters(runs, prefix, { oneUnit = false, changed }) {
   const lists = KINDS.flatMap(([id, label, of]) => {

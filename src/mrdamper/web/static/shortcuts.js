@@ -1,11 +1,11 @@
-// Keys for what is done often: g and a letter goes to a page, ? shows the sheet of all keys.
+// Keyboard shortcuts: g and a letter open a page, ? shows all keys.
 
 import { button, el } from "./dom.js";
 
 const LETTERS = { r: "runs", l: "loops", i: "fit", d: "drawing", h: "heating", s: "heatsink", t: "tracking", e: "export", j: "jobs" };
 const LISTS = [["Tab", "the next field or list"], ["Arrows, Home, End", "within a list or a long table"], ["?", "this sheet"], ["Esc", "close it"]];
 
-/** Listen for the keys; typing in a field is left alone. */
+/** Listen to the keys outside of text fields. */
 export function startShortcuts(go, titles) {
   const rows = [...Object.entries(LETTERS).map(([key, page]) => [`g ${key}`, titles[page]]), ...LISTS];
   const sheet = el("dialog", { id: "shortcuts", "aria-label": "Keys" }, el("h2", { text: "Keys" }),

@@ -1,13 +1,13 @@
-// What a report says of a job's result, as the server sends it: verdict, tiles, warnings, tables, notes.
+// Result of a job as the server sends it: verdict, tiles, warnings, tables, notes.
 
 import { button, el, note, table } from "./dom.js";
 import { beyondCard, notes, tile } from "./parts.js";
 
-const SHORT = 22; // letters of a cell that is not broken into lines
+const SHORT = 22; // Cells with at most this number of letters are not wrapped.
 
-/** Return what a result comes to: one sentence, and three figures with their bands. */
+/** Return the verdict and three values with their bands. */
 export function firstScreen({ kind, answer }) {
-  if (!answer.shown) return note("info", "This job is of an earlier version: what it found is in its report and its files.");
+  if (!answer.shown) return note("info", "An earlier version ran this job. Its result is in its report and files.");
   const { verdict, tiles } = answer.shown;
   const mark = beyondCard(answer);
   return [
@@ -16,18 +16,17 @@ export function firstScreen({ kind, answer }) {
   ];
 }
 
-/** Return what a result was computed from, and what would mislead if it were overlooked. */
+/** Return the subject of a result and its warnings. */
 export function groundsOf({ answer }) {
   const { subject, flags } = answer.shown ?? { subject: "", flags: [] };
   return [el("p", { class: "small", text: subject }), flags.map(([lead, text]) => note("warning", el("b", { text: lead }), ` ${text}`))];
 }
 
-/** Return the tables of a result; `address` is that of a run, where it can be drawn. */
+/** Return the tables of a result; `address` returns the address of the plot of a run. */
 export const tablesOf = ({ answer }, address = null) => (answer.shown?.tables ?? []).map((one) => tableOf(one, address));
 
 /**
- * Return one table. With a `choice`, `{pick(n), picked(n), words(cells)}`, its rows are chosen by a button in the first
- * column.
+ * Return one table. With a `choice`, `{pick(n), picked(n), words(cells)}`, a button in the first column chooses a row.
  */
 export function tableOf({ title, caption, folded, columns, rows }, address = null, choice = null) {
   const cell = (column, k) => (row) => {
@@ -50,8 +49,8 @@ export function tableOf({ title, caption, folded, columns, rows }, address = nul
   ];
 }
 
-/** Return a result's notes. */
+/** Return the notes of a result. */
 export const notesOf = ({ answer }) => notes(answer.shown?.notes ?? answer.notes);
 
-/** Return all that follows the first screen. */
+/** Return subject, warnings, tables and notes. */
 export const restOf = (job) => [groundsOf(job), tablesOf(job), notesOf(job)];

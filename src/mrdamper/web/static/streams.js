@@ -1,16 +1,16 @@
-// The event streams of one browser, and who hears what: a browser has six connections to a server, however many
-// tabs are open. Here is what the shared worker does; where there is none, each tab does it for itself.
+// Event streams of one browser and their listeners. A browser opens at most six connections to a server for all its
+// tabs, so a shared worker holds the streams. Without a shared worker each tab has its own streams.
 
-const MOST_JOBS = 3; // streams of jobs at once; more wait for their turn
+const MOST_JOBS = 3; // Open streams of jobs; further jobs wait.
 const NAMES = ["progress", "message", "end"];
 
-/** The streams: of the folder with all its dampers, and of the jobs that somebody follows. */
+/** Streams of the folder and of the followed jobs. */
 export class Streams {
   constructor() {
     Object.assign(this, { folder: null, watchers: new Set(), jobs: new Map() });
   }
 
-  /** Call `hear(name, data)` with each change in the folder, and when the server is lost or back. */
+  /** Call `hear(name, data)` for each change in the folder and each change of the connection. */
   watch(hear) {
     this.watchers.add(hear);
     if (this.folder?.readyState === EventSource.OPEN) hear("open", null);
@@ -25,7 +25,7 @@ export class Streams {
     });
   }
 
-  /** Call `hear(name, data)` with all that a job says whose events have the address `id`, from its beginning. */
+  /** Call `hear(name, data)` for all events of a job from its beginning; `id` is the address of its events. */
   follow(id, hear) {
     if (!this.jobs.has(id)) this.jobs.set(id, { source: null, told: [], heard: new Set() });
     const job = this.jobs.get(id);
@@ -34,7 +34,7 @@ export class Streams {
     this.open();
   }
 
-  /** Forget who hears. */
+  /** Remove a listener. */
   leave(hear) {
     this.watchers.delete(hear);
     for (const [id, job] of this.jobs) {
@@ -52,7 +52,7 @@ export class Streams {
     this.open();
   }
 
-  /** Open streams of jobs that have none, as many as there may be. */
+  /** Open the streams of waiting jobs up to the limit. */
   open() {
     for (const [id, job] of this.jobs) {
       const busy = [...this.jobs.values()].filter((each) => each.source).length;
@@ -60,7 +60,7 @@ export class Streams {
       job.source = new EventSource(id);
       for (const name of NAMES) {
         job.source.addEventListener(name, (event) => {
-          if (!event.data) return; // an error of the connection has this name in old browsers
+          if (!event.data) return; // Old browsers use this name for connection errors.
           const data = JSON.parse(event.data);
           job.told.push([name, data]);
           for (const hear of [...job.heard]) hear(name, data);

@@ -1,6 +1,6 @@
-// Colours of the plots in light and in dark, and the switch between the two.
+// Light and dark colours of the plots, and the switch.
 //
-// The style sheet has the page's own colours; canvases cannot read them, so that theirs stand here.
+// The style sheet contains the colours of the page. Canvases cannot read them, so that their colours are defined here.
 
 const LIGHT = {
   ink: "#22282e", soft: "#5b646d", line: "#c9ced3", grid: "#eceff1", back: "#ffffff", measured: "#89929a",
@@ -21,19 +21,19 @@ const KEY = "mrdamper-theme";
 const watchers = new Set();
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
-/** Return `light` or `dark`: what was chosen, or what the machine prefers. */
+/** Return `light` or `dark`: the choice of the user, or the preference of the system. */
 export function theme() {
   const chosen = document.documentElement.dataset.theme;
   if (chosen === "light" || chosen === "dark") return chosen;
   return dark.matches ? "dark" : "light";
 }
 
-/** Return the plots' colours; `forPaper` gives the light ones whatever the page looks like. */
+/** Return the colours of the plots; with `forPaper` always the light ones. */
 export function palette(forPaper = false) {
   return forPaper || theme() === "light" ? LIGHT : DARK;
 }
 
-/** Return the colour at a share (0 to 1) of the ramp from cold to hot, or from little to much; volts have their own. */
+/** Return the colour at a fraction (0 to 1) of the ramp from low to high; volts have their own ramp. */
 export function rampColour(share, colours = palette(), volts = false) {
   const ramp = volts ? colours.volts : colours.ramp;
   const at = Math.min(1, Math.max(0, Number.isFinite(share) ? share : 0)) * (ramp.length - 1);
@@ -41,28 +41,25 @@ export function rampColour(share, colours = palette(), volts = false) {
   return mixed(ramp[k], ramp[k + 1], at - k);
 }
 
-/** Return a colour thinned with that of the paper, for a band around a line. */
-export const tint = (colour, back) => mixed(back, colour, 0.28);
-
-/** Return the colour at a share (0 to 1) of the way from one to another. */
+/** Return the colour at a fraction (0 to 1) between two colours. */
 function mixed(from, to, share) {
   const [a, b] = [from, to].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
   return `#${a.map((value, i) => Math.round(value + (b[i] - value) * share).toString(16).padStart(2, "0")).join("")}`;
 }
 
-/** Call `watcher` when the colours change. */
+/** Call `watcher` after a change of the colours. */
 export function onTheme(watcher) {
   watchers.add(watcher);
   return () => watchers.delete(watcher);
 }
 
-/** Restore the choice that was kept, and join the switch in the page. */
+/** Restore the stored choice, and connect the switch. */
 export function startTheme(knob) {
   let kept = null;
   try {
     kept = localStorage.getItem(KEY);
   } catch {
-    kept = null; // storage may be forbidden
+    kept = null; // The browser may block storage.
   }
   if (kept === "light" || kept === "dark") document.documentElement.dataset.theme = kept;
   const say = () => {
@@ -80,7 +77,7 @@ export function startTheme(knob) {
     try {
       localStorage.setItem(KEY, next);
     } catch {
-      // the choice lasts for this page only
+      // Without storage the choice is lost with the page.
     }
     changed();
   });

@@ -1,9 +1,9 @@
-// The linked view: any runs and any cards' forces on them, as loops and over time, one cursor and one span of time.
+// Linked view: measured and modelled forces of runs as loops and versus time, with one cursor and one time span.
 //
-// All that is chosen stands in the page's address: `run`, `card`, `colour`, `against`, `hide`, `without`, `t` (the span
-// of time), `d` and `v` (the parts of the loops). Each zoom is a step of the browser's history: Back undoes it.
+// The address contains all choices: `run`, `card`, `colour`, `against`, `hide`, `without`, `t` (time span), `d` and `v`
+// (ranges of the loops). Each zoom is a step of the browser's history, so that Back undoes it.
 
-import { getRuns, modelled, series } from "./api.js";
+import { getCard, getRuns, modelled, series } from "./api.js";
 import { addressed, button, check, counted, el, field, fill, fixed, note, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 import { Link, nth, Plot } from "./plot.js";
@@ -20,26 +20,27 @@ const PANES = [
   { id: "V", title: "Voltage over time", y: "voltage, V", of: ["time_s", "command_V"], name: "voltage-time", height: 145, fromZero: true },
   { id: "T", title: "Temperature over time", y: "temperature, °C", of: ["time_s", "temperature_degC"], name: "temperature-time", height: 165 },
 ];
-/** What of an address is the view's. */
+/** Keys of the view in an address. */
 export const CHOSEN = ["run", "file", "card", "colour", "against", "hide", "without", "t", "d", "v"];
 
-const MOST_SAMPLES = 2_200_000; // of all curves together
-const AT_ONCE = 4; // requests
+const MOST_SAMPLES = 2_200_000; // Sum of all curves.
+const AT_ONCE = 4; // Parallel requests.
+const SPLITS = { training: "training", held_out: "held out" };
 const STEP_MS = 150;
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
-/** Return what a run is called in an address: its name, and its file where another run has the same. */
+/** Return the id of a run in an address: its name, with the file if another run has the same name. */
 export const idOf = (run, runs) => (runs.some((other) => other !== run && other.name === run.name) ? `${run.file}|${run.name}` : run.name);
 
-/** The view, in a page. */
+/** Linked view of a page. */
 export class LinkedView {
   /**
    * @param {object} app
-   * @param {object[]} runs that can be chosen
-   * @param {{runs?: object[], cards?: string[]}} first what is shown where the address names nothing
+   * @param {object[]} runs available runs
+   * @param {{runs?: object[], cards?: string[]}} first choice if the address contains no choice
    */
   constructor(app, runs, first = {}) {
-    Object.assign(this, { app, runs, first, fetched: new Map(), shown: [], timer: null, asked: new AbortController() });
+    Object.assign(this, { app, runs, first, fetched: new Map(), splits: new Map(), shown: [], timer: null, asked: new AbortController() });
     this.link = new Link();
     this.link.onToggle = () => this.write(true);
     this.plots = PANES.map(({ of, id, ...options }) => {
@@ -64,7 +65,7 @@ export class LinkedView {
     this.read(addressed());
   }
 
-  /** Take over what an address says. */
+  /** Read the choices from an address. */
   read(query) {
     const file = query.get("file");
     const wanted = query.getAll("run").filter((id) => id !== "");
@@ -91,7 +92,7 @@ export class LinkedView {
     return this.load();
   }
 
-  /** Write the choice into the address; `step`: Back undoes it. */
+  /** Write the choices into the address. With `step`, Back undoes the change. */
   write(step) {
     const query = addressed();
     for (const name of CHOSEN) query.delete(name);
@@ -109,7 +110,7 @@ export class LinkedView {
     this.drawSteps();
   }
 
-  /** Change the choice: keep it in the address, and show it. */
+  /** Change the choices, write them into the address, and show them. */
   change(values) {
     Object.assign(this.state, values);
     this.write(true);
@@ -132,7 +133,7 @@ export class LinkedView {
     (undo ? this.undo : this.redo).click();
   }
 
-  /** Show a part of time in the loops, while it is being chosen. */
+  /** Show a time span in the loops while it is dragged. */
   select(span) {
     this.due ??= requestAnimationFrame(() => {
       this.due = null;
@@ -141,7 +142,7 @@ export class LinkedView {
     this.selected = span;
   }
 
-  /** Keep a range that was changed by hand. */
+  /** Store a range that the user has changed. */
   zoomed(plot) {
     const { id } = plot.pane;
     const loop = id === "d" || id === "v";
@@ -151,13 +152,13 @@ export class LinkedView {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => {
       this.write(true);
-      if (!loop && this.most) this.load(); // fewer samples were fetched than there are
+      if (!loop && this.most) this.load(); // Not all samples were fetched.
     }, STEP_MS);
   }
 
-  // ---------------------------------------------------------------------------------------- what is fetched
+  // ---------------------------------------------------------------------------------------- data
 
-  /** Fetch what is chosen and draw it. */
+  /** Fetch the chosen data and draw them. */
   async load() {
     this.asked.abort();
     this.asked = new AbortController();
@@ -177,6 +178,7 @@ export class LinkedView {
         for (let one = queue.shift(); one; one = queue.shift()) this.fetched.set(one.key, await this.fetch(one, { max: this.most, ...cut, signal }));
       };
       await Promise.all([...Array(AT_ONCE)].map(next));
+      for (const card of cards) if (!this.splits.has(card)) this.splits.set(card, await splitsOf(card));
       if (signal.aborted) return;
       this.shown = wanted.map((one) => ({ ...one, ...this.fetched.get(one.key) }));
       const faults = this.shown.filter(({ fault }) => fault).map(({ fault }) => note("warning", fault));
@@ -206,9 +208,9 @@ export class LinkedView {
     }
   }
 
-  // ------------------------------------------------------------------------------------------ what is drawn
+  // ------------------------------------------------------------------------------------------ drawing
 
-  /** Return what the curves are coloured by. */
+  /** Return the property that colours the curves. */
   colouring() {
     const { colour, cards, runs } = this.state;
     if (colour) return colour;
@@ -216,14 +218,14 @@ export class LinkedView {
     return new Set(runs.map(commandOf)).size === 1 && new Set(runs.map(temperatureOf)).size > 1 ? "temperature" : "command";
   }
 
-  /** Return key and colour of a run by its command or temperature; a unit has a ramp of its own. */
+  /** Return key and colour of a run by its command or temperature; each unit has its own ramp. */
   colourOf(run, by) {
     if (by === "run") return [run.name, nth(this.runs.indexOf(run))];
     const hot = by === "temperature";
     const [key, value] = hot ? [temperatureOf(run), run.temperature_degC] : [commandOf(run), run.command];
     const alike = this.runs.filter((other) => hot || other.command_unit === run.command_unit);
     const values = alike.map((other) => (hot ? other.temperature_degC : other.command)).filter((each) => each !== null && each !== undefined);
-    if (value === null || value === undefined) return [key, (colours) => colours.measured];
+    if (value === null || value === undefined) return [key, nth(3)]; // This colour differs from measured curves and from the ramp.
     const [low, high] = [Math.min(...values), Math.max(...values)];
     if (low === high) return [key, (colours) => colours.accent];
     return [key, (colours) => rampColour((value - low) / (high - low), colours, !hot && run.command_unit === "V")];
@@ -236,7 +238,7 @@ export class LinkedView {
       const which = this.wording(one.run);
       const [key, colour] = by === "card" ? [one.card, nth(cards.indexOf(one.card))] : this.colourOf(one.run, by);
       if (one.card) return { ...one, name: `${which}, ${one.card}`, key: by === "card" || cards.length > 1 ? one.card : key, colour, width: 1.3, dash: by === "card" ? [] : DASHES[cards.indexOf(one.card) % DASHES.length] };
-      const behind = cards.length > 0 || by === "card"; // grey and wide, below the models
+      const behind = cards.length > 0 || by === "card"; // Measured curves are grey and wide, below the modelled ones.
       return { ...one, name: behind ? `${which}, measured` : which, key: behind ? "measured" : key, colour: behind ? (colours) => colours.measured : colour, width: behind ? 2.4 : 1.3 };
     });
     if (against) this.subtract(curves, against);
@@ -245,6 +247,7 @@ export class LinkedView {
       const { id, of: [x, y] } = plot.pane;
       const loop = id === "d" || id === "v";
       const series = curves.filter(({ columns, card }) => columns[x] && columns[y] && (!card || loop || id === "f" || id === "r")).map((one) => ({
+        since: id === "r" ? one.head.scored_from_s ?? 0 : 0,
         name: one.name, key: one.key, quiet: id !== "d" || named.has(one.key) || !named.add(one.key), colour: one.colour, width: loop ? one.width : Math.min(2, one.width), dash: one.dash ?? [],
         x: one.columns[x], y: one.columns[y], ...(loop ? { kind: "loop", t: one.columns.time_s } : {}),
       }));
@@ -254,14 +257,16 @@ export class LinkedView {
       plot.view = range ? { x: range.slice(0, 2), y: loop ? range.slice(2) : null } : null;
       plot.span = t;
       plot.options.y = id === "r" && against ? `force less that of ${against}, N` : plot.options.y.replace(/^force less.*/, "residual, N");
-      plot.set({ series: plot.node.hidden ? [] : series }, { keepView: true });
+      const start = Math.max(0, ...series.map(({ since }) => since));
+      const spans = start > 0 ? [{ from: 0, to: start, name: "start, not scored", colour: (colours) => colours.band }] : [];
+      plot.set({ series: plot.node.hidden ? [] : series, spans }, { keepView: true });
     }
     this.drawPanes();
     this.drawErrors();
     this.drawSteps();
   }
 
-  /** Take the force of one card, in place of the measured one, off the forces of the others. */
+  /** Subtract the force of one card, instead of the measured force, from the forces of the others. */
   subtract(curves, against) {
     for (const one of curves.filter(({ card }) => card)) {
       const other = curves.find(({ run, card }) => run === one.run && card === against);
@@ -270,10 +275,11 @@ export class LinkedView {
     }
   }
 
-  /** Return what tells a run from the others that are shown, in as few words as possible. */
+  /** Return the shortest text that distinguishes a run from the other shown runs. */
   wording(run) {
-    const said = (each) => `${commandOf(each)}, ${temperatureOf(each)}`.replace(", unknown", "");
-    return this.state.runs.filter((other) => said(other) === said(run)).length > 1 ? run.name : said(run);
+    const held = (one) => (this.state.cards.some((card) => this.splits.get(card)?.get(one.name) === "held_out") ? ", held out" : "");
+    const said = (each) => `${commandOf(each)}, ${temperatureOf(each)}${held(each)}`.replace(", unknown", "");
+    return this.state.runs.filter((other) => said(other) === said(run)).length > 1 ? `${run.name}${held(run)}` : said(run);
   }
 
   drawPanes() {
@@ -298,19 +304,20 @@ export class LinkedView {
         [
           { title: "run", class: "name", cell: ({ run }) => run.name },
           { title: "card", class: "whole", cell: ({ card }) => card },
+          { title: "in the fit", class: "whole", cell: ({ run, card }) => SPLITS[this.splits.get(card)?.get(run.name)] ?? "not used" },
           { title: "RMS error", unit: "N", number: true, cell: ({ head }) => fixed(head.rmse_N, 1) },
           { title: "error", unit: "% of spread", number: true, cell: ({ head }) => fixed(head.nrmse_percent, 2) },
           { title: "notes", class: "name", cell: ({ head }) => el("span", { class: "small", text: (head.notes ?? []).join("; ") }) },
         ],
         rows,
-        { caption: "Of the whole run. Grey and wide: measured. Thin and coloured: modelled.", tall: rows.length > 12 },
+        { caption: "Errors of the whole run. Grey and wide: measured. Thin and coloured: modelled.", tall: rows.length > 12, rowClass: ({ run, card }) => (this.splits.get(card)?.get(run.name) === "held_out" ? "held" : "") },
       ),
     );
   }
 
-  // ------------------------------------------------------------------------------------------ what is chosen
+  // ------------------------------------------------------------------------------------------ choices
 
-  /** Draw the lists of runs and cards, and how they are coloured. */
+  /** Draw the lists of runs, cards and colours. */
   drawChoice() {
     const { state, runs } = this;
     const box = (checked, text, onchange) => {
@@ -359,7 +366,10 @@ export class LinkedView {
   }
 }
 
-/** Return the runs of the motion that has most at a constant command, at the lowest temperature. */
+/** Return how a fit used its runs: name -> `training` or `held_out`. */
+export const splitsOf = async (card) => new Map((await getCard(card)).evidence.runs.map((run) => [run.name, run.split]));
+
+/** Return the runs of the most frequent motion with constant command at the lowest temperature. */
 export function usualRuns(runs) {
   const motions = [...new Set(runs.map(motionOf))];
   const count = (motion) => runs.filter((run) => motionOf(run) === motion && run.command !== null).length;

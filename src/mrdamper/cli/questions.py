@@ -1,0 +1,44 @@
+"""Questions that files leave open. A terminal prompts for the answers. Scripts use ``--answer``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+
+def prompt_for_answers(source: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
+    """Return the user's answers to the open questions, in the form of ``--answer``.
+
+    Nothing is prompted if the command runs in a script or has no ``--answer``. An empty line leaves a
+    question open. A question that has an answer is not repeated.
+
+    Parameters
+    ----------
+    source : a result or an exception, with or without an attribute ``questions``
+    given : values of the command's options, by name
+    """
+    questions = getattr(source, "questions", ())
+    if as_json or "answer" not in given or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return ()
+    answered = {text.partition("=")[0] for text in given["answer"] or ()}
+    answers: dict[str, str] = {}
+    for question in questions:
+        if question.key in answered or question.key in answers:
+            continue
+        choices = f" ({', '.join(question.candidates[:8])})" if question.candidates else ""
+        text = f"{question.file}: {question.text}\n{question.role}, {question.topic}{choices}"
+        value = click.prompt(text, default="", show_default=False, err=True)
+        if value.strip():
+            answers[question.key] = value.strip()
+    return tuple(f"{key}={value}" for key, value in answers.items())
+
+
+def print_questions(source: object) -> None:
+    """Print the open questions of an exception as JSON, in the format of ``check --json``."""
+    questions = [dict(question.to_dict()) for question in getattr(source, "questions", ())]
+    if questions:
+        click.echo(json.dumps({"questions": questions}, ensure_ascii=False))

@@ -1,0 +1,110 @@
+"""Results of jobs: a summary, a picture, a table and files.
+
+Reports are loaded by name when a result is displayed, because no job depends on its display.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from mrdamper.errors import InputError, MissingExtraError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import polars
+    from matplotlib.figure import Figure
+
+_REPR_LINES_MAX = 8
+
+
+def load(name: str) -> Any:  # noqa: ANN401 - any object
+    """Return the object with a name ``module:attribute``; the module is imported."""
+    module, _, attribute = name.partition(":")
+    return attrgetter(attribute)(import_module(module))
+
+
+class Picture:
+    """A value with a picture, which notebooks display."""
+
+    __slots__ = ()
+
+    def plot(self) -> Figure:
+        """Return the picture as a Matplotlib figure.
+
+        Raises
+        ------
+        InputError
+            The value has no picture.
+        """
+        figure = self._figure()
+        if figure is None:
+            remedy = "Use summary(), save() or to_frame()"
+            raise InputError("there is no picture", place=type(self).__name__, remedy=remedy)
+        return figure
+
+    def _figure(self) -> Figure | None:
+        label = type(self).__name__
+        figure: Figure | None = load("mrdamper.report.figures.style:displayable")(self._draw, label)
+        return figure
+
+    def _draw(self) -> Figure | None:
+        """Draw the picture; None if there is none."""
+        figure: Figure = load(load("mrdamper.registry:PICTURES")[type(self).__name__])(self)
+        return figure
+
+    def _repr_html_(self) -> str:
+        figure = self._figure()
+        svg = "" if figure is None else vars(figure)["_repr_svg_"]()
+        from html import escape  # Importing it takes a tenth of the import of the package.
+
+        svg = svg.replace("<svg", '<svg style="max-width: 100%; height: auto"', 1)
+        return f"<pre>{escape(repr(self))}</pre>{svg}"
+
+
+class JobResult(Picture):
+    """Base class of the results of all jobs."""
+
+    __slots__ = ()
+    _job: ClassVar[str]  # Name of the job.
+
+    def summary(self) -> str:
+        """Return the answer in a few lines of text."""
+        return "\n".join(self._row().reported.lines(self))
+
+    def save(self, folder: str | Path) -> dict[str, Any]:
+        """Write the files of the report into a folder, all or none; return the answer with their paths."""
+        answer: dict[str, Any] = self._row().save(self, folder)
+        return answer
+
+    def to_frame(self) -> polars.DataFrame:
+        """Return the result as a table.
+
+        Raises
+        ------
+        MissingExtraError
+            Polars is not installed.
+        InputError
+            The result has no table.
+        """
+        try:
+            import polars
+        except ImportError as error:
+            raise MissingExtraError.of("Results as tables", "polars", "rig-files") from error
+        rows = self._row().reported.rows
+        if rows is None:
+            raise InputError("there is no table", place=type(self).__name__, remedy="Use its fields")
+        return polars.DataFrame(list(rows(self)))
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<{type(self).__name__}>", *self.summary().splitlines()[:_REPR_LINES_MAX]])
+
+    def _draw(self) -> Figure | None:
+        draw = self._row().reported.figure
+        figure: Figure | None = None if draw is None else draw(self)
+        return figure
+
+    def _row(self) -> Any:  # noqa: ANN401 - a registry row
+        return load("mrdamper.registry:JOBS")[self._job]

@@ -1,0 +1,349 @@
+"""The workbench uses the numbers and choices of the user, and reports only checked results as good."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from mrdamper.models.card_schema import write_card
+from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper
+from tests.web.browser import opened, shoot
+from tests.web.served import TOKENS, served
+from tests.web.walking import PAGES, a_logger_file, plot
+
+pytestmark = pytest.mark.system
+
+SPELLINGS = ("2.5", "2,5", " 2.5 ", "+2,5", "2.50", "25e-1", "2,5E0", "0.25e1", "002,5", "2.5e+0")
+INVALID = ("5e", "1e", "two", "2,5,1", "1.2.3", "1,234", "1,234.5", "2 5", "0x10", "Infinity")
+READ = """async (texts) => {
+  const { numberField } = await import("/static/dom.js");
+  return texts.map((text) => {
+    const field = numberField("Frequency", "Hz", null);
+    field.input.value = text;
+    try { return field.read(); } catch (fault) { return fault.message; }
+  });
+}"""
+LISTS = """async (texts) => {
+  const { numberField } = await import("/static/dom.js");
+  return texts.map((text) => {
+    const field = numberField("Currents", "A", [], { list: true, empty: [] });
+    field.input.value = text;
+    try { return field.read(); } catch { return null; }
+  });
+}"""
+UNMARKED = """() => {
+  const type = (input, text) => {
+    input.value = text;
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+    return input.getAttribute("aria-invalid");
+  };
+  return [...document.querySelectorAll("main input.number")].filter((input) => {
+    const before = input.value;
+    return type(input, "5e") !== "true" || type(input, before) !== "false";
+  }).map((input) => input.id);
+}"""
+RESIDUAL_RANGE = """async () => {
+  const { Plot } = await import("/static/plot.js");
+  const x = Float32Array.from({ length: 200 }, (_, k) => k / 100);
+  const y = x.map((time) => (time < 0.05 ? -1300 : 40 * Math.sin(50 * time)));
+  const figure = new Plot({ title: "Residual", x: "time, s", y: "residual, N" });
+  figure.set({ series: [{ name: "residual", x, y, since: 0.1, colour: () => "#000" }] });
+  return figure.ranges().y;
+}"""
+
+
+def write_run(
+    path: Path, levels_A: tuple[float, float], *, force_N: float = 400.0, comment: str = ""
+) -> None:
+    """Write a sine run of 3 s at 20 degC whose current steps after half of the time."""
+    time = np.arange(600) / 200.0
+    travel = 4.0 * np.sin(2.0 * np.pi * time)
+    current = np.where(time < 1.5, *levels_A)
+    force = force_N * current * np.tanh(0.1 * np.gradient(travel, time))
+    columns = [time, travel, force, current, np.full_like(time, 20.0)]
+    head = f"{comment}time_s,displacement_mm,force_N,current_A,temperature_degC"
+    np.savetxt(path, np.column_stack(columns), "%.6g", ",", header=head, comments="")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with three runs and five cards, and a client of its server."""
+    root = tmp_path_factory.mktemp("values") / "damper"
+    (root / "runs").mkdir(parents=True)
+    write_run(root / "runs" / "steady.csv", (1.0, 1.0))
+    write_run(root / "runs" / "stepped.csv", (0.5, 1.5))
+    simulated = "# simulated: virtual damper hard, seed 0; not measured\n"
+    write_run(root / "runs" / "rig.csv", (0.5, 1.5), force_N=500.0, comment=simulated)
+    runs = ({**RUN, "name": "steady"}, {**RUN, "name": "stepped", "split": "held_out"})
+    own = card_of(rig_damper(), envelope=RIG_ENVELOPE)
+    own = replace(own, evidence=replace(own.evidence, runs=runs), sources=("steady.csv", "stepped.csv"))
+    stopped = replace(own, notes={"cancelled": True}, evidence=replace(own.evidence, converged=False))
+    for name, card in {
+        "own": own,
+        "simulated": replace(own, sources=("rig.csv",)),
+        "stopped": stopped,
+        "late": card_of(rig_damper(lag=None), envelope=RIG_ENVELOPE),
+        "chain": card_of(CHAIN, envelope=RIG_ENVELOPE),
+    }.items():
+        (root / "cards" / name).mkdir(parents=True)
+        write_card(card, root / "cards" / name / "card.json")
+    with served(root) as client:
+        client.read_all()
+        yield root, client
+
+
+@pytest.fixture
+def page(browser, folder):
+    with opened(browser, folder[1].address) as window:
+        yield window
+
+
+def go(page: Page, name: str, query: str = "") -> None:
+    """Open a page and wait until it is filled."""
+    page.goto(f"/#/{name}?{query}")
+    page.wait_for_selector(f"[data-shown={name}] h1")
+    page.wait_for_timeout(300)
+
+
+def test_typed_numbers_are_used_or_refused(page):
+    """Number fields accept both decimal separators; an invalid entry marks its field and starts no job."""
+    go(page, "heatsink", "card=own")
+    assert page.evaluate(READ, SPELLINGS) == [2.5] * len(SPELLINGS)
+    assert all("Frequency: " in str(text) for text in page.evaluate(READ, INVALID))
+    lists = page.evaluate(LISTS, ["0; 0,25; 0,5", "0, 0.25, 0.5", "0 0,25 0,5", "20,60", ""])
+    assert lists == [[0, 0.25, 0.5]] * 3 + [None, []]
+    for name in PAGES:
+        go(page, name, "card=own")
+        assert page.locator("input[type=number]").count() == 0
+        assert page.evaluate(UNMARKED) == [], name
+    go(page, "heatsink", "card=own")
+    field = page.get_by_label("Widest fin, mm")
+    started: list[str] = []
+    page.on("request", lambda sent: started.append(sent.url) if sent.url.endswith("/api/jobs") else None)
+    field.fill("5e")
+    page.get_by_role("button", name="Search").click()
+    expect(field).to_have_attribute("aria-invalid", "true")
+    expect(page.get_by_text("Widest fin: “5e” is not a number")).to_be_visible()
+    shoot(page, "values-invalid")
+    assert started == []
+    field.fill("2,5")
+    page.route("**/api/jobs", lambda route: route.abort())
+    with page.expect_request("**/api/jobs") as sent:
+        page.get_by_role("button", name="Search").click()
+    assert sent.value.post_data_json["options"]["width_mm"] == 2.5
+
+
+def test_new_geometry_drops_foreign_calibration(page, folder):
+    """Calibration factors hold for the damper on which they were measured, and Heating names them."""
+    go(page, "heating", "card=own")
+    expect(page.locator("#calibration")).to_contain_text("heat capacity × 0.9663")
+    go(page, "drawing")
+    expect(page.locator("#drawing-calibration-film")).to_have_value("0.823")
+    page.fill("#drawing-body-outer-diameter-mm", "50")
+    expect(page.get_by_text("The calibration factors of paper were removed")).to_be_visible()
+    shoot(page, "values-drawing")
+    page.fill("#drawing-name", "wide")
+    page.click("#save-drawing")
+    page.wait_for_selector("[data-shown=heating] figure[data-asked]")
+    expect(page.locator("#heat-damper")).to_have_value("wide.toml")
+    expect(page.locator("#calibration")).to_be_empty()
+    text = (folder[0] / "inputs" / "wide.toml").read_text()
+    assert "outer_diameter_mm = 50" in text
+    assert "calibration" not in text
+    assert "film_multiplier" not in text
+
+
+def test_choices_travel_to_the_next_pages(page):
+    """Load cycle, geometry, design and controller stay chosen when the user changes the page."""
+    page.goto("/#/drawing")
+    page.wait_for_selector("#section svg")
+    page.locator("#table-sink summary").click()
+    page.fill("#drawing-sink-fins", "0")
+    page.fill("#drawing-name", "bare")
+    page.click("#save-drawing")
+    page.wait_for_selector("[data-shown=heating] figure[data-asked]")
+    page.get_by_label("Amplitude", exact=True).fill("7")
+    page.get_by_role("button", name="Search a heat sink").click()
+    expect(page.locator("#heatsink-damper")).to_have_value("bare.toml")
+    expect(page.get_by_label("Amplitude, mm")).to_have_value("7")
+    mass = page.get_by_label("Largest mass, g")
+    expect(mass).to_have_attribute("aria-invalid", "true")  # The geometry has no fins.
+    page.get_by_role("button", name="Search").click()
+    expect(page.get_by_text("enter the largest mass of the fins")).to_be_visible()
+    mass.fill("300")
+    page.get_by_label("Length for the fins, mm").fill("30")
+    page.get_by_role("button", name="Search").click()
+    page.wait_for_selector("#use-sink", timeout=300_000)
+    page.locator("table .quiet", has_text=re.compile(r"^\d+ fins?$")).first.click()
+    design = page.locator(".tile", has_text="chosen").inner_text()
+    page.click("#use-sink")
+    page.wait_for_selector("[data-shown=heating] figure[data-asked]")
+    chosen = page.locator("#heat-damper").input_value()
+    assert re.fullmatch(r"bare-\d+-fins\.toml", chosen)
+    go(page, "heatsink")
+    assert page.locator(".tile", has_text="chosen").inner_text() == design
+    for name, field in (
+        ("heatsink", "#heatsink-damper"),
+        ("heating", "#heat-damper"),
+        ("export", "#export-damper"),
+    ):
+        go(page, name)
+        expect(page.locator(field)).to_have_value(chosen)
+
+
+def test_chosen_runs_stay_on_the_fit(page):
+    go(page, "fit")
+    page.locator("#chosen-runs summary").click()
+    page.get_by_label(re.compile("^rig")).first.uncheck()
+    words = page.locator("#chosen-runs summary").inner_text()
+    go(page, "loops")
+    go(page, "fit")
+    expect(page.locator("#chosen-runs summary")).to_have_text(words)
+
+
+def test_tracked_controller_is_exported_for_the_platform(page):
+    """Tracking starts on the card itself with controllers that it supports; Export takes the tracked one."""
+    plants = {}
+    for card in ("own", "simulated", "chain", "late"):
+        go(page, "tracking", f"card={card}")
+        plants[card] = page.locator("#track-plant").input_value()
+        offered = page.get_by_role("group", name="Controllers").get_by_role("checkbox")
+        names = page.get_by_role("group", name="Controllers").locator("label").all_inner_texts()
+        assert ("paper" in names) == (card != "chain")
+        assert ("recommended" in names) == (card != "late")
+        assert any(offered.nth(k).is_checked() for k in range(offered.count()))
+        assert page.locator("#missing-controllers").count() == (card in {"chain", "late"})
+    assert plants == {"own": "own", "simulated": "hard", "chain": "chain", "late": "late"}
+    shoot(page, "values-tracking")
+    page.fill("#track-temperatures-degC", "20")
+    page.get_by_role("button", name="Track", exact=True).click()
+    page.get_by_role("button", name="Export paper").click(timeout=300_000)
+    expect(page.locator("#export-controller")).to_have_value("paper")
+    expect(page.locator("#export-content")).to_have_value("both")
+    page.get_by_role("button", name="Make and verify").click()
+    expect(page.locator("#platforms")).to_contain_text("The FMU runs on", timeout=300_000)
+    assert "paper" in page.locator("#export-result").inner_text()
+    shoot(page, "values-export")
+
+
+def test_model_curves_differ_from_measured(page):
+    """Stepped runs have a colour, held-out runs are marked, and the residual axis ignores the start."""
+    go(page, "jobs")
+    low, high = page.evaluate(RESIDUAL_RANGE)
+    assert -60.0 < low < high < 60.0
+    page.goto("/#/loops?card=own")
+    page.wait_for_selector("#loops-said[data-ms]")
+    drawn = page.get_by_role("group", name="Runs drawn")
+    expect(drawn.get_by_label("rig", exact=True)).not_to_be_checked()
+    page.goto("/#/loops?card=own&run=steady&run=stepped")
+    page.wait_for_selector("#loops-said[data-samples]")
+    row = page.locator("tr.held", has_text="stepped")
+    expect(row).to_contain_text("held out")
+    page.goto("/#/loops?card=own&run=stepped")
+    swatches = plot(page, "Displacement loops").locator("xpath=../..").locator(".key .swatch")
+    expect(swatches).to_have_count(2)
+    page.wait_for_selector("figure[data-drawing]", state="detached")
+    assert (
+        len(set(swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")))
+        == 2
+    )
+    shoot(page, "values-loops", whole=True)
+
+
+def test_nothing_is_good_before_the_check(page, folder):
+    """A run is marked as checked after its check only; stopped fits and mixed caveats are visible."""
+    page.route(
+        "**/api/runs",
+        lambda route: route.fulfill(
+            json={
+                **(answer := route.fetch().json()),
+                "runs": [
+                    {**run, "checked": run["name"] == "steady", "worst": None} for run in answer["runs"]
+                ],
+            }
+        ),
+    )
+    go(page, "runs")
+    row = page.locator("table", has_text="motion").locator("tr", has_text="stepped")
+    expect(row.get_by_text("being checked")).to_be_visible()
+    expect(page.locator("tr", has_text="steady").get_by_text("no findings")).to_be_visible()
+    page.unroute("**/api/runs")
+    go(page, "fit", "card=stopped")
+    expect(page.locator("#fits tr", has_text="stopped").get_by_text("cancelled")).to_be_visible()
+    page.evaluate("sessionStorage.setItem('mrdamper-card', 'stopped')")
+    page.reload()
+    expect(page.locator("[data-page=fit]")).to_have_attribute("data-step", "old")
+
+    def with_caveats(route: Route) -> None:
+        answer = route.fetch()
+        caveats = {"assumed": "by a fluid", "beyond": "extrapolated: velocity"}
+        route.fulfill(response=answer, json={**answer.json(), **caveats})
+
+    page.route("**/api/heat/curve", with_caveats)
+    go(page, "heating", "card=own")
+    tile = page.locator(".tile", has_text="force lost by heating")
+    expect(tile).to_contain_text("assumed: by a fluid; extrapolated: velocity")
+
+
+def test_volts_are_offered_with_usual_gains(browser, tmp_path):
+    """Volts answer the question for a unit, and gains are entered in mm/V and kN/V."""
+    with served(tmp_path / "volts") as client, opened(browser, client.address) as page:
+        a_logger_file(tmp_path / "volts" / "runs" / "raw.txt")
+        page.goto("/#/runs?file=raw.txt")
+        page.get_by_label("CHANNEL0 is").select_option("displacement")
+        page.get_by_label("CHANNEL1 is").select_option("force")
+        page.get_by_label("In which unit is the displacement? V").click()
+        gain = page.get_by_label("CHANNEL0 gain", exact=True)
+        expect(gain).to_have_attribute("aria-invalid", "true")
+        expect(page.get_by_text("CHANNEL0 gain: enter how many mm are one volt")).to_be_visible()
+        shoot(page, "values-volts", whole=True)
+        gain.fill("10")
+        page.get_by_label("CHANNEL1 in").select_option("kN/V")
+        page.get_by_label("CHANNEL1 gain", exact=True).fill("0,980665")
+        page.get_by_label("Sampling rate, Hz").fill("500")
+        page.get_by_label("A new test begins at").fill("Resume")
+        page.get_by_label("Currents of the tests, A").fill("0; 0,9")
+        page.wait_for_selector("#preview .notice.good")
+        page.click("#save-map")
+        page.get_by_text("The map of raw.txt is saved").wait_for()
+        runs = client.read_all()
+    assert [run["command"] for run in runs] == [0.0, 0.9]
+    assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
+
+
+def test_token_navigation_and_print_are_clean(browser, folder):
+    """The token leaves the address, the navigation has no scroll bar, and a printed page names its source."""
+    _, client = folder
+    with opened(browser, client.address) as page:
+        page.goto(f"{client.address}?token={TOKENS[client.address]}#/runs")
+        page.wait_for_selector("[data-shown=runs] h1")
+        assert "token" not in page.url
+        for size in ((1400, 900), (1280, 800)):
+            page.set_viewport_size({"width": size[0], "height": size[1]})
+            rail = page.locator(".rail")
+            assert rail.evaluate(
+                "(e) => [e.scrollWidth - e.clientWidth, e.scrollHeight - e.clientHeight]"
+            ) == [0, 0]
+        shoot(page, "values-runs")
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        printed = page.locator("#printed").text_content() or ""
+        assert "Damper: damper" in printed
+        assert "steady.csv" in printed
+        assert re.search(r"Printed: .*\d", printed)
+        page.emulate_media(media="print")
+        expect(page.locator("#printed")).to_be_visible()
+        page.emulate_media(media="screen")
+        page.locator("#folder").click()
+        page.locator("#new-damper").fill("a/b")
+        page.get_by_role("button", name="Create").click()
+        expect(page.locator("#dampers .notice.fault")).to_be_visible()
+        expect(page.locator("#new-damper")).to_have_value("a/b")
+    with browser.new_context() as context:
+        stranger = context.new_page()
+        assert stranger.goto(client.address).status == 401
+        expect(stranger.get_by_role("heading")).to_have_text("This address needs a token")
