@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 from playwright.sync_api import expect
 
@@ -20,7 +18,6 @@ CAMPAIGN = (
     'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1, 2]\ntemperatures_degC = [20]\nsteps = false\n'
     "held_out_temperatures_degC = []\nheld_out_motions = []\n"
 )
-SAID = "weak at 60 °C; <b>not</b> for control"
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +35,9 @@ def many(tmp_path_factory):
         yield root, client
 
 
-def test_fit_table_keeps_order_pins_notes(browser, many):
-    """Pins and notes are stored with the card; order and filter are stored in the address."""
-    root, client = many
+def test_fit_table_keeps_order_and_filter(browser, many):
+    """Order and filter are stored in the address."""
+    _, client = many
     with opened(browser, client.address) as page:
         page.goto("/#/fit")
         names = page.locator("#fits tbody td.name b")
@@ -48,23 +45,12 @@ def test_fit_table_keeps_order_pins_notes(browser, many):
         expect(names.first).to_have_text("fit-00")
         page.get_by_role("button", name="Sort by fit").click()
         expect(names.first).to_have_text("fit-49")
-        page.get_by_label("Pin fit-13").click()
-        expect(names.first).to_have_text("fit-13")
-        page.get_by_label("Note on fit-13").fill(SAID)
-        page.get_by_label("Note on fit-13").blur()
-        page.get_by_label("Find", exact=True).fill("WEAK at")
+        page.get_by_label("Find", exact=True).fill("fit-13")
         expect(names).to_have_count(1)
         shoot(page, "fits", whole=True)
         with opened(browser, client.address) as other:
             other.goto(page.url)
             expect(other.locator("#fits tbody td.name b")).to_have_text(["fit-13"])
-            expect(other.get_by_label("Note on fit-13")).to_have_value(SAID)
-    kept = json.loads((root / "cards" / "fit-13" / "note.json").read_text())
-    assert kept == {"note": SAID, "pinned": True}
-    answer = client.ask("PUT", "/api/cards/fit-13/note", json={"note": "x" * 2001})
-    assert answer.status_code == 422
-    (root / "cards" / "fit-14" / "note.json").write_text("[by hand", encoding="utf-8")
-    assert client.get("/api/state")["cards"][14]["note"] == ""
 
 
 def test_fit_shows_worst_runs_and_repeats(browser, many):

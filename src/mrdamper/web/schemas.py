@@ -188,16 +188,6 @@ class NewDamper:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitNote:
-    """A note on a fit, stored with its card; a pinned fit is at the top of the table."""
-
-    note: Annotated[
-        str, Option("Any text.", pattern=r"(?s)^.{0,2000}$", expected="2000 characters at most")
-    ] = ""
-    pinned: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class DrawingRequest:
     """A geometry that is derived from another; without a name it is not saved."""
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import json
 import secrets
 
 from fastapi import APIRouter
@@ -11,14 +9,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.errors import InputError
-from mrdamper.schema import write_record
-from mrdamper.web.context import AppContext, json_response, read_request, send_file
+from mrdamper.web.context import AppContext, json_response, send_file
 from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.query_worker import Query
-from mrdamper.web.schemas import FitNote
-
-NOTE_FILE = "note.json"
-"""File of the note on a fit, in the folder of its card."""
 
 _CARD_MAX_BYTES = 8_000_000
 
@@ -36,14 +29,6 @@ def card_routes(context: AppContext) -> APIRouter:
         folder.card(name)
         found = folder.there(folder.cards / name, *path.split("/"))
         return send_file(found, download="download" in request.query_params)
-
-    @routes.put("/api/cards/{name}/note")
-    async def note(name: str, request: Request) -> Response:
-        folder.card(name)
-        said = write_record(await read_request(request, FitNote), defaults=True)
-        await asyncio.to_thread(folder.write, folder.cards / name / NOTE_FILE, json.dumps(said) + "\n")
-        context.events.publish("cards")
-        return json_response(said)
 
     @routes.put("/api/cards/{name}")
     async def put_card(name: str, request: Request) -> Response:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import platform
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -16,16 +15,13 @@ from typing import TypeVar
 from fastapi import APIRouter
 from starlette.responses import Response
 
-from mrdamper.errors import InputError
 from mrdamper.jobs.previews.card import card_line
-from mrdamper.schema import Json, read_record, write_record
+from mrdamper.schema import Json
 from mrdamper.web.context import AppContext, json_response, stream
 from mrdamper.web.forms import all_forms
 from mrdamper.web.inputs import kind_of_input
 from mrdamper.web.query_worker import Query
-from mrdamper.web.routes.cards import NOTE_FILE
 from mrdamper.web.routes.jobs import job_rows
-from mrdamper.web.schemas import FitNote
 from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
 
 Item = TypeVar("Item")
@@ -101,16 +97,6 @@ def _card(folder: WorkFolder, name: str) -> Json:
     return {
         "name": name,
         **card_line(path),
-        **_note(path.with_name(NOTE_FILE)),
         "report": f"/api/cards/{name}/files/report.html" if report.is_file() else None,
         "modified": timestamp(path.stat().st_mtime),
     }
-
-
-def _note(path: Path) -> Json:
-    """Return the note on a card; an invalid file is an empty note."""
-    try:
-        said = read_record(FitNote, json.loads(path.read_text(encoding="utf-8")), path.name)
-    except (OSError, ValueError, InputError):
-        said = FitNote()
-    return dict(write_record(said, defaults=True))

@@ -80,7 +80,6 @@ export const putInput = (file) => json("PUT", `/api/inputs/${part(file.name)}`, 
 export const deleteInput = (name) => json("DELETE", `/api/inputs/${part(name)}`);
 export const inputFile = (name) => `${DAMPER}/api/inputs/${part(name)}`;
 export const putCard = (name, file) => json("PUT", `/api/cards/${part(name)}`, { raw: file });
-export const putNote = (name, said) => json("PUT", `/api/cards/${part(name)}/note`, { body: said });
 export const startJob = (kind, options) => json("POST", "/api/jobs", { body: { kind, options } });
 export const cancelJob = (id) => json("POST", `/api/jobs/${part(id)}/cancel`, { body: {} });
 export const resumeJob = (id) => json("POST", `/api/jobs/${part(id)}/resume`, { body: {} });

@@ -1,6 +1,6 @@
-// Table of fits with sorting, filter, pins and notes. Fits can be overlaid, compared, and repeated.
+// Table of fits with sorting and filter. Fits can be overlaid, compared, and repeated.
 
-import { cardFile, deleteCard, putCard, putNote } from "./api.js";
+import { cardFile, deleteCard, putCard } from "./api.js";
 import { addressed, button, check, el, field, filePicker, fill, fixed, number, opening, table } from "./dom.js";
 import { removal } from "./parts.js";
 
@@ -32,7 +32,7 @@ export function fitTable(app, heard) {
   const state = { sort: asked.get("sort") ?? "-modified", find: asked.get("find") ?? "" };
   const ticked = new Set(asked.getAll("fit"));
   const rows = el("div");
-  const find = el("input", { type: "search", id: "find-fit", value: state.find, placeholder: "name, law or note" });
+  const find = el("input", { type: "search", id: "find-fit", value: state.find, placeholder: "name or law" });
   const load = filePicker(".json", ([file]) =>
     app.attempt(async () => {
       await putCard(cardName(file.name.replace(/\.json$/i, "")), file);
@@ -63,7 +63,7 @@ export function fitTable(app, heard) {
     window.location.hash = `#/loops?${wanted}`;
   }
 
-  /** Return the matching fits in order, pinned fits first. */
+  /** Return the matching fits in order. */
   function found() {
     const down = state.sort.startsWith("-");
     const column = COLUMNS.find(({ key }) => key === state.sort.replace("-", "")) ?? COLUMNS[0];
@@ -73,8 +73,8 @@ export function fitTable(app, heard) {
       return (down ? -1 : 1) * (column.number ? x - y : String(x).localeCompare(String(y), "en", { numeric: true }));
     };
     return app.state.cards
-      .filter((card) => `${card.name} ${card.law ?? ""} ${card.note}`.toLowerCase().includes(state.find.toLowerCase()))
-      .sort((a, b) => b.pinned - a.pinned || compare(a, b));
+      .filter((card) => `${card.name} ${card.law ?? ""}`.toLowerCase().includes(state.find.toLowerCase()))
+      .sort(compare);
   }
 
   const sorter = ({ key, title }) => {
@@ -103,11 +103,6 @@ export function fitTable(app, heard) {
     return node;
   }
 
-  const noted = (card, values) => app.attempt(async () => {
-    await putNote(card.name, { note: card.note, pinned: card.pinned, ...values });
-    Object.assign(card, values);
-  });
-
   function ready() {
     overlay.disabled = !ticked.size;
     difference.disabled = report.disabled = ticked.size !== 2;
@@ -128,10 +123,9 @@ export function fitTable(app, heard) {
       table(
         [
           { title: "", cell: tick },
-          { title: "", cell: (card) => button(card.pinned ? "★" : "☆", () => noted(card, { pinned: !card.pinned }).then(draw), { class: "quiet", "aria-label": `Pin ${card.name}`, "aria-pressed": String(card.pinned), title: "Keep at the top" }) },
           { title: sorter(name), class: "name", cell: link },
           ...others.map((column) => ({ ...column, title: sorter(column), class: "whole", cell: cellOf(column) })),
-          { title: "note", class: "name", cell: (card) => (card.error ? el("span", { class: "small", text: card.error }) : el("input", { type: "text", value: card.note, maxlength: 2000, "aria-label": `Note on ${card.name}`, onchange: (event) => noted(card, { note: event.target.value }) })) },
+          { title: "", class: "name", cell: (card) => (card.error ? el("span", { class: "small", text: card.error }) : "") },
           {
             title: "",
             class: "whole",
