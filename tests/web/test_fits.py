@@ -1,4 +1,4 @@
-"""Table of fits: sorting, filter, pins, notes, and repeated fits."""
+"""Table of fits: sorting, filter, and repeated fits."""
 
 from __future__ import annotations
 
