@@ -43,14 +43,13 @@ KEYWORDS = {"allow_pickle", "shell"}
 
 # The only modules that import by a computed name or execute a file, with the reason.
 ALLOWED = {
-    "__init__.py: import_module": "the package's own rooms, by the names in its table",
     "data/formats/mdf.py: import_module": "modules of asammdf, by a name in the source",
     "data/formats/objects.py: allow_pickle=": "with allow_pickle=False",
     "data/formats/objects.py: load": "arrays of numbers alone: numpy refuses objects",
     "data/formats/table.py: import_module": "an optional library, by a name in the source",
     "models/card_draws.py: allow_pickle=": "with allow_pickle=False",
     "models/card_draws.py: load": "arrays of numbers alone: numpy refuses objects",
-    "registry/kinds.py: import_module": "a job's modules, by the names in its row",
+    "results.py: import_module": "modules of the package, by names in its own tables",
     "web/query_worker.py: import_module": "the pages' questions, by the names in the registry's table",
     "models/python_law.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
 }

@@ -172,7 +172,7 @@ def test_two_number_types_in_a_file_fail(tool, tmp_path):
     (tmp_path / "user.c").write_text(text, encoding="ascii")
     done = run(tool("gcc"), "-std=c99", "-fsyntax-only", "user.c", cwd=tmp_path)
     assert done.returncode != 0
-    assert "two exports of different kernels or number types" in done.stderr
+    assert "two exports with different kernels or number types" in done.stderr
 
 
 # ----------------------------------------------------------------------------------------------- text

@@ -78,7 +78,7 @@ def test_outputs_share_one_verification(made, folder):
         assert json.loads(archive.read("documentation/verification.json")) == record
         assert archive.read("sources/damper.c") == (folder / "c" / "damper.c").read_bytes()
     page = html.unescape((folder / "c" / "export.html").read_text(encoding="utf-8"))
-    assert "The compiled code gives the model's own bits in 100,000 samples" in page
+    assert "The compiled code is identical to the model in all bits, in 100,000 samples" in page
     readme, sizes = (folder / "c" / "README.md").read_text(encoding="utf-8"), record["sizes_bytes"]
     assert f"| tables (constant) | {sizes['tables']} |" in readme
     assert f"| a state | {sizes['state']} |" in readme
@@ -164,7 +164,7 @@ def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch
         ("card.json", ("--c", "c", "--controller", "papper"), 3, "did you mean paper"),
         ("card.json", ("--c", "c", "--damper", "nowhere.toml"), 3, "nowhere.toml"),
         ("card.json", ("--fmu", "x", "--table", "x"), 3, "is to be two things at once"),
-        ("card.json", (), 2, "nothing to write: give --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
+        ("card.json", (), 2, "No output is given. Use --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
         ("card.json", ("--c", "c", "--step", "soon"), 2, "'soon' is not a time"),
         ("card.json", ("--c", "c", "--content", "all"), 2, "'all' is not one of"),
     ],

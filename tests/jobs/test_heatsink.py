@@ -112,7 +112,9 @@ def test_page_has_front_dampers_and_sweeps(answer, folder):
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
     assert [label[1] for label in labels if label] == [
-        "Front of temperature against mass", "Best sink and reference, to scale", "The paper_s sweeps",
+        "Front of temperature against mass",
+        "Best sink and reference, to scale",
+        "Parameter studies of the paper",
     ]  # fmt: skip
     for picture in pictures:
         ET.fromstring(picture)

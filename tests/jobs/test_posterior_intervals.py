@@ -121,7 +121,7 @@ def test_samples_of_another_card_are_rejected(folder: Path, tmp_path: Path):
             mrdamper.simulate(card, MOTION, posterior=5)
         assert all(word in str(fault.value) for word in words), str(fault.value)
 
-    refused(folder / "low.json", "posterior.npz", "those of another card", "Fit again")
+    refused(folder / "low.json", "posterior.npz", "belong to another card", "Fit again")
     alone = tmp_path / "card.json"
     alone.write_bytes((folder / "card.json").read_bytes())
     refused(alone, "posterior.npz", "No such file", "Fit again")
@@ -133,8 +133,8 @@ def test_reports_show_interval(folder: Path, tmp_path: Path):
     found = mrdamper.evaluate(card, Dataset((a_run(TRUTH),)), posterior=9)
     found.save(tmp_path / "evaluate")
     page = (tmp_path / "evaluate" / "evaluate.html").read_text(encoding="utf-8")
-    assert "with their intervals of 90 percent" in page
-    assert "With 90 % the parameters leave" in page
+    assert "90 % intervals of coefficients" in page
+    assert "90 % interval of the modelled force" in page
     answer = mrdamper.registry.JOBS["evaluate"].reported.answer(found)
     assert answer["posterior"]["interval_width_N"] == found.forces[0].width_N
     assert answer["runs"][0]["rmse_interval_N"] == list(found.forces[0].rmse_N)

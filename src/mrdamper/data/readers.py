@@ -183,7 +183,9 @@ def _read_all(
         not isinstance(each.fault, NoRunError | NoTableError) for each in unreadable
     )
     beside = [
-        each for each in unreadable if may_be_runs and _is_beside(each, given, {*_OF_ANY_OBJECT} - objects)
+        each
+        for each in unreadable
+        if may_be_runs and _is_beside(each, given | {*frames}, {*_OF_ANY_OBJECT} - objects)
     ]
     kept = tuple(each for each in unreadable if each not in beside)
     told = (*(document.finding for document in documents), *map(_left_out, beside))

@@ -210,6 +210,7 @@ class FitOptions:
             "asymmetry, flow-asymmetry, gas-volume, leak, play and follow. Use none for a model "
             "without terms. Repeatable.",
             flag="--term",
+            metavar="TERM",
             default_help="friction, and thinning if the runs have several temperatures",
             label="Terms",
         ),

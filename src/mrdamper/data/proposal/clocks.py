@@ -144,8 +144,8 @@ def _findings_of_common_time(
             place,
             found=f"the channels have only {used} in common ({listed_spans})",
             expected="clocks that cover the same time",
-            remedy="To use the common part, give --answer time.part=common, or common_time = true at [file] "
-            "of the channel map",
+            remedy="To use the common part, answer time.part=common, or put common_time = true at [file] of "
+            "the channel map",
             candidates=("common",),
         )
     earliest = min((role for role in spans if role in MEASURED), key=lambda role: spans[role])

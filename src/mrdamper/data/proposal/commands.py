@@ -81,7 +81,7 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
     """Ask if a command is stated as constant and a column that is named as the current varies."""
     for name in varying_commands(table, place):
         low, high = np.nanquantile(table.columns[name], (0.0, 1.0)).tolist()
-        unit = "" if table.units.get(name) else f" --answer current.unit={QUANTITIES['current'].units[0]}"
+        unit = "" if table.units.get(name) else f" and current.unit={QUANTITIES['current'].units[0]}"
         raise ask(
             "current",
             "column",
@@ -89,7 +89,7 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
             found=f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column {name!r} "
             f"varies from {low:.4g} to {high:.4g}",
             expected="one command",
-            remedy=f"Use the column: --answer 'current.column={name}'{unit}, or remove it from the file",
+            remedy=f"Use the column, answer current.column={name}{unit}, or remove it from the file",
             candidates=[name],
         )
 

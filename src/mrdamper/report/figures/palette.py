@@ -25,13 +25,13 @@ _BLUE_TO_RED = "053061 2065ab 4393c3 90c4dd d1e5f0 f7f6f6 fddbc7 f3a481 d6604d b
 
 
 def colour_of(command: float | None, highest: float) -> str:
-    """Return the colour of a current or voltage, from dark blue at zero to ochre at the highest value."""
+    """Return the colour of a current [A] or voltage [V], dark blue at zero, ochre at the highest value."""
     share = 1.0 if command is None or highest == 0.0 else min(abs(command) / highest, 1.0)
     return _between(_VIRIDIS, 0.08 + 0.70 * share)
 
 
 def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
-    """Return the colour of a temperature among the levels in any unit, from violet (cold) to orange."""
+    """Return the colour of a temperature [degC or K] among levels, from violet (cold) to orange."""
     low, high = min(levels), max(levels)
     share = 0.5 if low == high else (temperature - low) / (high - low)
     return _between(_PLASMA, 0.05 + 0.70 * share)
