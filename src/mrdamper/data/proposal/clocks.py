@@ -169,10 +169,7 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return a text's table with each column on the clock and with the length of the preceding time column.
-
-    Equal times are merged.
-    """
+    """Return a text's table with columns on the clock of the preceding time column. Merge equal times."""
     plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}  # Readers number repeated names.
     times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:

@@ -97,10 +97,7 @@ def headers_of(table: Table, place: str) -> list[Header]:
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
-    """Return the only column without a unit whose symbol or name matches a role.
-
-    A measured column has priority over its set point.
-    """
+    """Return the only column without a unit that matches a role, with priority for measured columns."""
     found = [
         each
         for each in headers

@@ -45,10 +45,7 @@ class Piece:
 
 
 def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
-    """Return the limits of the runs of a table, and the titles from a column of words.
-
-    ``time`` [s] may have any sampling.
-    """
+    """Return the limits of the runs of a table for times [s], and the titles from a column of words."""
     edges = {0}
     titles: dict[int, str] = {}
     for cells in texts.values():
@@ -268,10 +265,7 @@ def integrated(piece: Piece) -> Piece:
 
 
 def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift of an integral [m/s] over whole cycles, or of a fitted line without cycles.
-
-    A line fitted to some cycles of a sine has a slope.
-    """
+    """Return the drift [m/s] over whole cycles because a line through a sine has a slope, else of a line."""
     duration = float(time[-1] - time[0])
     line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
     level = path - line * (time - time[0])

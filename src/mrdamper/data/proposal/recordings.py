@@ -78,7 +78,6 @@ def runs_in(
     """Return the recordings in the tables of a file. ``name`` is used if they have no other name.
 
     ``stated`` are lines of documents about the file.
-
     A table without force versus time, such as results next to the samples, is skipped and reported.
     """
     parts: list[_Part] = []
