@@ -1,6 +1,6 @@
-"""Diagnosis of a run before it is fitted: what is wrong, where, how much, and what it does to a fit.
+"""Diagnosis of a run before it is fitted: faults, their location and size, and their effect on a fit.
 
-One function for each finding, in ``timing`` (time and missing numbers), ``sensors`` (single channels),
-``mechanics`` (what belongs together) and ``resolution`` (samples, noise, cycles); ``diagnose`` asks them in
-turn. Nothing is repaired here.
+One function computes one finding. Modules: ``timing`` (time and missing numbers), ``sensors`` (single
+channels), ``mechanics`` (force and motion), ``resolution`` (samples, noise, cycles). ``diagnose`` calls them
+in this order. No data are changed.
 """

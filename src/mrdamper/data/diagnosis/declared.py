@@ -32,21 +32,21 @@ _NAMED: Mapping[str, str] = MappingProxyType(
     }
 )
 _UNITS = {"frequency": "Hz", "stroke": "mm", "command": "A", "temperature": "degC"}
-_WITHIN = {"frequency": 0.03, "stroke": 0.12, "command": 0.06, "temperature": 0.0}  # share
+_WITHIN = {"frequency": 0.03, "stroke": 0.12, "command": 0.06, "temperature": 0.0}  # Relative tolerances.
 _CHANNEL = {
     "frequency": "time", "stroke": "displacement", "command": "current", "temperature": "temperature"
 }  # fmt: skip
-_AT_LEAST = {"frequency": 0.002, "stroke": 0.3, "command": 0.06, "temperature": 6.0}  # in its unit
-_REGULAR = 0.03  # of a period, by which the periods of a sine may differ
-_ALIKE = {"frequency": 0.12, "stroke": 0.25}  # by which runs of one motion may differ
-_ODD = {"frequency": 0.015, "stroke": 0.04}  # by which one of them is told
-_SCATTER = {"frequency": 0.003, "stroke": 0.012}  # of the others
-_SIBLINGS = 3
+_AT_LEAST = {"frequency": 0.002, "stroke": 0.3, "command": 0.06, "temperature": 6.0}  # Absolute tolerances.
+PERIOD_RATIO_MAX = 0.03  # Periods of a sine differ by less than this fraction.
+_RATIO = {"frequency": 0.12, "stroke": 0.25}  # Runs of one motion differ by less than these fractions.
+_DEVIATION_MIN = {"frequency": 0.015, "stroke": 0.04}  # A run that differs by a larger fraction is reported.
+_SCATTER_MAX = {"frequency": 0.003, "stroke": 0.012}  # The other runs must not scatter by a larger fraction.
+SIBLING_RUN_COUNT_MIN = 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """What the signals of a run say of it, in the unit of ``_UNITS``; None where they do not."""
+class _Values:
+    """Values from the signals of a run in the unit of ``_UNITS``, None if not available."""
 
     frequency: float | None
     stroke: float | None
@@ -57,7 +57,7 @@ class _Seen:
 def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Yield runs whose signals differ from the values in the names of run, file and folder."""
     for run in runs:
-        seen = _seen(run)
+        seen = _values_of(run)
         for quantity, usual_unit in _UNITS.items():
             unit = run.command_unit if quantity == "command" else usual_unit
             declared = _declared(run, quantity)
@@ -76,12 +76,12 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Give runs whose frequency or stroke differs a little from that of all other runs of their motion."""
-    seen = [(run, _seen(run)) for run in runs]
+    """Yield runs whose frequency or stroke differs slightly from all other runs of the same motion."""
+    seen = [(run, _values_of(run)) for run in runs]
     sines = [(run, each) for run, each in seen if each.frequency is not None]
     for run, mine in sines:
         others = [each for other, each in sines if other is not run and _same_motion(mine, each)]
-        if len(others) < _SIBLINGS:
+        if len(others) < SIBLING_RUN_COUNT_MIN:
             continue
         for quantity, cause, channel in (
             ("frequency", "time_scale", "time"), ("stroke", "displacement_scale", "displacement")
@@ -90,7 +90,7 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
             middle = float(np.median(values))
             ratio = getattr(mine, quantity) / middle
             scatter = 1.4826 * float(np.median(np.abs(values / middle - 1.0)))
-            if abs(ratio - 1.0) < _ODD[quantity] or scatter > _SCATTER[quantity]:
+            if abs(ratio - 1.0) < _DEVIATION_MIN[quantity] or scatter > _SCATTER_MAX[quantity]:
                 continue
             if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(np.abs(values / middle - 1.0))) / 2.0):
                 continue
@@ -121,7 +121,7 @@ _HINT = {
 
 
 def _declared(run: Recording, quantity: str) -> float | None:
-    """Return the one number that the names give for a quantity; a run's own name goes before its folder's."""
+    """Return the single number in the names for a quantity. The run's name has priority over its folder's."""
     source = PurePath(run.source) if run.source else PurePath()
     named = "voltage" if quantity == "command" and run.command_unit == "V" else quantity
     for text in (run.name, source.stem, source.parent.name):
@@ -135,21 +135,21 @@ def _declared(run: Recording, quantity: str) -> float | None:
 
 def _agrees(quantity: str, declared: float, found: float) -> bool:
     allowed = max(_WITHIN[quantity] * declared, _AT_LEAST[quantity])
-    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # an amplitude, or a stroke
+    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # A name may state an amplitude or a stroke.
     return any(abs(found - times * declared) <= times * allowed for times in meant)
 
 
-def _same_motion(one: _Seen, other: _Seen) -> bool:
-    return all(abs(getattr(other, name) / getattr(one, name) - 1.0) < share for name, share in _ALIKE.items())
+def _same_motion(one: _Values, other: _Values) -> bool:
+    return all(abs(getattr(other, name) / getattr(one, name) - 1.0) < share for name, share in _RATIO.items())
 
 
-def _seen(run: Recording) -> _Seen:
+def _values_of(run: Recording) -> _Values:
     frequency = _frequency(run)
     low, high = np.quantile(run.displacement, (0.002, 0.998))
     mean = abs(float(np.mean(run.command)))
     steady = float(np.std(run.command)) < 0.02 + 0.05 * mean
     kelvin = run.temperature
-    return _Seen(
+    return _Values(
         frequency,
         1e3 * float(high - low) if frequency is not None else None,
         mean if steady else None,
@@ -158,7 +158,7 @@ def _seen(run: Recording) -> _Seen:
 
 
 def _frequency(run: Recording) -> float | None:
-    """Return the frequency of a steady sine [Hz], from where it passes its middle; None for others."""
+    """Return the frequency of a steady sine [Hz] from its zero crossings, None for other motions."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
     swing = 0.25 * float(high - low)
@@ -171,6 +171,6 @@ def _frequency(run: Recording) -> float | None:
         share = float(-x[k - 1] / (x[k] - x[k - 1]))
         ups.append(float(run.time[k - 1] + share * (run.time[k] - run.time[k - 1])))
     periods = np.diff(ups[1:]) if len(ups) > 3 else np.diff(ups)
-    if len(periods) < 1 or float(np.ptp(periods)) > _REGULAR * float(np.median(periods)):
+    if len(periods) < 1 or float(np.ptp(periods)) > PERIOD_RATIO_MAX * float(np.median(periods)):
         return None
     return 1.0 / float(np.mean(periods))

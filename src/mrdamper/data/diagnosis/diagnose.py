@@ -1,4 +1,4 @@
-"""The diagnosis of one run; ``campaign`` compares runs with each other."""
+"""Diagnosis of a single run. The module ``campaign`` compares runs with each other."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ from mrdamper.errors import InputError
 
 
 def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
-    """Return what is wrong with a run, worst first; a run with a fault cannot be fitted as it is.
+    """Return the findings of a run, worst first. A run with a fault cannot be fitted.
 
     Parameters
     ----------
-    recording : as read; a ``RigRun`` has passed the checks on time and range already
-    prepared : the run as prepared for a fit, when that was done; else it is prepared here
+    recording : run as read. A ``RigRun`` has already passed the checks of time and range.
+    prepared : run as prepared for a fit. If it is missing, it is computed here.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
+    with np.errstate(over="ignore", invalid="ignore"):  # Overflow is reported as a size.
         found = list(find_missing_numbers(recording))
-        if not found and _same_lengths(recording) and len(recording) > 1:
+        if not found and _has_equal_lengths(recording) and len(recording) > 1:
             found = [*find_time_faults(recording.time), *find_implausible_sizes(recording)]
         if not any(finding.severity == "fault" for finding in found):
-            found += _of_a_whole_record(recording, prepared)
+            found += _diagnose_valid_record(recording, prepared)
     found.sort(key=worst_first)
     return tuple(replace(finding, run=recording.name) for finding in found)
 
 
-def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> list[Finding]:
-    """Return the findings of a run whose numbers and time are sound."""
+def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -> list[Finding]:
+    """Return the findings of a run with valid numbers and time."""
     try:
         run = recording.checked()
     except InputError as error:
-        return _refused(error)
-    found = [*find_lost_samples(recording), *_ask_sensors(recording)]
+        return _fault_findings(error)
+    found = [*find_lost_samples(recording), *_sensor_findings(recording)]
     if prepared is None:
         try:
             prepared = prepare_run(run)
@@ -60,7 +60,7 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
             try:
                 prepared = prepare_run(replace(run, force=-run.force))
             except InputError:
-                return [*found, *_refused(refusal)]
+                return [*found, *_fault_findings(refusal)]
             return [*found, find_wrong_sign(prepared)]
     for find in (
         find_force_offset,
@@ -75,13 +75,13 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
     return found
 
 
-def _ask_sensors(recording: Recording) -> Iterable[Finding]:
+def _sensor_findings(recording: Recording) -> Iterable[Finding]:
     for find in (find_phase_jumps, find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
         yield from find(recording)
 
 
-def _refused(error: InputError) -> list[Finding]:
-    """Return one finding for each fault of a refused run; the run is named by the finding."""
+def _fault_findings(error: InputError) -> list[Finding]:
+    """Return one finding for each fault of a rejected run. The finding names the run."""
     return [
         Finding(
             kind="refused",
@@ -94,7 +94,7 @@ def _refused(error: InputError) -> list[Finding]:
     ]
 
 
-def _same_lengths(recording: Recording) -> bool:
+def _has_equal_lengths(recording: Recording) -> bool:
     sizes = {
         array.shape for array in (recording.time, recording.displacement, recording.force, recording.command)
     }

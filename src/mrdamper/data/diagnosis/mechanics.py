@@ -1,7 +1,7 @@
 """Findings on force and displacement of one damper: sign, offset, drift, delay.
 
 A passive damper dissipates energy: its force and its velocity have the same sign on average, and its force
-never comes before its velocity.
+never leads its velocity.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from mrdamper.data.diagnosis.repeatability import drift, estimate_lag
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
-_OFFSET = 0.05  # of the force's standard deviation
-_DRIFT = 0.03  # of the stroke, of the force's range
-_GROWS = 5.0  # percent, of the force's range from first to last cycle
-_EARLY = 0.003  # of the period by which force may come before velocity
-_LATE = 0.17  # of the period: a phase of 60 degrees
+OFFSET_RATIO = 0.05  # Fraction of the force's standard deviation.
+DRIFT_RATIO_MAX = 0.03  # Fraction of the stroke and of the force range.
+FORCE_RANGE_CHANGE_MAX_PERCENT = 5.0  # Change of the force range from the first to the last cycle.
+LEAD_MAX_PERIODS = 0.003  # The force may lead the velocity by this fraction of the period.
+LAG_MAX_PERIODS = 0.17  # A phase of 60 degrees.
 
 
 def find_wrong_sign(prepared: PreparedRun) -> Finding:
-    """Return the finding of a force against the velocity; ``prepared`` has the force with the other sign."""
+    """Return the finding of a force opposed to the velocity. ``prepared`` has the corrected sign."""
     scored = slice(prepared.scored_from, None)
     correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])
     return Finding(
@@ -40,17 +40,17 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a force whose mean over whole cycles is not zero; a command that changes may give it one."""
-    offset = _offset(prepared)
+    """Yield a force with a mean over whole cycles that is not zero. A varying command may cause one."""
+    offset = _static_force(prepared)
     if offset is None or prepared.run.constant_command is None:
         return
     spread = float(np.std(prepared.force[prepared.scored_from :]))
-    least = _OFFSET * spread if prepared.period_s is not None else 2.0 * _OFFSET * spread
+    least = OFFSET_RATIO * spread if prepared.period_s is not None else 2.0 * OFFSET_RATIO * spread
     if abs(offset) <= least:
         return
     yield Finding(
         kind="force_offset",
-        severity="warning" if abs(offset) > 2.0 * _OFFSET * spread else "note",
+        severity="warning" if abs(offset) > 2.0 * OFFSET_RATIO * spread else "note",
         channel="force",
         size=offset,
         unit="N",
@@ -64,7 +64,7 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give what moves from the first to the last cycle: mean position, mean force, range of force."""
+    """Yield changes from the first to the last cycle: mean position, mean force, force range."""
     found = drift(prepared)
     whole = cycles(prepared)
     if found is None or len(whole) < 3 or prepared.run.constant_command is None:
@@ -86,7 +86,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
         ),
         ("force", "force_drift", found.force_N, span, "N", f"{found.force_N:+.3g} N"),
     ):
-        if abs(size) <= _DRIFT * scale:
+        if abs(size) <= DRIFT_RATIO_MAX * scale:
             continue
         yield Finding(
             kind=kind,
@@ -104,7 +104,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             if channel == "displacement"
             else "Let the load cell and its amplifier warm up; take a shorter segment",
         )
-    if abs(found.spread_percent) > _GROWS:
+    if abs(found.spread_percent) > FORCE_RANGE_CHANGE_MAX_PERCENT:
         yield Finding(
             kind="force_level_changes",
             channel="force",
@@ -121,17 +121,17 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a force that comes before the velocity, or so late that hysteresis alone is unlikely.
+    """Yield a force that leads the velocity, or that lags too far for hysteresis.
 
-    A small delay of the force cannot be told from hysteresis in one run; a force that is early can.
+    A single run does not separate a small lag from hysteresis. A leading force is always a fault.
     """
     whole = cycles(prepared)
     if prepared.period_s is None or len(whole) < 2:
         return
     step, period = prepared.trajectory.step, prepared.period_s
     lag = estimate_lag(prepared, period)
-    early = lag < -max(1.5 * step, _EARLY * period)
-    if not early and lag < _LATE * period:
+    early = lag < -max(1.5 * step, LEAD_MAX_PERIODS * period)
+    if not early and lag < LAG_MAX_PERIODS * period:
         return
     yield Finding(
         kind="force_early" if early else "force_late",
@@ -151,11 +151,11 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
     )
 
 
-def _offset(prepared: PreparedRun) -> float | None:
-    """Return the static force [N]: the mean over whole alike cycles, else what is left at no velocity.
+def _static_force(prepared: PreparedRun) -> float | None:
+    """Return the static force [N]: the mean over whole equal cycles, else the fitted force at zero velocity.
 
-    Without a period, force is taken as a + b sign(v) + c v + d x, which forgives a motion whose ways out and
-    back are not alike.
+    Without a period the force is fitted as a + b sign(v) + c v + d x, which is valid if both directions of
+    the motion differ.
     """
     whole = cycles(prepared)
     if not len(whole):

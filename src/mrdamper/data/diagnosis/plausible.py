@@ -1,12 +1,12 @@
 """Plausibility of force, current and stroke of a campaign, compared with published dampers.
 
-A factor that is wrong in all runs does not show anywhere else because a fit scales with it. The finding asks
-for a confirmation of the unit and changes nothing.
+A factor that is wrong in all runs has no other symptom because a fit scales with it. The finding requests a
+confirmation of the unit and changes no data.
 
 Sources of the ranges: a damper for off-road vehicles of 1.1 to 7.4 kN and a stroke of 180 mm (J. Intell.
 Mater. Syst. Struct. 2023, 10.1177/1045389X221151075), one for buildings of 15 t (Sternberg, Zemp and de la
-Llera, Engineering Structures 69, 2014, 194-205), the public runs that the tests read; the ends are rounded
-outwards by judgement.
+Llera, Engineering Structures 69, 2014, 194-205), and the public runs of the tests. The limits are rounded
+outwards.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mrdamper.data.records import Recording
 
 PEAK_RANGE_N = (150.0, 20e3)
 PEAK_MIN_AT_1A_N = 300.0
-CURRENT_RANGE_A = (0.3, 15.0)  # Of the largest current.
+CURRENT_RANGE_A = (0.3, 15.0)  # Range of the largest current.
 STROKE_RANGE_m = (2e-3, 0.5)
 
 _HINTS = {
@@ -31,7 +31,7 @@ _HINTS = {
 
 
 def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Yield the quantities of a campaign that no published damper has."""
+    """Yield the quantities of a campaign outside the range of published dampers."""
     if not runs:
         return
     amperes = [float(np.abs(run.command).max()) for run in runs if run.command_unit == "A"]

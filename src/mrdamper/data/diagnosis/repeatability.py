@@ -1,4 +1,4 @@
-"""How alike the cycles of a prepared run are, before any law: repeatability, drift, lag.
+"""Comparison of the cycles of a prepared run without a model: repeatability, drift, lag.
 
 Sign convention: extension positive, a force that resists extension is positive.
 """
@@ -14,25 +14,25 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import CycleFigures, cycles
 from mrdamper.data.prepare import PreparedRun
 
-_ALIKE = 0.03  # share by which a cycle may differ from the median one, and its end from its start
-_PHASES = 200  # points of a cycle at which cycles are compared
+CYCLE_RATIO_MAX = 0.03  # Tolerance of stroke, duration and end position.
+PHASE_COUNT = 200  # Cycles are compared at this number of points.
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """How mean displacement, mean force and the spread of force move from the first to the last cycle."""
+    """Change of mean displacement, mean force and force spread from the first to the last cycle."""
 
     displacement_m: float
     force_N: float
-    spread_percent: float  # change of the force's standard deviation, in % of the first cycle's
+    spread_percent: float  # Change of the force's standard deviation relative to the first cycle [%].
 
 
 def repeatability(prepared: PreparedRun) -> float | None:
     """Return the rms deviation of the force from the mean cycle, in % of the force's standard deviation.
 
-    Cycles are laid over each other by phase. Left out are those that differ by more than 3 % in stroke or
-    duration from the median cycle, or end that far from where they began (the ramps at start and end).
-    None when the run is not periodic or has fewer than two alike cycles.
+    Cycles are aligned by phase. Cycles that differ by more than 3 % in stroke or duration from the median
+    cycle, or that end that far from their start (ramps at start and end), are ignored. The result is None
+    if the run is not periodic or has fewer than two equal cycles.
     """
     if prepared.period_s is None:
         return None
@@ -40,13 +40,13 @@ def repeatability(prepared: PreparedRun) -> float | None:
     if len(forces) < 2:
         return None
     deviation = forces - forces.mean(axis=0)
-    # the mean is made of the same cycles: m - 1 of m are free
+    # The mean is computed from the same cycles, therefore m - 1 of m are independent.
     spread = np.sqrt(np.sum(deviation**2) / ((len(forces) - 1) * forces.shape[1]))
     return 100.0 * float(spread / np.std(forces))
 
 
 def drift(prepared: PreparedRun) -> Drift | None:
-    """Return the change from the first to the last alike cycle; None with fewer than two cycles."""
+    """Return the change from the first to the last equal cycle, None with fewer than two cycles."""
     found = alike_cycles(prepared)
     if len(found) < 2:
         return None
@@ -63,11 +63,11 @@ def drift(prepared: PreparedRun) -> Drift | None:
 
 
 def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
-    """Return by how much the force of two cycles or more follows the velocity [s], by their correlation.
+    """Return the lag [s] of the force relative to the velocity by cross-correlation over two or more cycles.
 
-    Searched within a quarter of the period, over whole periods; a parabola through the three largest values
-    gives the fraction of a sample. The lag of a damper contains its own hysteresis, not only the delay
-    between the channels: compare it between runs, or with zero.
+    The search covers a quarter of the period and uses whole periods. A parabola through the three largest
+    values gives the fraction of a sample. The lag contains the hysteresis of the damper in addition to the
+    delay between the channels: compare it between runs, or with zero.
     """
     path = prepared.trajectory
     per_cycle = period_s / path.step
@@ -85,23 +85,23 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
 
 
 def alike(values: FloatArray) -> NDArray[np.bool_]:
-    """Return which strokes or durations of cycles differ by less than 3 % from the median one."""
-    return np.asarray(np.abs(values / np.median(values) - 1.0) < _ALIKE)
+    """Return True for strokes or durations of cycles that differ by less than 3 % from the median."""
+    return np.asarray(np.abs(values / np.median(values) - 1.0) < CYCLE_RATIO_MAX)
 
 
 def forces_by_phase(prepared: PreparedRun, found: CycleFigures) -> FloatArray:
-    """Return the force of cycles over phase, shape (cycles, phases)."""
-    phase = np.linspace(0.0, 1.0, _PHASES, endpoint=False)
+    """Return the force of cycles versus phase, shape (cycles, phases)."""
+    phase = np.linspace(0.0, 1.0, PHASE_COUNT, endpoint=False)
     samples = np.arange(len(prepared))
     pairs = zip(found.row.tolist(), found.samples.tolist(), strict=True)
     return np.array([np.interp(start + phase * count, samples, prepared.force) for start, count in pairs])
 
 
 def alike_cycles(prepared: PreparedRun) -> CycleFigures:
-    """Return the cycles that are like the median one in stroke and duration, and end where they began."""
+    """Return the cycles with the median stroke and duration whose end equals their start."""
     found = cycles(prepared)
     if not len(found):
         return found
     x = prepared.trajectory.displacement
-    closed = np.abs(x[found.end] - x[found.row]) < _ALIKE * np.median(found.stroke_m)
+    closed = np.abs(x[found.end] - x[found.row]) < CYCLE_RATIO_MAX * np.median(found.stroke_m)
     return found.where(alike(found.stroke_m) & alike(found.samples.astype(np.float64)) & closed)

@@ -1,4 +1,4 @@
-"""Findings on how finely a run shows the hysteresis: samples, noise, and how well cycles repeat."""
+"""Findings on the resolution of the hysteresis: samples, noise, and repeatability of cycles."""
 
 from __future__ import annotations
 
@@ -13,43 +13,44 @@ from mrdamper.data.diagnosis.repeatability import alike_cycles, forces_by_phase,
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
-_PER_CYCLE = 60.0
-_FAR_TOO_FEW = 20.0
-_SWING = 0.3  # of the stroke range: a reversal that counts
-_NOISY = 5.0  # percent of the force's standard deviation
-_REPEATS = 5.0  # percent
-_LINE = 0.03  # of the force's standard deviation: rms of a line between the harmonics
-_PROMINENT = 0.5  # of what a cycle has beside the mean cycle is in that line
-_OFF_BINS, _OFF_HARMONIC = 1.2, (0.1, 0.3)  # of the spectrum; of the motion's frequency, least and most
-_LEAST_CYCLES = 3
-_LOWEST_LINE = 2.0  # times the motion's frequency: below it is where a force that grows or falls has most
+SAMPLE_COUNT_MIN = 60.0
+SAMPLE_COUNT_FAULT = 20.0
+REVERSAL_RATIO_MIN = 0.3  # Smaller motions, as a fraction of the stroke range, are not reversals.
+NOISE_MAX_PERCENT = 5.0  # Percent of the force's standard deviation.
+DEVIATION_MAX_PERCENT = 5.0  # Percent of the force's standard deviation.
+LINE_RATIO_MIN = 0.03  # RMS of a line divided by the force's standard deviation.
+LINE_POWER_RATIO_MIN = 0.5  # Fraction of the power of the deviation from the mean cycle.
+DISTANCE_BINS, DISTANCE_RANGE = 1.2, (0.1, 0.3)  # Distance of a line to a harmonic.
+CYCLE_COUNT_MIN = 3
+LINE_HARMONIC_MIN = 2.0  # Lower harmonics contain slow changes of the force.
 
 
 def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a rate that is too low for the motion."""
+    """Yield a sampling rate that is too low for the motion."""
     period, step = prepared.period_s, prepared.trajectory.step
     if period is None:
         turns = turning_points(
-            prepared.trajectory.displacement, _SWING * float(np.ptp(prepared.trajectory.displacement))
+            prepared.trajectory.displacement,
+            REVERSAL_RATIO_MIN * float(np.ptp(prepared.trajectory.displacement)),
         )
         apart = np.diff(turns) * step
         period = 2.0 * float(apart.min()) if len(apart) else None
-    if period is not None and period / step < _PER_CYCLE:
+    if period is not None and period / step < SAMPLE_COUNT_MIN:
         per_cycle = period / step
         yield Finding(
             kind="few_samples_per_cycle",
-            severity="warning" if per_cycle > _FAR_TOO_FEW else "fault",
+            severity="warning" if per_cycle > SAMPLE_COUNT_FAULT else "fault",
             channel="time",
             size=per_cycle,
             unit="samples",
             found=f"the fastest cycle has {per_cycle:.3g} samples (at {1 / step:.4g} Hz)",
             effect="Velocity and the corners of the loop are lost between samples",
-            remedy=f"Record at {_PER_CYCLE / period:.3g} Hz or more",
+            remedy=f"Record at {SAMPLE_COUNT_MIN / period:.3g} Hz or more",
         )
 
 
 def find_few_cycles(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a periodic run with fewer than two whole cycles that can be compared."""
+    """Yield a periodic run with fewer than two comparable whole cycles."""
     whole = cycles(prepared)
     if prepared.period_s is not None and len(whole) < 2:
         yield Finding(
@@ -64,11 +65,11 @@ def find_few_cycles(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give noise of the force and deviation from cycle to cycle, each against the force's spread."""
+    """Yield force noise and deviation from cycle to cycle, relative to the force's spread."""
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])
     share = 100.0 * noise / spread if spread else 0.0
-    if share > _NOISY:
+    if share > NOISE_MAX_PERCENT:
         yield Finding(
             kind="force_noise",
             channel="force",
@@ -80,7 +81,7 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
             remedy="Shield the load cell's cable, use more of its range; more cycles average it out in a fit",
         )
     apart = None if prepared.run.constant_command is None else repeatability(prepared)
-    if apart is None or apart <= _REPEATS:
+    if apart is None or apart <= DEVIATION_MAX_PERCENT:
         return
     more = apart > 2.0 * share
     yield Finding(
@@ -99,27 +100,27 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a line in the force's spectrum where a periodic motion makes none: interference, or an alias.
+    """Yield a spectral line of the force that a periodic motion does not excite: interference or an alias.
 
-    What a cycle has beside the mean cycle is noise, drift, or a slow change of the force (close to multiples
-    of the motion's frequency). A line between these multiples has another source.
+    The deviation from the mean cycle contains noise, drift, or a slow change of the force (close to
+    multiples of the motion's frequency). A line between these multiples has another source.
     """
     if prepared.period_s is None or prepared.run.constant_command is None:
         return
     cycle_forces = forces_by_phase(prepared, alike_cycles(prepared))
-    if len(cycle_forces) < _LEAST_CYCLES:
+    if len(cycle_forces) < CYCLE_COUNT_MIN:
         return
     spread = float(np.std(cycle_forces))
     beside = (cycle_forces - cycle_forces.mean(axis=0)).ravel()
     power = 2.0 * np.abs(np.fft.rfft(beside)) ** 2 / len(beside) ** 2
     harmonic = np.arange(len(power)) / len(cycle_forces)
-    off = float(np.clip(_OFF_BINS / len(cycle_forces), *_OFF_HARMONIC))
+    off = float(np.clip(DISTANCE_BINS / len(cycle_forces), *DISTANCE_RANGE))
     between = np.abs(harmonic - np.round(harmonic)) > off
-    rest = np.where(between & (harmonic > _LOWEST_LINE), power, 0.0)
+    rest = np.where(between & (harmonic > LINE_HARMONIC_MIN), power, 0.0)
     top = int(np.argmax(rest))
     line = float(rest[top - 2 : top + 3].sum())
     amplitude = float(np.sqrt(line))
-    if amplitude < _LINE * spread or line < _PROMINENT * float(power.sum()):
+    if amplitude < LINE_RATIO_MIN * spread or line < LINE_POWER_RATIO_MIN * float(power.sum()):
         return
     yield Finding(
         kind="interference",
@@ -135,10 +136,10 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def white_noise(values: FloatArray) -> float:
-    """Return the standard deviation of the white noise in a signal, from its fourth differences.
+    """Return the standard deviation of the white noise in a signal from its fourth differences.
 
-    They take out what is smooth (the motion); their median size is not moved by corners. Rounding that stays
-    for many samples at one value has none.
+    Fourth differences remove the smooth motion, and their median size is robust against corners. Rounding
+    that holds one value for many samples adds no noise.
     """
     if len(values) < 16:
         return 0.0

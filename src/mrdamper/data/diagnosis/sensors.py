@@ -1,4 +1,4 @@
-"""Findings on single channels: clipped, stuck, coarse, with spikes, or of a size that no damper has."""
+"""Findings on single channels: clipping, stuck values, coarse resolution, spikes, implausible size."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from mrdamper.data.records import Recording
 from mrdamper.quantities import QUANTITIES
 
 _MEASURED = ("displacement", "force", "velocity")
-_FLAT = 3  # samples in a row at the very extreme
-_CROWDED = 8.0  # the extreme level holds so many times the samples of the levels below it
-_LEVELS = 4  # below the extreme, for comparison
-_LEAST_AT_EXTREME = 8  # samples at the extreme
-_MUCH = 0.01  # of the samples at an extreme: a fault
+FLAT_COUNT_MIN = 3  # Consecutive samples at the extreme value.
+COUNT_RATIO_MIN = 8.0  # A clipped level has this multiple of the samples of the levels next to it.
+LEVEL_COUNT = 4  # Number of levels next to the extreme for comparison.
+EXTREME_COUNT = 8
+CLIPPED_RATIO_MAX = 0.01  # A larger fraction of clipped samples is a fault.
 
-_ROUNDING = math.sqrt(12.0)  # of a step is its standard error
-_COARSE, _VERY_COARSE = 0.01, 0.03  # rounding error as a share of the channel's standard deviation
-_GRID = 0.8  # of the distances between neighbouring values are the resolution, twice or three times it
+STEP_RATIO = math.sqrt(12.0)  # The standard error of rounding is the step divided by this.
+COARSE_RATIO, FAULT_RATIO = 0.01, 0.03  # Rounding error divided by the standard deviation.
+GRID_RATIO_MIN = 0.8  # Fraction of distances between levels that are one to three steps.
 
-_STUCK = 20  # samples in a row
-_MOVES = 0.15  # of the other channel's range, meanwhile
-_LONGER = 5.0  # than the usual longest segment of equal values
+STUCK_COUNT = 20
+MOTION_RATIO = 0.15  # Motion of the other channel as a fraction of its range.
+LENGTH_RATIO = 5.0  # Multiple of the typical longest segment of equal values.
 
-_ONE_STEP = 1.5  # of the resolution: a neighbouring level, with room for rounding
+LEVEL_STEPS = 1.5  # Distance of neighbouring levels in units of the resolution.
 
-_SPIKE = 0.1  # of the range that all but a few samples keep to
+SPIKE_RATIO = 0.1  # Fraction of the range without outliers.
 _ABOVE_NOISE = 30.0
-_FEWEST = 100  # samples in which one may be a spike
+SPIKE_COUNT_MIN = 100
 
 
 def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
-    """Yield channels beyond the range of a damper on a rig."""
+    """Yield channels outside the range of a damper on a rig."""
     for role, values in channels_of(recording).items():
         quantity = QUANTITIES[role]
         outside = np.flatnonzero(~((values >= quantity.low) & (values <= quantity.high)))
@@ -62,27 +62,28 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
-    """Give channels that stay at exactly their largest or smallest value, far more often than near it.
+    """Yield channels that are at exactly their largest or smallest value far more often than near it.
 
-    The level at the extreme is compared with the four below it, which a smooth signal visits nearly as often.
-    A segment counts when the signal comes to it at speed, so that a turn of a coarsely measured sine is none.
+    The level at the extreme is compared with the next four levels, because a smooth signal reaches them
+    nearly as often. A segment counts only if the signal reaches it with a slope, which excludes the
+    reversals of a coarsely quantised sine.
     """
-    for role, values in _moving(recording):
+    for role, values in _varying_channels(recording):
         counts = np.unique(values, return_counts=True)[1]
         for side, folded, often in (("upper", values, counts[::-1]), ("lower", -values, counts)):
             at_top = folded == folded.max()
-            below = float(np.mean(often[1 : 1 + _LEVELS]))
+            below = float(np.mean(often[1 : 1 + LEVEL_COUNT]))
             segments = [
-                (a, b) for a, b in _segments(at_top) if b - a >= _FLAT and _comes_at_speed(folded, a, b)
+                (a, b) for a, b in _segments(at_top) if b - a >= FLAT_COUNT_MIN and _has_slope(folded, a, b)
             ]
-            if not segments or sum(b - a for a, b in segments) < max(_LEAST_AT_EXTREME, _CROWDED * below):
+            if not segments or sum(b - a for a, b in segments) < max(EXTREME_COUNT, COUNT_RATIO_MIN * below):
                 continue
             count = int(np.count_nonzero(at_top))
             share = count / len(values)
             unit = QUANTITIES[role].unit
             yield Finding(
                 kind="clipped",
-                severity="fault" if share > _MUCH else "warning",
+                severity="fault" if share > CLIPPED_RATIO_MAX else "warning",
                 channel=role,
                 size=100.0 * share,
                 unit="%",
@@ -98,18 +99,18 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
-    """Give segments in which one channel keeps one value while the other goes on."""
+    """Yield segments in which one channel is constant while the other changes."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
-        least, near, steps = _least_stuck(segments), _ONE_STEP * _coarse_step(values), _steps(values)
+        least, near, steps = _stuck_length(segments), LEVEL_STEPS * _coarse_step(values), _steps(values)
         moved = float(np.ptp(other))
         for a, b in segments:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
-                continue  # a slow motion between two levels of the converter
-            share = _MOVES if role == "force" else 0.5  # a held displacement may let the force relax
+                continue  # The motion is slow and between two levels of the converter.
+            share = MOTION_RATIO if role == "force" else 0.5  # The force may relax at rest.
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
             yield Finding(
@@ -130,23 +131,23 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel whose rounding error is coarse beside its spread, else 0."""
+    """Return the resolution of a channel if its rounding error is large relative to its spread, else 0."""
     resolution = resolution_of(values)
-    return resolution if resolution / _ROUNDING > _COARSE * float(np.std(values)) else 0.0
+    return resolution if resolution / STEP_RATIO > COARSE_RATIO * float(np.std(values)) else 0.0
 
 
 def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
-    """Give channels whose resolution is coarse beside what they measure."""
-    for role, values in _moving(recording):
+    """Yield channels whose resolution is coarse relative to the measured values."""
+    for role, values in _varying_channels(recording):
         resolution = _coarse_step(values)
         if not resolution:
             continue
-        error = resolution / _ROUNDING / float(np.std(values))
+        error = resolution / STEP_RATIO / float(np.std(values))
         unit = QUANTITIES[role].unit
         shown, factor = (unit, 1.0) if role == "force" else (f"m{unit}", 1e3)
         yield Finding(
             kind="coarse_steps",
-            severity="warning" if error > _VERY_COARSE else "note",
+            severity="warning" if error > FAULT_RATIO else "note",
             channel=role,
             size=resolution,
             unit=unit,
@@ -160,15 +161,15 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
 
 
 def find_spikes(recording: Recording) -> Iterator[Finding]:
-    """Give single samples far from both neighbours."""
-    for role, values in _moving(recording):
-        if len(values) < _FEWEST:
+    """Yield single samples that differ strongly from both neighbours."""
+    for role, values in _varying_channels(recording):
+        if len(values) < SPIKE_COUNT_MIN:
             continue
         before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
         away = np.minimum(np.abs(before), np.sign(before) * after)
         low, high = np.quantile(values, (0.005, 0.995))
-        bad = np.flatnonzero(away > max(_SPIKE * (high - low), _ABOVE_NOISE * white_noise(values))) + 1
-        if not len(bad) or len(bad) > len(values) / _FEWEST:
+        bad = np.flatnonzero(away > max(SPIKE_RATIO * (high - low), _ABOVE_NOISE * white_noise(values))) + 1
+        if not len(bad) or len(bad) > len(values) / SPIKE_COUNT_MIN:
             continue
         worst = int(bad[np.argmax(away[bad - 1])])
         unit = QUANTITIES[role].unit
@@ -187,45 +188,45 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
 
 
 def resolution_of(values: FloatArray) -> float:
-    """Return the step of a channel that keeps to a grid, 0 when it does not."""
+    """Return the step of a quantised channel, 0 for a continuous one."""
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
     apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * np.ptp(levels)]  # what is less is one level, rounded twice
+    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors of one level.
     resolution = float(np.median(apart))
     multiples = apart / resolution
     nearest = np.round(multiples)
     regular = (np.abs(multiples - nearest) < 0.1) & (nearest >= 1.0) & (nearest <= 3.0)
-    return resolution if np.count_nonzero(regular) >= _GRID * len(apart) else 0.0
+    return resolution if np.count_nonzero(regular) >= GRID_RATIO_MIN * len(apart) else 0.0
 
 
 def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return the segments of flags that are set, each as (first, one after the last)."""
+    """Return the segments in which a flag is set, each as (first, last + 1)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _moving(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
-    """Give the measured channels that are not one number throughout."""
+def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the measured channels that are not constant."""
     for role, values in channels_of(recording).items():
         if role in _MEASURED and np.ptp(values) > 0.0:
             yield role, values
 
 
 def _steps(values: FloatArray) -> FloatArray:
-    """Return by how much a signal changes before each sample, shape (n + 1,); 0 at either end."""
+    """Return the size of the change before each sample, shape (n + 1,), 0 at both ends."""
     return np.abs(np.diff(values, prepend=values[:1], append=values[-1:]))
 
 
-def _comes_at_speed(values: FloatArray, a: int, b: int) -> bool:
-    """Tell whether the signal reaches a segment with a slope, or leaves it so, as a turn does not."""
+def _has_slope(values: FloatArray, a: int, b: int) -> bool:
+    """Return True if the signal enters or leaves a segment with a slope, unlike at a reversal."""
     steps, usual = _steps(values), float(np.sqrt(np.mean(np.diff(values) ** 2)))
     return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * usual
 
 
-def _least_stuck(segments: list[tuple[int, int]]) -> float:
-    """Return how many steps of no change are too many; five segments tell what is usual."""
+def _stuck_length(segments: list[tuple[int, int]]) -> float:
+    """Return the number of constant steps of a stuck sensor. At least five segments give a typical length."""
     if len(segments) < 5:
-        return _STUCK
-    return max(_STUCK, _LONGER * float(np.quantile([b - a for a, b in segments], 0.9)))
+        return STUCK_COUNT
+    return max(STUCK_COUNT, LENGTH_RATIO * float(np.quantile([b - a for a, b in segments], 0.9)))

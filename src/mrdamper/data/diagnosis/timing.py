@@ -1,4 +1,4 @@
-"""Findings on time and on missing numbers: what can be said before anything else is looked at."""
+"""Findings on time and on missing numbers, which precede all other checks."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 
-_LOST = 1.5  # steps: a longer one lost a sample, or more
-_JUMP = 0.6  # of the rms step of the displacement,
-_ABOVE_NOISE = 10.0  # and of the scatter of its steps about their neighbours'
-_FEWEST = 64  # samples, below which neighbours say nothing
+LOST_STEP_RATIO_MIN = 1.5  # A longer time step, in units of the median step, has lost samples.
+JUMP_SLOPE_RATIO_MIN = 0.6  # Multiple of the rms slope of the displacement.
+JUMP_NOISE_RATIO_MIN = 10.0  # Multiple of the scatter of the slope relative to neighbouring steps.
+JUMP_SAMPLE_COUNT_MIN = 64  # Shorter runs have too few neighbouring steps.
 
 
 def channels_of(recording: Recording) -> dict[str, FloatArray]:
-    """Return the channels that a recording has, by role."""
+    """Return the channels of a recording by role."""
     command = "current" if recording.command_unit == "A" else "voltage"
     channels = {
         "time": recording.time,
@@ -33,7 +33,7 @@ def channels_of(recording: Recording) -> dict[str, FloatArray]:
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
-    """Give the channels that hold NaN or infinity."""
+    """Yield the channels that contain NaN or infinity."""
     for role, values in channels_of(recording).items():
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -56,7 +56,7 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
     """Yield lost samples of a time that increases without gaps."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
-    lost = np.flatnonzero(steps > _LOST * usual)
+    lost = np.flatnonzero(steps > LOST_STEP_RATIO_MIN * usual)
     if len(lost):
         missing = int(np.sum(np.round(steps[lost] / usual) - 1.0))
         share = 100.0 * missing / len(recording)
@@ -76,20 +76,20 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
 
 
 def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
-    """Give places where the motion jumps ahead or back between two samples that the clock calls neighbours.
+    """Yield jumps of the motion between two samples at regular time stamps.
 
-    A smooth motion has neither. A spike goes and comes back; samples that were lost or written twice do not.
+    A smooth motion has no jumps. A spike returns to the motion, but lost or doubled samples do not.
     """
     x = recording.displacement
-    if len(x) < _FEWEST:
+    if len(x) < JUMP_SAMPLE_COUNT_MIN:
         return
     steps = np.diff(x) / np.diff(recording.time)
     near = np.median([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]], axis=0)
     away = np.concatenate([[0.0, 0.0], steps[2:-2] - near, [0.0, 0.0]])
     usual = float(np.sqrt(np.mean(steps**2)))
     noise = 1.4826 * float(np.median(np.abs(away)))
-    far = np.abs(away) > max(_JUMP * usual, _ABOVE_NOISE * noise)
-    # a spike leaves two steps of opposite sign side by side
+    far = np.abs(away) > max(JUMP_SLOPE_RATIO_MIN * usual, JUMP_NOISE_RATIO_MIN * noise)
+    # A spike has two consecutive steps of opposite sign.
     back = np.abs(away[:-1] + away[1:]) < 0.5 * np.maximum(np.abs(away[:-1]), np.abs(away[1:]))
     far[:-1] &= ~back
     far[1:] &= ~back

@@ -1,1 +1,1 @@
-"""What a reader proposes and asks: folders, roles of columns, runs in a table, questions and answers."""
+"""Proposals and questions of the reader: folders, roles of columns, runs in a table, answers."""

@@ -1,4 +1,4 @@
-"""Runs with a file for each channel: names in one folder that differ only in the word of the channel."""
+"""Runs with one file per channel: file names in one folder that differ only in the channel word."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _NEEDED = frozenset({"displacement", "force"})
 def join_channel_files(
     files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer]
 ) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
-    """Return the runs of files that hold one channel each, and these files.
+    """Return the runs of files with one channel each, and these files.
 
-    The files of a run have one name but for the word of the channel, or are the only ones in their folder.
+    The files of a run have equal names except for the channel word, or are the only files in their folder.
     """
     groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, str, FloatArray]]] = {}
     for path in files:
         with suppress(InputError, ValueError, IndexError):
             (table,) = read_tables(path, chosen.file)
             role, name, times = _channel_of(table, chosen, path)
-            for key in ((path.parent, _without_channel(path.stem)), (path.parent, "")):
+            for key in ((path.parent, _strip_channel(path.stem)), (path.parent, "")):
                 group = groups.setdefault(key, {})
                 group[role if group.get(role, (path,))[0] == path else f"{role} again"] = (
                     path,
@@ -53,7 +53,7 @@ def join_channel_files(
         if group.keys() >= _NEEDED and is_new and not any(role.endswith("again") for role in group):
             name = rest or folder.name
             place = folder / name
-            table = _joined([(table, column, times) for _, table, column, times in group.values()])
+            table = _join_channels([(table, column, times) for _, table, column, times in group.values()])
             with suppress(InputError):
                 joined.append(
                     (place, runs_in((table,), with_answers(chosen, answers, name), place, name=name))
@@ -63,7 +63,7 @@ def join_channel_files(
 
 
 def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str, FloatArray]:
-    """Return role and name of the one channel of a table, and its times [s]; an error for any other table."""
+    """Return role, name and times [s] of the only channel of a table. Raise InputError otherwise."""
     headers = [header_of(table, name, path.name) for name in table.columns]
     times = [each for each in headers if "time" in each.of_unit]
     (channel,) = [each for each in headers if each not in times] if len(headers) <= 2 else []
@@ -74,14 +74,14 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str,
     return channel.of_unit[0], channel.name, own
 
 
-def _without_channel(stem: str) -> str:
-    """Return a name without the words that name a channel."""
+def _strip_channel(stem: str) -> str:
+    """Return a name without its channel words."""
     words = re.split(r"[\W_]+", stem)
     return "_".join(word for word in words if word and parse_header(word) is None)
 
 
-def _joined(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:
-    """Return one table of the channels, each on its own times."""
+def _join_channels(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:
+    """Return one table of the channels, each with its own times."""
     first = parts[0][0]
     columns = {name: table.columns[name] for table, name, _ in parts}
     whole = replace(

@@ -1,6 +1,6 @@
-"""Time of a table: its clocks, its sampling rate, and whether both agree with the unit of its column.
+"""Time of a table: its clocks, its sampling rate, and their agreement with the unit of the time column.
 
-Channels on several clocks are interpolated to the fastest one, for the time that all of them have in common.
+Channels on several clocks are interpolated to the fastest clock over their common time.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
-_EQUAL = 0.01  # share by which a sampling rate and a time step may differ
-_TICKS = (1.0, 1e3, 1e6)  # of a second: what a time column without a unit may count
+RATE_RATIO_TOLERANCE = 0.01  # A sampling rate and a time step agree within this fraction.
+_TICKS = (1.0, 1e3, 1e6)  # Possible units of a time column, in ticks per second.
 _TICK_UNITS = ("s", "ms", "us")
 COVERED_RATIO_MIN = 0.9  # A shorter common time of one recording needs an answer.
-CUT_RATIO_MAX = 0.01  # of the recording; a longer part that is not used is reported
+CUT_RATIO_MAX = 0.01  # A longer unused fraction of the recording is reported.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles without values outside their samples; the others keep a value for one step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OneClock:
-    """Columns of roles on one clock, whose times are the column of ``time``."""
+    """Columns of roles on one clock. ``time`` is the time column."""
 
     columns: Mapping[str, FloatArray]
-    interpolated: tuple[str, ...] = ()  # roles
+    interpolated: tuple[str, ...] = ()  # Roles.
     findings: tuple[Finding, ...] = ()
 
 
 def fastest_time(table: Table, names: Iterable[str]) -> str | None:
-    """Return the column of times of the fastest clock of some columns, None without any clock."""
+    """Return the time column of the fastest clock of the columns, None without a clock."""
     clocks = sorted({table.clocks[name] for name in names if name in table.clocks})
     return min(
         (_time_of(table, clock) for clock in clocks),
@@ -54,7 +54,7 @@ def fastest_time(table: Table, names: Iterable[str]) -> str | None:
 
 
 def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, place: str) -> OneClock:
-    """Return the columns of roles at the times of the fastest of their clocks.
+    """Return the columns of roles, resampled to the times of their fastest clock.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
     Raises
     ------
     AskingError
-        The channels of one recording have less than 90 % of it in common.
+        If the channels of one recording overlap for less than 90 % of it.
     InputError
-        They have no time in common, or one of them has no clock.
+        If the channels have no common time, or one of them has no clock.
     """
     own = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
     columns = {role: table.columns[name] for role, name in names.items()}
@@ -74,7 +74,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
         return OneClock(columns)
     main = table.clocks[fastest]
     times = {clock: _seconds(table, _time_of(table, clock)) for clock in {*own.values()}}
-    spans: dict[str, tuple[float, float]] = {}  # from when to when a channel has values [s]
+    spans: dict[str, tuple[float, float]] = {}  # First and last time with values of each channel [s].
     for role, clock in own.items():
         hold = 0.0 if role in MEASURED else _step_s(times[clock])
         spans[role] = float(times[clock][0]) - hold, float(times[clock][-1]) + hold
@@ -100,12 +100,12 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
 
 
 def _time_of(table: Table, clock: int) -> str:
-    """Return the name of a clock's own time: the first column that has it."""
+    """Return the name of the time column of a clock: the first column on it."""
     return next(name for name, other in table.clocks.items() if other == clock)
 
 
 def _seconds(table: Table, name: str) -> FloatArray:
-    """Return a column of times in seconds, as it is if its unit is not known."""
+    """Return a time column in seconds, unchanged if its unit is unknown."""
     unit = table.units.get(name, "") or word_and_unit(name)[1]
     return to_si(table.columns[name], unit if "time" in roles_of_unit(unit) else "s", "time")
 
@@ -122,9 +122,9 @@ def _findings_of_common_time(
     chosen: ChannelMap,
     place: str,
 ) -> tuple[Finding, ...]:
-    """Return the finding that channels begin apart, or that a part of them is not used.
+    """Return the finding of channels that start at different times or are partly unused.
 
-    Without a common time this is an error. A short one of channels that were recorded together is a question.
+    Raise an error without a common time. Ask the user if it is short and the channels were recorded together.
     """
     listed_spans = ", ".join(f"{role} {begin:.4g} s to {end:.4g} s" for role, (begin, end) in spans.items())
     whole_s = max(end - begin for role, (begin, end) in spans.items() if role in MEASURED)
@@ -169,16 +169,13 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return a text's table with each column on its clock: behind a time of its own, and as long as that.
-
-    Times that are equal are one.
-    """
-    plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}  # without a reader's number
+    """Return a text's table with columns on the clock of the preceding time column. Merge equal times."""
+    plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}  # Readers number repeated names.
     times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
         return table
     first = table.columns[times[0]]
-    if all(np.array_equal(table.columns[name], first) for name in times):  # one time, repeated
+    if all(np.array_equal(table.columns[name], first) for name in times):  # The file repeats one time.
         kept = [name for name in table.names if name not in times[1:]]
         return replace(table, names=(*kept,), columns={name: table.columns[name] for name in kept})
     clocks: dict[str, int] = {}
@@ -196,7 +193,7 @@ def with_clocks(table: Table) -> Table:
 
 
 def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
-    """Return the sampling interval [s] of a file without a time column, as the map or the file states it."""
+    """Return the sampling interval [s] of a file without a time column, from the map or the file."""
     step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
     rates = (_rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])) if step is None else ()
     if step is None and len(rates) == 1:
@@ -229,13 +226,13 @@ def _rates_of(table: Table) -> tuple[float, ...]:
 
 
 def unit_by_rate(name: str, table: Table) -> str:
-    """Return the unit of a time column that a sampling rate above the table proves; "" without one."""
+    """Return the time unit that agrees with a sampling rate above the table, "" without one."""
     ticks = _ticks_per_second(name, table)
     return next((u for u, n in zip(_TICK_UNITS, _TICKS, strict=True) if ticks and _is_near(ticks, n)), "")
 
 
 def require_one_rate(column: Column, table: Table, place: str) -> None:
-    """Refuse a time whose unit and whose file's sampling rate differ by a power of a thousand."""
+    """Raise InputError if time unit and sampling rate differ by a power of a thousand."""
     if not table.said:
         return
     ticks = _ticks_per_second(column.name, table)
@@ -255,18 +252,18 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
 
 
 def _ticks_per_second(name: str, table: Table) -> float | None:
-    """Return how many of a time column's units are a second, by the one rate that the file states."""
+    """Return the number of time units per second, if the file states a single rate."""
     rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
     steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
     return float(np.median(steps)) * rates[0] if len(steps) else None
 
 
 def increases(table: Table, name: str, *, always: bool = False) -> bool:
-    """Tell whether a column grows from nearly every sample to the next, as a time does, or from each."""
+    """Return True if a column increases at more than 95 % of the samples, or at all with ``always``."""
     steps = np.diff(table.columns[name]) if name in table.columns else np.empty(0)
     share = float(np.mean(steps > 0.0)) if len(steps) else 0.0
     return share == 1.0 if always else share > 0.95
 
 
 def _is_near(value: float, wanted: float) -> bool:
-    return abs(value / wanted - 1.0) < _EQUAL
+    return abs(value / wanted - 1.0) < RATE_RATIO_TOLERANCE

@@ -1,4 +1,4 @@
-"""A table's column as its header describes it, and the column that was taken for a role."""
+"""Column of a table: its header, and the column chosen for a role."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from mrdamper.quantities import is_unit, roles_of_unit, spell_unit
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Which column of a file was taken for a role, its unit as the file or the map spells it, and why."""
+    """Column of a file for a role: its name, its unit as the file or the map spells it, and the reason."""
 
     role: str
     name: str
     unit: str
     source: str = "header"  # "map", "header", "unit alone", ...
-    gain: float | None = None  # SI per unit of the file, where a scale beside the columns says it
+    gain: float | None = None  # SI per unit of the file, if the file states a scale.
 
     def channel(self, chosen: ChannelMap) -> Channel:
-        """Return how the column's numbers lead to SI: as the map says, else by the scale beside it."""
+        """Return the conversion of the column to SI: from the map, else from the scale in the file."""
         given = chosen.channel(self.role)
         if self.gain is None or given.gain is not None:
             return given
@@ -41,20 +41,20 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a header says: its word, its unit, and the roles of both."""
+    """Contents of a header: its word, its unit, and the roles of both."""
 
     name: str
     word: str
     unit: str
     of_unit: tuple[str, ...]
-    of_word: str  # a role that the word names exactly; "" for none
+    of_word: str  # The role is empty unless the word names one exactly.
 
 
 def header_of(table: Table, name: str, place: str) -> Header:
-    """Return what the header of a column says, with the unit that stands beside it."""
+    """Return the header of a column, with the unit from the file."""
     exact = parse_header(name)
     word, unit = word_and_unit(name)
-    if exact is not None and unit and exact[1] != unit:  # "Travel_WA100 [mm]"
+    if exact is not None and unit and exact[1] != unit:  # An example is "Travel_WA100 [mm]".
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
     if exact is not None:
         unit = _unit(table, name, exact, place)
@@ -71,9 +71,9 @@ def _exact_role(exact: tuple[str, str] | None, word: str) -> str:
 
 
 def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
-    """Return the unit of a column; a header and a file that state different ones are an error.
+    """Return the unit of a column. Raise InputError if header and file state different units.
 
-    What is no unit at all, as the brackets of ``Force (Trigger)``, does not speak against one that is.
+    Text in brackets that is not a unit, as in ``Force (Trigger)``, is ignored.
     """
     role, of_header = header
     stated = table.units.get(name, "")
@@ -89,7 +89,7 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
 
 
 def headers_of(table: Table, place: str) -> list[Header]:
-    """Return the headers of columns that may hold samples: no times of day, no two results of one role."""
+    """Return the headers of possible sample columns, without times of day and repeated results of a role."""
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     results = [each for each in headers if is_statistic(each.word)]
     roles = [(*each.of_unit, each.of_word) for each in results]
@@ -97,10 +97,7 @@ def headers_of(table: Table, place: str) -> list[Header]:
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
-    """Return the one column without a unit whose symbol, or a part of whose name, is of a role.
-
-    A measured column goes before its set point.
-    """
+    """Return the only column without a unit that matches a role, with priority for measured columns."""
     found = [
         each
         for each in headers

@@ -1,6 +1,6 @@
-"""The command of a run, and its temperature: measured, held as the map says, or said in words.
+"""Command and temperature of a run: measured, constant as in the map, or stated in words.
 
-What names say (``words.labels``) counts where no column and no map does; its source is kept.
+Names (``words.labels``) are used only if neither a column nor a map has the value. The source is recorded.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit
 
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
-_CONTRADICTS = 0.15  # share by which a command in a name and the measured one may differ
+COMMAND_RATIO_TOLERANCE = 0.15  # Commands in a name and in the column agree within this fraction.
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
-    """Return the role of a file's command, a constant's before a column's; "" where neither is there."""
+    """Return the role of a file's command. A constant has priority over a column; "" if both are missing."""
     measured = {column.role for column in columns}
     for role in COMMAND_UNITS:
         if role in chosen.constant and role in measured:
@@ -52,9 +52,9 @@ def command_of(
     texts: Sequence[Place],
     place: str,
 ) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
-    """Return role and values of the command of a piece, and where a label said it.
+    """Return role and values of a piece's command, and the source if a label states it.
 
-    Measured, or held as the map says, or else as the nearest place says that speaks of one.
+    The order is: the measured column, the constant of the map, the nearest text with a command.
     """
     if held is not None:
         return role, np.full(samples, held), ()
@@ -97,13 +97,13 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
 def _require_agreement(
     role: str, measured: FloatArray, table: Table, texts: Sequence[Place], place: str
 ) -> None:
-    """Ask where a file's name states one command and the measured one keeps still at another."""
+    """Ask if the file name and a constant measured command differ."""
     label = find_label([each for each in texts if each.source in {"title", "file name"}], role)
     held = steady_command(measured) if label is not None and np.isfinite(measured).all() else None
     if label is None or held is None or len(label.values) != 1:
         return
     said = label.values[0]
-    if abs(said - held) > max(_CONTRADICTS * abs(held), 5 * command_slack(held)):
+    if abs(said - held) > max(COMMAND_RATIO_TOLERANCE * abs(held), 5 * command_slack(held)):
         unit = COMMAND_UNITS[role]
         values = [f"{said:g} {unit}", f"{held:.4g} {unit}"]
         found = f"the {label.source} {label.text!r} says {values[0]}, and the {role} measured is {values[1]}"
@@ -113,7 +113,7 @@ def _require_agreement(
 def with_temperature(
     piece: Piece, told: tuple[tuple[str, float, str], ...], chosen: ChannelMap, texts: Sequence[Place]
 ) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
-    """Return a piece with the temperature that the map or a label states, where no column has it."""
+    """Return a piece with the temperature of the map or a label if no column has it."""
     if "temperature" in piece.channels:
         return piece, told
     value = chosen.constant.get("temperature")
@@ -130,7 +130,7 @@ def with_temperature(
 def segments_of(
     table: Table, chosen: ChannelMap, samples: int, place: str
 ) -> tuple[list[int], list[float | None]]:
-    """Return the edges of the tests in a file, and the command that the map gives for each."""
+    """Return the limits of the tests in a file, and the command of each in the map."""
     assert chosen.segments is not None
     split, commands = chosen.segments.split, chosen.segments.commands
     begins = {

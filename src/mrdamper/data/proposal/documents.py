@@ -1,7 +1,7 @@
 """Documents next to the runs that state their conditions: run lists, notes, settings; small texts and sheets.
 
-A document is about a file if it names it, has its name, numbers it, or is in a folder with one run. Its lines
-are read like those above a table (``words.labels``).
+A document applies to a file if it names or numbers it, has its name, or is in a folder with a single run.
+Its lines are read like those above a table (``words.labels``).
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class Document:
     lines: Mapping[Path, tuple[str, ...]]
 
     def places(self, file: Path) -> tuple[Place, ...]:
-        """Return what the document states of a file."""
+        """Return the statements of the document about a file."""
         return tuple(Place(f"document {self.path.name!r}", line) for line in self.lines.get(file, ()))
 
     @property
     def finding(self) -> Finding:
-        """What was taken from the document."""
+        """Return the finding with the values from the document."""
         return Finding(
             kind="index",
             severity="note",
@@ -59,12 +59,10 @@ class Document:
 
 @dataclass(slots=True)
 class _Files:
-    """Files of a folder, by what a document may call them."""
+    """Files of a folder by their possible names in a document."""
 
-    names: dict[str, Path] = field(default_factory=dict)  # lower case, with and without suffix
-    numbers: dict[int, Path] = field(
-        default_factory=dict
-    )  # the last number in a stem, if no two files share it
+    names: dict[str, Path] = field(default_factory=dict)  # Keys are in lower case, with and without suffix.
+    numbers: dict[int, Path] = field(default_factory=dict)  # The last number of each stem, if unique.
 
     @classmethod
     def of(cls, files: Sequence[Path]) -> _Files:
@@ -73,22 +71,22 @@ class _Files:
         numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
         return cls(names, numbers if len(numbers) == len(files) > 1 else {})
 
-    def named_by_cell(self, cell: str) -> Path | None:
+    def file_in_cell(self, cell: str) -> Path | None:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower())
 
-    def named_in_line(self, line: str) -> Path | None:
-        """Return the file that a sentence names: with its suffix, or a stem of letters and digits."""
+    def file_in_line(self, line: str) -> Path | None:
+        """Return the file that a sentence names with its suffix, or with a stem of letters and digits."""
         words = re.findall(r"[\w.+-]*\w", line.lower())
         names = [word for word in words if word in self.names and re.search(r"\.|[a-z].*\d", word)]
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else None
 
 
 def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Document, ...]:
-    """Return the documents that state conditions of files, among these and in folders.
+    """Return the documents that state conditions of files, among the files and in folders.
 
     Parameters
     ----------
-    folders : folders whose other files are looked at, too
+    folders : folders with further files to search
     """
     inside = {
         each
@@ -100,9 +98,9 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     for path in (*files, *sorted(inside - {*files})):
         siblings = [file for file in files if file.parent == path.parent and file != path]
         below = [file for file in files if path.parent in file.parents and file != path]
-        with suppress(Exception):  # A document that no library reads states nothing.
+        with suppress(Exception):  # A document that no library can read contains no statements.
             lines = _lines_of(path)
-            said = _of_files(path, lines, siblings or below, is_run=path in files) if lines else {}
+            said = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
             stating = {file: tuple(filter(_states, each)) for file, each in said.items()}
             if any(stating.values()):
                 found.append(Document(path, {file: each for file, each in stating.items() if each}))
@@ -127,26 +125,26 @@ def _lines_of(path: Path) -> list[str]:
         content = stream.read()
     text = content.decode(encoding_of(path, content))
     if path.suffix.lower() == ".json":
-        return [*_flat(json.loads(text))][:_MAX_LINES]
+        return [*_flatten(json.loads(text))][:_MAX_LINES]
     return text.splitlines()[:_MAX_LINES]
 
 
-def _flat(value: object, depth: int = 0) -> Iterator[str]:
+def _flatten(value: object, depth: int = 0) -> Iterator[str]:
     """Yield the values in JSON as indented lines ``key: value``."""
     for key, inner in (
         value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else [])
     ):
         if isinstance(inner, dict | list):
             yield f"{' ' * depth}{key}"
-            yield from _flat(inner, depth + 1)
+            yield from _flatten(inner, depth + 1)
         else:
             yield f"{' ' * depth}{key}: {inner}"
 
 
-def _of_files(
+def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
-    """Return the lines of a document about each file; samples must name other files in most lines."""
+    """Return the lines of a document about each file. A table counts if most of its rows name files."""
     known = _Files.of(files)
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [with_unit(line) for line in lines]}
@@ -159,7 +157,7 @@ def _of_files(
     mentions = 0
     for line in lines:
         cells = _cells(line)
-        named = next((file for cell in cells if (file := known.named_by_cell(cell))), None)
+        named = next((file for cell in cells if (file := known.file_in_cell(cell))), None)
         if named is None and len(cells) == len(header):
             numbered = (known.numbers.get(int(cell)) for name, cell in zip(header, cells, strict=True)
                         if cell.isdecimal() and _NUMBER_WORDS.search(name))  # fmt: skip
@@ -167,29 +165,29 @@ def _of_files(
         if named is not None and len(cells) > 1 and len(cells) == len(header):
             pairs = zip(header, cells, strict=True)
             entries = [
-                with_unit(f"{pair[0]}: {pair[1]}") for pair in pairs if known.named_by_cell(pair[1]) is None
+                with_unit(f"{pair[0]}: {pair[1]}") for pair in pairs if known.file_in_cell(pair[1]) is None
             ]
             found.setdefault(named, []).extend(entries)
             mentions += 1
             continue
         if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
             header = cells
-        named = named or known.named_in_line(line)
+        named = named or known.file_in_line(line)
         mentions += named is not None
         goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)
         now = named or (now if goes_on else None)
         if now is not None:
-            found.setdefault(now, []).append(with_unit(_without_name(line, now)))
+            found.setdefault(now, []).append(with_unit(_strip_name(line, now)))
     is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
 
 
-def _without_name(line: str, file: Path) -> str:
-    """Return a line without the file's name, which may state other values."""
+def _strip_name(line: str, file: Path) -> str:
+    """Return a line without the name of the file, because the name may contain other values."""
     stem = rf"|\b{re.escape(file.stem)}\b" if len(file.stem) > 2 else ""
     return re.sub(rf"{re.escape(file.name)}{stem}", "", line)
 
 
 def _cells(line: str) -> list[str]:
-    """Return the cells of a row, by the delimiter that parts most."""
+    """Return the cells of a row, split at the delimiter with the most parts."""
     return max((split_line(line.strip().strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)

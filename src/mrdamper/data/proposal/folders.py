@@ -1,7 +1,7 @@
-"""Folders of runs: which files in them may hold any.
+"""Search of folders for files that may contain runs.
 
-A folder gives its files and those of the folders in it, whose names may say what the files do not. Left out
-are hidden files, notes, and folders that this program has written its results into.
+The search includes subfolders because their names may state conditions. It skips hidden files, notes, and
+folders with results of this program.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _JOBS = (
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }
-_DEEPEST = 4  # folders in folders
-_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # suffixes of runs, notes, and files of other programs
+FOLDER_DEPTH_MAX = 4  # Levels of subfolders.
+_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # Runs and other files have these suffixes.
 _NO_RUNS = frozenset(
     f".{end}"
     for end in (
@@ -81,11 +81,11 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             files.setdefault(file.resolve(), file)
     if space is None:
         return list(files.values())
-    return [member for file in files.values() for member in _unpacked(file, space)]
+    return [member for file in files.values() for member in _unpack(file, space)]
 
 
-def _unpacked(file: Path, space: Path) -> list[Path]:
-    """Return the files in an archive, unpacked; any other file as it is."""
+def _unpack(file: Path, space: Path) -> list[Path]:
+    """Return the unpacked files of an archive, or the file itself if it is not an archive."""
     is_archive = is_file(file) and _head(file).startswith(_ARCHIVES)
     if not is_archive or file.suffix.lower() in known_suffixes():
         return [file]
@@ -94,7 +94,7 @@ def _unpacked(file: Path, space: Path) -> list[Path]:
         if _head(file).startswith(_ARCHIVES[1]):
             name = file.stem if file.suffix.lower() == ".gz" else file.name
             with gzip.open(file) as member:
-                return [_written(member, folder / name, file, _UNPACKED_MAX_BYTES)]
+                return [_extract(member, folder / name, file, _UNPACKED_MAX_BYTES)]
         with zipfile.ZipFile(file) as archive:
             room = _UNPACKED_MAX_BYTES
             for name in archive.namelist():
@@ -102,7 +102,7 @@ def _unpacked(file: Path, space: Path) -> list[Path]:
                 if not name.endswith("/") and parts[0] != "__MACOSX":
                     with archive.open(name) as member:
                         room -= (
-                            _written(member, folder.joinpath(file.name, *parts), file, room).stat().st_size
+                            _extract(member, folder.joinpath(file.name, *parts), file, room).stat().st_size
                         )
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError) as error:
         raise InputError(
@@ -113,8 +113,8 @@ def _unpacked(file: Path, space: Path) -> list[Path]:
     return list(_files_below(folder / file.name))
 
 
-def _written(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, room: int) -> Path:
-    """Return the path of an unpacked member."""
+def _extract(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, room: int) -> Path:
+    """Write a member of an archive and return its path."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("wb") as stream:
         while piece := member.read(1 << 20):
@@ -130,17 +130,17 @@ def _written(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, roo
 
 
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
-    """Return the names of runs, those of one name told apart by their files' folders where these differ."""
+    """Return the names of runs. Equal names get the name of their folder as a prefix if it differs."""
     found = list(names)
     folders = [Path(source).parent if source else None for source in sources]
-    for _ in range(_DEEPEST):
+    for _ in range(FOLDER_DEPTH_MAX):
         often = Counter(found)
         if len(often) == len(found):
             break
         for name in [name for name, count in often.items() if count > 1]:
             same = [k for k, other in enumerate(found) if other == name]
             if len({folders[k] for k in same}) < 2:
-                continue  # no folder tells them apart
+                continue  # The runs are in the same folder.
             for k in same:
                 folder = folders[k]
                 if folder is not None:
@@ -149,12 +149,12 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
 
 
 def known_suffixes() -> set[str]:
-    """Return the suffixes of the formats that are read."""
+    """Return the suffixes of the supported formats."""
     return {suffix for known in FORMATS for suffix in known.suffixes}
 
 
-def _files_below(folder: Path, depth: int = _DEEPEST) -> Iterator[Path]:
-    """Yield the files in a folder that may hold runs, then those in the folders in it."""
+def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
+    """Yield the files in a folder that may contain runs, then those in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     for file in entries:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):
@@ -171,7 +171,7 @@ def _holds_results(folder: Path) -> bool:
 def _may_hold_runs(file: Path) -> bool:
     """Return False for notes, cards of dampers and files of other programs, by suffix and first bytes.
 
-    A suffix that is not known counts if the content is that of a known format, or has ten rows of numbers.
+    An unknown suffix is accepted if the content has a known format or ten rows of numbers.
     """
     suffix = file.suffix.lower()
     if suffix in _NO_RUNS or file.name.endswith("~"):

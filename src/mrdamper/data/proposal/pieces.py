@@ -1,8 +1,8 @@
-"""Pieces: the samples of a table as the runs that they are, before anybody gives these their names.
+"""Pieces: the rows of a table divided into runs, before the runs have names.
 
-A table is cut where its time falls back, where a column of words says that another test begins, and at
-gaps; pieces whose time goes on at the same command are one run. A few missing numbers are filled in, a
-displacement that was not recorded is integrated from the velocity. Each of these is told.
+A table is divided at a decreasing time, at a change in a column of words, and at gaps. Pieces with
+continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. A missing
+displacement is integrated from the velocity. Each of these steps is reported.
 """
 
 from __future__ import annotations
@@ -19,41 +19,38 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import GOES_ON, Texts
 from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 
-_MOST_MISSING = 0.01
+MISSING_RATIO_MAX = 0.01
 _SLOW = frozenset({"temperature", "command"})
-_PAIRED = 0.9  # Above this ratio of repeated stamps with one displacement, rows are pairs, not samples.
-_LEAST_REPEATED = 0.1  # share of the stamps: a few are faults
-_FEWEST_STAMPS = 100  # different ones of a coarse time: its rate is then known to 0.3 %
-_SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
-_MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
+PAIR_RATIO_MIN = 0.9  # A larger ratio of repeats without motion means pairs of rows.
+REPEAT_RATIO_MIN = 0.1  # Rarer repeats are faults of single stamps.
+STAMP_COUNT_MIN = 100  # A coarse time with this number of stamps has a rate accurate to 0.3 %.
+_SWING_RATIO, _TURN_COUNT_MIN, _REGULAR_RATIO = 0.2, 5, 0.2  # A periodic motion meets these limits.
+RUN_RATIO_MAX = 1 / 16  # A column of words that changes more often, per row, does not name runs.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """Some rows of a file in SI, and what was found while they were read."""
+    """Rows of a file in SI, and the findings while they were read."""
 
     time: FloatArray
-    channels: Mapping[str, FloatArray]  # by role; the command's under "command"
-    title: str = ""  # of the sheet, group, or run that it is
+    channels: Mapping[str, FloatArray]  # Values by role, the command under "command".
+    title: str = ""  # Title of the sheet, group or run.
     findings: tuple[Finding, ...] = ()
-    told: tuple[tuple[str, float, str], ...] = field(default=())  # role, value [SI], source
+    told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source.
 
     def part(self, rows: slice) -> Piece:
-        """Return some of the rows."""
+        """Return a range of the rows."""
         channels = {role: values[rows] for role, values in self.channels.items()}
         return replace(self, time=self.time[rows], channels=channels)
 
 
 def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
-    """Return the edges of the runs of a table, and the titles that a column of words gives them.
-
-    ``time`` [s] may be of any sampling.
-    """
+    """Return the limits of the runs of a table for times [s], and the titles from a column of words."""
     edges = {0}
     titles: dict[int, str] = {}
     for cells in texts.values():
         begins = [k for k in range(len(cells)) if k == 0 or cells[k] != cells[k - 1]]
-        if all(cells) and 1 < len(begins) <= _MOST_RUNS * len(cells):
+        if all(cells) and 1 < len(begins) <= RUN_RATIO_MAX * len(cells):
             edges |= set(begins)
             titles |= {k: f"{cells[k]}" for k in begins}
     if len(time) > 1 and np.isfinite(time).all():
@@ -67,10 +64,10 @@ def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], 
 
 
 def joined(pieces: Sequence[Piece]) -> list[Piece]:
-    """Return pieces with those joined whose time goes on from the one before at the same command."""
+    """Join pieces that continue the time of the preceding piece at the same command."""
     found: list[Piece] = []
     for piece in pieces:
-        if found and _goes_on(found[-1], piece):
+        if found and _continues(found[-1], piece):
             before = found[-1]
             channels = {
                 role: np.concatenate([values, piece.channels[role]])
@@ -82,7 +79,7 @@ def joined(pieces: Sequence[Piece]) -> list[Piece]:
     return found
 
 
-def _goes_on(before: Piece, after: Piece) -> bool:
+def _continues(before: Piece, after: Piece) -> bool:
     if len(before.time) < 2 or not len(after.time) or before.channels.keys() != after.channels.keys():
         return False
     usual = float(np.median(np.diff(before.time)))
@@ -98,9 +95,9 @@ def _goes_on(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Return a piece with up to 1 % of missing numbers interpolated, but for those at its ends.
+    """Interpolate up to 1 % of missing numbers of a piece, except at its ends.
 
-    A temperature or command in every so many rows was recorded more slowly, and is interpolated whole.
+    A temperature or command that was recorded at a lower, regular rate is interpolated completely.
     """
     channels, findings = dict(piece.channels), list(piece.findings)
     rows = np.arange(len(piece.time), dtype=np.float64)
@@ -122,7 +119,7 @@ def filled(piece: Piece) -> Piece:
                 )
             )
             continue
-        if not 0 < count <= _MOST_MISSING * len(values) or missing[0] or missing[-1]:
+        if not 0 < count <= MISSING_RATIO_MAX * len(values) or missing[0] or missing[-1]:
             continue
         whole = values.copy()
         whole[missing] = np.interp(rows[missing], rows[~missing], values[~missing])
@@ -134,8 +131,8 @@ def filled(piece: Piece) -> Piece:
                 channel=role,
                 size=float(count),
                 unit="samples",
-                from_s=_at(piece.time, first),
-                to_s=_at(piece.time, int(np.flatnonzero(missing)[-1])),
+                from_s=_finite_time(piece.time, first),
+                to_s=_finite_time(piece.time, int(np.flatnonzero(missing)[-1])),
                 found=f"{role} has {count} missing numbers, the first at sample {first}: interpolated",
                 effect="A reversal among them is flattened",
                 remedy="Fill them in the source if it has them",
@@ -146,9 +143,9 @@ def filled(piece: Piece) -> Piece:
 
 
 def without_repeated_end(piece: Piece) -> Piece:
-    """Return a piece without samples at its end that repeat the one before in every channel."""
+    """Remove samples at the end of a piece that repeat the preceding sample in all channels."""
     columns = [piece.time, *piece.channels.values()]
-    if len({*map(len, columns)}) > 1:  # a damaged file, which is reported later
+    if len({*map(len, columns)}) > 1:  # A damaged file is reported later.
         return piece
     rows = np.column_stack(columns)
     differs = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
@@ -169,22 +166,22 @@ def without_repeated_end(piece: Piece) -> Piece:
 
 
 def evened(piece: Piece) -> Piece:
-    """Return a piece of repeated stamps with samples at even distances, where each stamp is one of these.
+    """Replace repeated time stamps of a piece by uniform times if these match each stamp.
 
-    A time of ten milliseconds' resolution in a record of 200 Hz has each stamp twice: the even time differs
-    from each by twice the resolution at most. Where it does not, samples were lost, and nothing is changed.
+    A time with a resolution of 10 ms in a record of 200 Hz has each stamp twice. The uniform time
+    differs from each stamp by at most twice the resolution. Otherwise samples were lost: nothing is changed.
     """
     steps = np.diff(piece.time)
     if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
         return piece
     repeats = steps == 0.0
-    if np.mean(repeats) < _LEAST_REPEATED:
+    if np.mean(repeats) < REPEAT_RATIO_MIN:
         return piece
     still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
-    if "displacement" in piece.channels and np.mean(still[repeats]) > _PAIRED:  # min and max of one sample
+    if "displacement" in piece.channels and np.mean(still[repeats]) > PAIR_RATIO_MIN:  # Rows are min and max.
         return piece
     resolution = float(steps[steps > 0.0].min())
-    if float(piece.time[-1] - piece.time[0]) < _FEWEST_STAMPS * resolution:
+    if float(piece.time[-1] - piece.time[0]) < STAMP_COUNT_MIN * resolution:
         return piece
     rows = np.arange(len(piece.time), dtype=np.float64)
     slope, start = np.polyfit(rows, piece.time, 1)
@@ -205,17 +202,17 @@ def evened(piece: Piece) -> Piece:
 
 
 def _is_slow(missing: BoolArray) -> bool:
-    """Tell whether numbers stand at even distances of some rows, and to within one of these of both ends."""
+    """Return True if numbers have a regular distance of rows, also to both ends, within one row."""
     there = np.flatnonzero(~missing)
     if len(there) < 2:
-        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # said once, in the first row
+        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # This is a constant.
     steps = np.diff([there[0] - 1, *there.tolist(), len(missing)])
     inner = steps[1:-1]
     return bool(inner.min() > 1 and inner.max() <= inner.min() + 1 and steps.max() <= inner.max() + 1)
 
 
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
-    """Give a piece as it stands between its gaps, each told; one whose parts are too short stays whole."""
+    """Divide a piece at its gaps and report each. A piece with parts that are too short remains whole."""
     steps = np.diff(piece.time)
     if len(steps) < 2 * LEAST_SAMPLES or not (np.isfinite(steps).all() and (steps > 0.0).all()):
         yield piece
@@ -249,9 +246,9 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
 
 
 def integrated(piece: Piece) -> Piece:
-    """Return a piece whose displacement is that of its velocity, its mean and its slope taken off."""
+    """Integrate the displacement of a piece from its velocity, without mean and slope."""
     velocity, time = piece.channels["velocity"], piece.time
-    with np.errstate(all="ignore"):  # Faulty numbers and times are reported later.
+    with np.errstate(all="ignore"):  # Invalid numbers and times are reported later.
         path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
         if len(path) > 2 and np.isfinite(path).all() and (np.diff(time) > 0.0).all():
             path = path - _slope(path, time) * (time - time[0])
@@ -268,23 +265,20 @@ def integrated(piece: Piece) -> Piece:
 
 
 def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift of an integral [m/s]: over whole cycles where there are any, else of the best line.
-
-    The best line through some cycles of a sine is not level.
-    """
+    """Return the drift [m/s] over whole cycles because a line through a sine has a slope, else of a line."""
     duration = float(time[-1] - time[0])
     line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
     level = path - line * (time - time[0])
-    turns = turning_points(level, _SWING * float(np.ptp(level)))
-    if len(turns) < _FEWEST_TURNS:
+    turns = turning_points(level, _SWING_RATIO * float(np.ptp(level)))
+    if len(turns) < _TURN_COUNT_MIN:
         return line
     halves = np.diff(time[turns[1:-1]])
-    if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > _REGULAR:
+    if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > _REGULAR_RATIO:
         return line
     inner = turns[1:-1]
-    first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # reversals of one kind
+    first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # Both are at the same side.
     return float((path[last] - path[first]) / (time[last] - time[first]))
 
 
-def _at(time: FloatArray, k: int) -> float | None:
+def _finite_time(time: FloatArray, k: int) -> float | None:
     return float(time[k]) if np.isfinite(time[k]) else None

@@ -1,8 +1,8 @@
-"""Questions: what a file cannot tell and a user can, and the answers to them.
+"""Questions about data that a file does not contain, and the answers of the user.
 
-A question names the role, the topic (its unit, its column, its scale, its value, the sampling rate, or the
-part of the time to use), the file, and what there is to choose from. An answer is ``ROLE.TOPIC=VALUE``, for
-all files or for those that a pattern before it names: ``force.unit=kN``, ``run_1*:current.value=0.5 A``.
+A question has a role, a topic (unit, column, scale, value, sampling rate, or part of the time), a file,
+and candidates. An answer is ``ROLE.TOPIC=VALUE`` for all files or for the files of a preceding
+pattern: ``force.unit=kN``, ``run_1*:current.value=0.5 A``.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ _SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One thing that a file does not say."""
+    """One item that is missing in a file."""
 
     role: str
     topic: Topic
-    file: str  # its name
+    file: str  # Name of the file.
     text: str
     candidates: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
-        """What an answer to it begins with."""
+        """Return the first part of an answer to this question."""
         return f"{self.role}.{self.topic}"
 
     def to_dict(self) -> Mapping[str, object]:
-        """Return the fields as JSON takes them."""
+        """Return the fields as JSON values."""
         return {
             "role": self.role,
             "topic": self.topic,
@@ -52,7 +52,7 @@ class Question:
 
 
 class AskingError(InputError):
-    """A file that can be read as soon as its questions are answered."""
+    """Error of a file that can be read after its questions are answered."""
 
     def __init__(self, found: str = "", *, questions: Sequence[Question] = (), **parts: Any) -> None:  # noqa: ANN401 - the base's
         super().__init__(found, **parts)
@@ -60,7 +60,7 @@ class AskingError(InputError):
 
 
 class NoRunError(AskingError):
-    """A file without samples of a damper: of results, or of another instrument."""
+    """Error of a file without samples of a damper: results, or another instrument."""
 
 
 def ask(
@@ -73,14 +73,14 @@ def ask(
     remedy: str = "",
     candidates: Sequence[str] = (),
 ) -> AskingError:
-    """Return the error that asks one question."""
+    """Return the error with one question."""
     text = found + (f"; expected {expected}" if expected else "")
     question = Question(role, topic, place, text, tuple(candidates))
     return AskingError(place=place, found=found, expected=expected, remedy=remedy, questions=(question,))
 
 
 def ask_all(faults: Sequence[InputError]) -> InputError:
-    """Return one error of many, with the questions of all."""
+    """Return one error with the questions of several errors."""
     if len(faults) == 1:
         return faults[0]
     asked = [question for fault in faults if isinstance(fault, AskingError) for question in fault.questions]
@@ -89,21 +89,21 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a user says of one role in some files."""
+    """Answer of the user for one role in some files."""
 
     role: str
     topic: Topic
     value: str
-    files: str = "*"  # pattern of their names
+    files: str = "*"  # Pattern of the file names.
 
 
 def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
-    """Return answers that are spelled ``ROLE.TOPIC=VALUE``, a pattern of files before it where one is meant.
+    """Parse answers of the form ``ROLE.TOPIC=VALUE`` with an optional pattern of files.
 
     Raises
     ------
     InputError
-        An answer is not of this form, or names no role or topic.
+        If an answer has another form, or an unknown role or topic.
     """
     answers = []
     for text in given:
@@ -124,7 +124,7 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
 
 
 def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> ChannelMap:
-    """Return a channel map with what answers say of a file."""
+    """Return a channel map that includes the answers for a file."""
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
     file_options = chosen.file
     for answer in answers:
@@ -157,7 +157,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
 
 
 def _is_common_part(answer: Answer) -> bool:
-    """Return True if an answer chooses the time that all channels have in common; no other part is known."""
+    """Return True if an answer selects the common time of all channels, the only part that is supported."""
     if (answer.role, answer.value) != ("time", "common"):
         raise InputError(
             place=f"answer {answer.role}.part={answer.value}",
@@ -168,7 +168,7 @@ def _is_common_part(answer: Answer) -> bool:
 
 
 def _number(answer: Answer, unit: str) -> float:
-    """Return the number of an answer in a unit (of a scale, per volt or per cent)."""
+    """Return the number of an answer in a unit (for a scale, per volt or per cent)."""
     found = _SCALED.fullmatch(answer.value)
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:

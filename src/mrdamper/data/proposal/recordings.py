@@ -1,7 +1,6 @@
-"""Recordings from a file's tables: their columns by role, in SI, cut into runs, repaired and named.
+"""Recordings from the tables of a file: columns by role, in SI, divided into runs, repaired and named.
 
-What was done to a run while reading is a finding, and what was taken from words an inference; both are
-kept with the file.
+Changes of the data are findings, values from words are inferences. Both are returned with the file.
 """
 
 from __future__ import annotations
@@ -53,44 +52,43 @@ _HELD = ("current", "voltage", "temperature")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigFile:
-    """What one file holds, and how it was understood."""
+    """Contents of a file and their interpretation."""
 
     recordings: tuple[Recording, ...]
     layout: Layout
     columns: tuple[Column, ...]
-    chosen: ChannelMap  # by which it was read: a map, with answers
-    findings: tuple[Finding, ...] = ()  # of what was done while reading
+    chosen: ChannelMap  # The map includes the answers.
+    findings: tuple[Finding, ...] = ()  # These findings are from the reading.
     inferred: tuple[Inference, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """The pieces of one table, and how it was understood."""
+    """Pieces of one table and their interpretation."""
 
     pieces: tuple[Piece, ...]
     columns: tuple[Column, ...]
-    role: str  # of the command
+    role: str  # This is the role of the command.
     notes: tuple[str, ...] = ()
 
 
 def runs_in(
     tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "", stated: Sequence[Place] = ()
 ) -> RigFile:
-    """Return the recordings in a file's tables, with its name if they have no other.
+    """Return the recordings in the tables of a file. ``name`` is used if they have no other name.
 
     ``stated`` are lines of documents about the file.
-
-    A table that holds no force over time, as one of results beside those of samples, is left out and told.
+    A table without force versus time, such as results next to the samples, is skipped and reported.
     """
     parts: list[_Part] = []
     faults: list[InputError] = []
     tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
     for number, table in enumerate(tables):
-        own = _of_segment(chosen, table, number, len(tables))
+        own = _segment_map(chosen, table, number, len(tables))
         try:
             parts.append(_part_of(table, own, file, stated))
         except InputError as fault:
-            if len(tables) == 1 or not _is_beside(table, tables):
+            if len(tables) == 1 or not _is_other_kind(table, tables):
                 faults.append(fault)
     if faults or not parts:
         error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
@@ -108,13 +106,13 @@ def runs_in(
     pieces = [(piece, parts[0].role) for piece in (joined(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:
         pieces = [(piece, part.role) for part in parts for piece in part.pieces]
-    stem = file.name if file.suffix[1:].isdecimal() else file.stem  # "test.001" is the first of several
-    recordings, findings, inferred = _named(pieces, chosen, file, name or stem)
+    stem = file.name if file.suffix[1:].isdecimal() else file.stem  # A number is no suffix: "test.001".
+    recordings, findings, inferred = _make_recordings(pieces, chosen, file, name or stem)
     return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred)
 
 
-def _of_segment(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the map of one table of a file whose tables are the segments, by the lines above it."""
+def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
+    """Return the map of one table, from the lines above it, if the tables of the file are its segments."""
     segments = chosen.segments
     if (
         segments is None
@@ -128,7 +126,7 @@ def _of_segment(chosen: ChannelMap, table: Table, number: int, count: int) -> Ch
 
 def _may_be_run(table: Table) -> bool:
     """Return True if a table may be samples of a damper: rows with a time, and a motion or a force."""
-    if not any(candidates(role, table.names) for role in QUANTITIES):  # The names say nothing.
+    if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
         return True
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
@@ -138,8 +136,8 @@ def _may_be_run(table: Table) -> bool:
     return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", samples)))
 
 
-def _is_beside(table: Table, tables: Sequence[Table]) -> bool:
-    """Tell whether a table that cannot be read is another kind of table: its columns are not the others'."""
+def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
+    """Return True if an unreadable table is of another kind: its columns differ from the other tables."""
     return any(other.names != table.names and other.rows > table.rows for other in tables) and not (
         {column for other in tables if other is not table for column in other.names} >= {*table.names}
     )
@@ -191,7 +189,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
 def _wide_part(
     table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
 ) -> _Part:
-    """Return a piece for each column of force of a table that has one for each current."""
+    """Return a piece for each force column of a table that has one for each current."""
     pieces: list[Piece] = []
     columns: tuple[Column, ...] = ()
     names = {name for name, _ in wide}
@@ -230,19 +228,19 @@ def _channels(
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
     for role in _HELD:
-        if role in channels and len(channels[role]) == 1:  # said once for the whole table
+        if role in channels and len(channels[role]) == 1:  # The file states one value for the whole table.
             channels[role] = np.full(samples, channels[role][0])
     if stated is not None and len(stated) > 1:
         return channels, stated, one
-    # a time of one number is the sampling interval
+    # A time with one number is the sampling interval.
     step = sampling_step(table, chosen, place) if stated is None else float(stated[0])
     return channels, np.arange(samples, dtype=np.float64) * step, one
 
 
-def _named(
+def _make_recordings(
     pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path, own_name: str
 ) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...]]:
-    """Return recordings of the pieces of a file, what was done to them, and what was inferred."""
+    """Return the recordings of the pieces of a file, the changes, and the inferences."""
     stem = printable(own_name)
     names = _names(pieces, chosen, stem)
     recordings: list[Recording] = []
@@ -263,7 +261,7 @@ def _named(
 def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: Path) -> Recording:
     for values in (piece.time, *piece.channels.values()):
         if values.base is None:
-            values.setflags(write=False)  # handed on, not copied
+            values.setflags(write=False)  # The array is shared, not copied.
     return Recording(
         name=name,
         time=piece.time,
@@ -279,7 +277,7 @@ def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: P
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
-    """Return the names of the runs in a file: its own, with commands, titles or numbers of several."""
+    """Return the names of the runs in a file: the file's name, plus command, title or number if several."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
     titles = [piece.title for piece, _ in pieces]

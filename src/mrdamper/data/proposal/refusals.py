@@ -1,4 +1,4 @@
-"""Errors of a table in which a role has no column, no unit or no scale: each asks for what is missing."""
+"""Errors of a table in which a role has no column, unit or scale. Each has a question."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMANDS = ("current", "voltage")
-LEVEL_PARTS = 16  # of a column, whose medians show a level that changes in spite of noise
-LEVEL_CHANGE_RATIO = 0.2  # of the largest value
+LEVEL_PARTS = 16  # Medians of this number of parts show a change of level despite noise.
+LEVEL_CHANGE_RATIO = 0.2  # Fraction of the largest value.
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
-    """Return the error that asks for the column of a role."""
+    """Return the error that requests the column of a role."""
     require_no_text(role, table, place)
     names = candidates(role, [*table.columns])
     bare = meant_without_unit(role, [header_of(table, name, place) for name in table.columns])
@@ -50,7 +50,7 @@ def no_column(role: str, table: Table, place: str) -> InputError:
 
 
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
-    """Return the error that asks for the unit of a column, which may state the unit of another role."""
+    """Return the error that requests the unit of a column, which may state the unit of another role."""
     choices = QUANTITIES[role].units
     return ask(
         role,
@@ -66,7 +66,7 @@ def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
 
 
 def no_scale(role: str, names: Sequence[str], place: str) -> InputError:
-    """Return the error that asks what one volt of a sensor is."""
+    """Return the error that requests the scale of a sensor per volt."""
     columns = ", ".join(map(repr, names))
     return ask(
         role,
@@ -80,7 +80,7 @@ def no_scale(role: str, names: Sequence[str], place: str) -> InputError:
 
 
 def no_full_scale(names: Sequence[str], place: str) -> InputError:
-    """Return the error that asks for the current at 100 % of a command in per cent."""
+    """Return the error that requests the current at 100 % of a command in per cent."""
     return ask(
         "current",
         "scale",
@@ -95,7 +95,7 @@ def no_full_scale(names: Sequence[str], place: str) -> InputError:
 def no_command(
     table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
 ) -> InputError:
-    """Return the error that asks for the command."""
+    """Return the error that requests the command."""
     for role in ("current", "voltage"):
         require_no_text(role, table, place)
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
@@ -125,7 +125,7 @@ def no_command(
 
 
 def varying_commands(table: Table, place: str) -> list[str]:
-    """Return the columns that hold a command by name or unit and whose level changes."""
+    """Return the columns with the name or unit of a command and a varying level."""
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     return [
         each.name
@@ -136,7 +136,7 @@ def varying_commands(table: Table, place: str) -> list[str]:
 
 
 def _may_be_command(header: Header) -> bool:
-    """Return True for a column without a unit whose name is that of a current, a voltage or a set point."""
+    """Return True for a column without a unit and with the name of a current, a voltage or a set point."""
     if header.unit or header.of_word not in {"", *_COMMANDS}:
         return False
     if any(speaks_of(header.word, role) for role in QUANTITIES if role not in _COMMANDS):
@@ -159,18 +159,18 @@ def _level_changes(values: FloatArray) -> bool:
 
 
 def command_shares(table: Table) -> list[str]:
-    """Return the columns of a command in per cent."""
+    """Return the columns with a command in per cent."""
     return [name for name in table.columns if is_command_share(name, table.units.get(name, ""))]
 
 
 def _has_companion(name: str, table: Table) -> bool:
-    """Tell whether another column has the same word and another unit: volts are its sensor's."""
+    """Return True if another column has the same word and another unit, so that volts are from its sensor."""
     word = word_and_unit(name)[0]
     return any(word_and_unit(other)[0] == word for other in table.columns if other != name)
 
 
 def require_no_text(role: str, table: Table, place: str) -> None:
-    """Refuse a column of texts whose header says that it is what is missed."""
+    """Raise InputError if a column of texts has the header of a missing role."""
     for name, cells in table.texts.items():
         header = parse_header(name)
         if header is not None and header[0] == role:
@@ -184,13 +184,13 @@ def require_no_text(role: str, table: Table, place: str) -> None:
 
 
 def perhaps(roles: Iterable[str], table: Table) -> str:
-    """Return the end of a message: which column may be the one that is missed, as a map names it."""
+    """Return the end of a message: the possible column of a missing role in the syntax of a map."""
     found = [(role, name) for role in roles for name in candidates(role, [*table.columns])]
     lines = " or ".join(f"[channel.{role}] name = {name!r}" for role, name in found[:3])
     return f"; perhaps {lines}" if found else ""
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return the names of columns as one line, the first 24 of them."""
+    """Return the names of up to 24 columns as one line."""
     more = f" and {len(names) - 24} more" if len(names) > 24 else ""
     return ", ".join(names[:24]) + more

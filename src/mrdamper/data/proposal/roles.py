@@ -1,9 +1,9 @@
-"""Roles of a table's columns: proposed by units, decided by words among several, else asked for.
+"""Roles of a table's columns: proposed by units, selected by words among several, else requested.
 
-A column that alone has a unit of a role has that role, whatever it is called; a header's word that names
-another role forbids it. Among several a measured one goes before its set point, a word of the role before
-any other, and a time is what increases. Volts are a command only where their header says so: they may be a
-sensor's output, which a scale in the header (``500 N/V``) turns into its quantity.
+The only column with a unit of a role has that role, unless its header names another role. Among several
+columns a measured one has priority over its set point, and a word of the role over other words. A time
+increases. Volts are a command only if the header names a command, because they may be the output of a
+sensor, which a scale in the header (``500 N/V``) converts to its quantity.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ _NEEDED = ("displacement", "force")
 
 
 def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, ...]:
-    """Return which column holds which role: those of the map first, then what headers say; none is read.
+    """Return the column of each role, from the map first, then from the headers. No values are read.
 
     Raises
     ------
     AskingError
-        A needed role has no column, several, or none with a unit.
+        If a required role has no column, several columns, or no column with a unit.
     """
     headers = headers_of(table, place)
     columns: list[Column] = []
     faults: list[InputError] = []
-    known: set[str] = set()  # roles that have a column, or a question of their own
+    known: set[str] = set()  # These roles have a column or a question.
     for role in (*(role for role in QUANTITIES if role != "time"), "time"):
         own_time = fastest_time(table, [column.name for column in columns]) if role == "time" else None
         try:
@@ -57,7 +57,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             else:
                 column = _column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
-                column = _one_of(role, [column, *_namesakes(column, table)], place)
+                column = _select_one(role, [column, *_namesakes(column, table)], place)
             if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
                 raise _unclear_factor(column, table.scales[column.name], place)
         except InputError as fault:
@@ -76,7 +76,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return the error that asks if the factor above the table has been applied to its column."""
+    """Return the question if the factor above the table has been applied to its column."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
@@ -90,13 +90,13 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
 
 
 def _namesakes(column: Column, table: Table) -> list[Column]:
-    """Return the other columns that have a column's name in the file: readers number them, ``force (4)``."""
+    """Return the other columns of the same name in the file. Readers number them: ``force (4)``."""
     numbered = re.compile(rf"{re.escape(column.name)} \(\d+\)")
     return [replace(column, name=name) for name in table.columns if numbered.fullmatch(name)]
 
 
 def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
-    """Return the column of a clock's times as the time; it may need an answer that states its unit."""
+    """Return the column of a clock's times as the time. An answer may have to state its unit."""
     unit = chosen.channel("time").unit or header_of(table, name, place).unit
     if not unit:
         raise no_unit("time", place, name)
@@ -104,9 +104,9 @@ def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> C
 
 
 def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:
-    """Return the columns of force of a table that has one for each current, with that current [A].
+    """Return the force columns of a table with one column for each current, and that current [A].
 
-    Each holds one current in its name, and no two the same.
+    Each column has one current in its name, and the currents differ.
     """
     forces = [name for name in table.columns if "force" in roles_of_unit(word_and_unit(name)[1])]
     named = [(name, labels_in(name, "current")) for name in forces]
@@ -119,7 +119,7 @@ def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:
 def _column_of(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
-    """Return the column of a role; None where there is none."""
+    """Return the column of a role, None if it is missing."""
     channel = chosen.channel(role)
     position = channel.find(table.names, place)
     if position is not None:
@@ -128,14 +128,14 @@ def _column_of(
         stamps = [name for name in table.names if name in table.stamps]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
         if stamps and not named:
-            return _one_of("time", [Column("time", name, "s", "times of day") for name in stamps], place)
+            return _select_one("time", [Column("time", name, "s", "times of day") for name in stamps], place)
     of_unit = [each for each in headers if role in each.of_unit and each.of_word in {"", role}]
     if role == "voltage":
         of_unit = [each for each in of_unit if each.of_word or says_command(each.word)]
     if of_unit:
         best = _best(role, of_unit, table)
         source = "header" if best[0].of_word == role else "unit alone"
-        column = _one_of(role, [Column(role, each.name, each.unit, source) for each in best], place)
+        column = _select_one(role, [Column(role, each.name, each.unit, source) for each in best], place)
         if role == "time":
             require_one_rate(column, table, place)
         return Column(role, column.name, channel.unit or column.unit, column.source)
@@ -161,7 +161,7 @@ def _column_of_map(
 
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
-    """Return the columns of a unit that are left when words have spoken; each is asked where any remains."""
+    """Return the columns with a unit that remain after words are compared. Several result in a question."""
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
@@ -185,7 +185,7 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
 def _column_without_unit(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
-    """Return the column that only a word names: with a scale, or a rate, that proves its unit."""
+    """Return a column that only its word identifies, with a scale or a rate that confirms its unit."""
     channel = chosen.channel(role)
     worded = [each for each in headers if each.of_word == role and role not in each.of_unit]
     scaled = _scaled(role, table, headers)
@@ -210,7 +210,7 @@ def _column_without_unit(
     left = [each for each in left if not names_by_symbol(each.name)] or left
     if len(left) > 1 and not _is_needed(role, headers):
         return None
-    column = _one_of(role, [Column(role, each.name, each.unit) for each in left], place)
+    column = _select_one(role, [Column(role, each.name, each.unit) for each in left], place)
     unit = channel.unit or column.unit
     if not unit and role == "time":
         unit = unit_by_rate(column.name, table)
@@ -223,14 +223,14 @@ def _column_without_unit(
 
 
 def _may_measure(header: Header, role: str) -> bool:
-    """Tell whether a column of volts may be the sensor of a role, whose scale an answer gives."""
+    """Return True if a column of volts may be the sensor of a role. An answer states its scale."""
     return speaks_of(header.word, role) or (role == "current" and is_monitor(header.word))
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
-    """Return True if a run needs a role, so that an unclear column of it is a question.
+    """Return True if a run requires a role, which makes an unclear column of it a question.
 
-    Either current or voltage is needed, and a velocity only without a displacement.
+    Current or voltage is required, and a velocity only without a displacement.
     """
     if role == "current":
         return not any("voltage" in each.of_unit and says_command(each.word) for each in headers)
@@ -242,7 +242,7 @@ def _is_needed(role: str, headers: Sequence[Header]) -> bool:
 
 
 def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str) -> list[str]:
-    """Return the columns that may hold a role without a column, and whose unit is not known."""
+    """Return the columns of unknown unit that may have a role without a column."""
     taken = {column.name for column in columns}
     roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
     headers = [header_of(table, name, place) for name in table.columns if name not in taken | table.stamps]
@@ -256,7 +256,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column whose scale, or the range of its per cent, is in its header or above the table."""
+    """Return the column with a scale, or with a range for per cent, in its header or above the table."""
     found: dict[str, tuple[str, float]] = {}
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):
@@ -277,14 +277,14 @@ def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None
 
 
 def _mentions(line: str, header: Header) -> bool:
-    """Tell whether a line names a column, as a word by itself."""
+    """Return True if a line contains the name of a column as a separate word."""
     word = header.word.lower()
     at = line.lower().find(word) if word else -1
     after = line[at + len(word) : at + len(word) + 1]
     return at >= 0 and not after.isalnum()
 
 
-def _one_of(role: str, left: Sequence[Column], place: str) -> Column:
+def _select_one(role: str, left: Sequence[Column], place: str) -> Column:
     if len(left) > 1:
         columns = ", ".join(repr(column.name) for column in left)
         raise ask(

@@ -1,4 +1,4 @@
-"""Runs that stand side by side in one table, each with a time of its own: ``t, x, F, t, x, F, ...``."""
+"""Runs in adjacent columns of one table, each with its own time: ``t, x, F, t, x, F, ...``."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from mrdamper.data.formats.table import LEAST_ROWS, MOST_COLUMNS, Table
 from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit, to_si
 
-_COUNTED = re.compile(r" \(\d+\)$")  # a name that readers counted, for it stands in the table before
-_FEWEST = 3  # columns of a run
+_COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
+COLUMN_COUNT_MIN = 3  # A run has at least this number of columns.
 
 
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
-    """Return a table for each run; the table itself where it is that of one.
+    """Return a table for each run, or the table itself if it contains a single run.
 
-    The names repeat, numbers behind them left out, and among each run's there is one time. What stands above
-    its names (``0.5 A: F [N]``) is its title, behind the table's. Empty columns between runs go. A map
-    must name columns as they repeat.
+    The names repeat, apart from the appended numbers, and each run has one time. The title is the table's
+    title and the text above the names (``0.5 A: F [N]``). Empty columns between runs are removed. A map must
+    use the names that repeat.
     """
     if table.texts or table.clocks or table.stamps:
         return (table,)
-    filled = [name for name in table.names if _split(name)[1] or np.isfinite(table.columns[name]).any()]
-    split = [_split(name) for name in filled]
+    filled = [name for name in table.names if _split_name(name)[1] or np.isfinite(table.columns[name]).any()]
+    split = [_split_name(name) for name in filled]
     above, names = [title for title, _ in split], [name for _, name in split]
     width = _width(names)
     wanted = [channel.name for channel in chosen.channels.values()]
@@ -56,9 +56,9 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
 
 
 def wide_of_long(table: Table) -> Table:
-    """Return a table of a row for each sample and channel as one of a column for each channel.
+    """Return a table with a row for each sample and channel as a table with a column for each channel.
 
-    A column of texts names at least two roles, one column of numbers has the values, and another the times.
+    A column of texts names at least two roles, one column has the values, and another column the times.
     """
     kinds = [(name, dict.fromkeys(cells)) for name, cells in table.texts.items() if all(cells)]
     named = [name for name, kind in kinds if 2 <= len(kind) <= MOST_COLUMNS and _roles_in(kind) > 1]
@@ -92,19 +92,19 @@ def wide_of_long(table: Table) -> Table:
 
 
 def _roles_in(names: Iterable[str | None]) -> int:
-    """Return the number of roles that are named."""
+    """Return the number of roles with a name."""
     return len({header[0] for name in names if (header := parse_header(name or ""))})
 
 
-def _split(name: str) -> tuple[str, str]:
-    """Return what stands above a column's name, and the name without a reader's number."""
+def _split_name(name: str) -> tuple[str, str]:
+    """Return the text above the name of a column, and the name without the number of a reader."""
     above, colon, own = name.rpartition(": ")
     return above if colon else "", _COUNTED.sub("", own)
 
 
 def _width(names: Sequence[str]) -> int | None:
-    """Return how many columns a run has; None where there is one run."""
-    for width in range(_FEWEST, len(names) // 2 + 1):
+    """Return the number of columns of a run, None for a single run."""
+    for width in range(COLUMN_COUNT_MIN, len(names) // 2 + 1):
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
         times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]

@@ -1,1 +1,1 @@
-"""Words in files and names: headers of columns, and values that are written in titles and file names."""
+"""Words in files and names: headers of columns, and values in titles and file names."""

@@ -1,7 +1,7 @@
-"""Headers of columns: the word, the unit, and the roles that each of them speaks of.
+"""Headers of columns: the word, the unit, and the roles of both.
 
-A unit decides where one column alone has a unit of a role; words decide among several, and which of a
-command's columns is its set point.
+A unit selects a column if only one has a unit of the role. Words select among several columns, and
+separate a command from its set point.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
-_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # a note, then the unit
+_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # The note precedes the unit.
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
 _SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
 _FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
@@ -20,8 +20,8 @@ _FORMS_WITH_UNIT = (
     *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
 )
 _LAST = re.compile(r"(.+)_([^_]+)")
-_BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N": the word must be of the unit's role
-_NO_UNITS = frozenset({"in", "kp", "min"})  # where they stand alone: an input, a gain, a smallest value
+_BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # The word must have the unit's role, as in "Force N".
+_NO_UNITS = frozenset({"in", "kp", "min"})  # Alone, these are an input, a gain and a minimum.
 _BRACKETED = (_NOTED, _BRACKETS)
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
 _NARROW = str.maketrans("（）［］／", "()[]/")
@@ -44,7 +44,7 @@ _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\
 
 
 def word_and_unit(header: str) -> tuple[str, str]:
-    """Return the word and the unit of a header, "" where it has none; what is no unit belongs to the word."""
+    """Return the word and the unit of a header, "" if missing. Other text belongs to the word."""
     text = header.translate(_NARROW).strip()
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
@@ -62,13 +62,13 @@ def word_and_unit(header: str) -> tuple[str, str]:
 
 
 def _means(word: str, roles: Sequence[str]) -> bool:
-    """Tell whether a word is of one of the roles: ``sensor_A`` is no current, ``coil current_A`` is."""
+    """Return True if a word means one of the roles: ``sensor_A`` is not a current, ``coil current_A`` is."""
     return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
 
 
 def speaks_of(word: str, role: str) -> bool:
-    """Tell whether a word of a role stands in a header's, by itself or at the end of a longer one."""
-    plain = _plain(word)
+    """Return True if the word of a header contains a word of a role, alone or within a longer one."""
+    plain = _split_words(word)
     tokens = plain.split()
     for known in QUANTITIES[role].headers:
         if (len(known) == 1 and known.isascii()) or known == "力":
@@ -84,7 +84,7 @@ def speaks_of(word: str, role: str) -> bool:
 
 def begins_with_symbol(word: str, role: str) -> bool:
     """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``F meas``."""
-    parts = _plain(word).split()
+    parts = _split_words(word).split()
     symbol = QUANTITIES[role].symbol
     first = word.strip()[:1]
     alone = len(parts) > 0 and len(parts[0]) == 1
@@ -92,30 +92,30 @@ def begins_with_symbol(word: str, role: str) -> bool:
 
 
 def is_set_point(word: str) -> bool:
-    """Tell whether a header names what was asked for, and not what was measured."""
-    return _SET_POINT.search(_plain(word)) is not None
+    """Return True if a header names a set point instead of a measured value."""
+    return _SET_POINT.search(_split_words(word)) is not None
 
 
 def says_command(word: str) -> bool:
-    """Tell whether a header of volts names a command: any other may be a sensor's."""
-    return _COMMAND.search(_plain(word)) is not None and not is_monitor(word)
+    """Return True if a header of volts names a command. Other volts may be a sensor output."""
+    return _COMMAND.search(_split_words(word)) is not None and not is_monitor(word)
 
 
 def is_monitor(word: str) -> bool:
-    """Tell whether a header names a sensor's output: its volts stand for something else."""
-    return _MONITOR.search(_plain(word)) is not None
+    """Return True if a header names a sensor output, which has volts for another quantity."""
+    return _MONITOR.search(_split_words(word)) is not None
 
 
 def is_command_share(name: str, unit: str) -> bool:
-    """Tell whether a column holds a command as a share of the largest: a duty cycle in per cent."""
+    """Return True if a column is a command relative to its maximum: a duty cycle in per cent."""
     if not (is_per_cent(name) or is_per_cent(unit)):
         return False
-    return bool(_DUTY.search(_plain(name))) or is_set_point(name) or speaks_of(name, "current")
+    return bool(_DUTY.search(_split_words(name))) or is_set_point(name) or speaks_of(name, "current")
 
 
 def is_statistic(word: str) -> bool:
     """Return True if a header names a result of a cycle or a run, such as a maximum."""
-    return _STATISTIC.search(_plain(word)) is not None
+    return _STATISTIC.search(_split_words(word)) is not None
 
 
 def is_per_cent(text: str) -> bool:
@@ -124,28 +124,28 @@ def is_per_cent(text: str) -> bool:
 
 
 def is_ambient(word: str) -> bool:
-    """Tell whether a header names the temperature of the room."""
-    return _AMBIENT.search(_plain(word)) is not None
+    """Return True if a header names the ambient temperature."""
+    return _AMBIENT.search(_split_words(word)) is not None
 
 
 def is_of_fluid(word: str) -> bool:
-    """Tell whether a header names the temperature of the fluid."""
-    return _FLUID.search(_plain(word)) is not None
+    """Return True if a header names the fluid temperature."""
+    return _FLUID.search(_split_words(word)) is not None
 
 
-def _plain(word: str) -> str:
-    """Return a header's word in lower case, its parts (``coil_current``, ``CoilCurrent``) apart."""
+def _split_words(word: str) -> str:
+    """Return the words of a header in lower case, separated (``coil_current``, ``CoilCurrent``)."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word)
     return re.sub(r"[\W_\d]+", " ", apart).strip().lower()
 
 
 def parse_header(header: str) -> tuple[str, str] | None:
-    """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None.
+    """Return (role, unit) of a header with a unique meaning, unit "" if it names only a role, or None.
 
-    A word with a unit of its role beside it may stand in more ways than one with brackets: ``Force, N``,
-    ``Kraft in N``, ``Force N``, ``Force (filtered) [N]``; a symbol with such a unit will do, as ``F [N]``. A
-    suffix that is no unit, as in ``velocity_5`` or ``Force (raw)``, is ignored, and so is a number behind a
-    unit, as in ``force_N_2``.
+    A unit of the word's role needs no brackets: ``Force, N``, ``Kraft in N``, ``Force N``, ``Force
+    (filtered) [N]``. A symbol with such a unit is sufficient, as in ``F [N]``. The function ignores a suffix
+    that is not a unit, as in ``velocity_5`` or ``Force (raw)``, and a number after a unit, as in
+    ``force_N_2``.
     """
     text = _NUMBERED.sub(r"\1", header.translate(_NARROW).strip())
     for form in _FORMS:
@@ -165,7 +165,7 @@ def parse_header(header: str) -> tuple[str, str] | None:
 
 
 def is_unit_beside(text: str, role: str) -> bool:
-    """Return True if a text next to a word of a role is a unit: its own, volts, or one of another role.
+    """Return True if a text next to a word of a role is a unit: of the role, of another role, or volts.
 
     One letter of another role may number a sensor, as in ``force_A``.
     """
@@ -174,18 +174,18 @@ def is_unit_beside(text: str, role: str) -> bool:
 
 
 def names_by_symbol(header: str) -> bool:
-    """Tell whether a header names its role by one letter."""
+    """Return True if a header names its role by one letter."""
     return re.match(r"\s*[A-Za-z](?![^\W\d_])", header) is not None
 
 
 def unit_in_brackets(header: str) -> str:
-    """Return the unit in the brackets at the end of a header, whatever it is the unit of; "" without."""
+    """Return the unit in the brackets at the end of a header for any quantity, "" if missing."""
     match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
     return match[1].strip() if match else ""
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers that may mean a role: by a word or its symbol, else by their unit; for messages."""
+    """Return the headers that may mean a role, by word or symbol, else by unit. Used in messages."""
     quantity = QUANTITIES[role]
     words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
     named = [
@@ -196,7 +196,7 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     units = {
         header: unit_in_brackets(header) or header.rpartition("_")[2]
         for header in headers
-        if parse_header(header) is None  # "Force (V)" is no voltage
+        if parse_header(header) is None  # The header "Force (V)" is not a voltage.
     }
     return named or [header for header, unit in units.items() if is_unit(unit, [role])]
 

@@ -1,8 +1,8 @@
-"""Commands and temperatures that are written in words: a sheet's title, lines above a table, names of files.
+"""Commands and temperatures in words: titles of sheets, lines above a table, names of files.
 
-``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``. A number counts with its
-unit alone; where a text holds two different ones it does not say which, and a ``Label`` holds both. Sampling
-rates and scales of sensors (``10 mm/V``) stand in words, too.
+Examples: ``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``. A number
+requires a unit. Two different numbers are ambiguous, and a ``Label`` has both. The module also reads
+sampling rates and scales of sensors (``10 mm/V``).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _UNITS = {
     "temperature": r"(?:°|deg\.?|º)?\s?[CF]|K|℃|℉",
 }
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
-# A number stands alone, behind its sign, or behind the symbol of what it is: "rev2A" is no current, and
-# "0-1.5A" is a range. A stroke behind a letter is a dash before a current; a temperature may be below zero.
+# A number is separate, or follows its sign or its symbol: "rev2A" is not a current and "0-1.5A" is a range.
+# A minus after a letter is a dash before a current, but a temperature may be negative.
 _BEGIN = r"(?:(?<![\w.,+-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = {"current": r"|(?<=[^\W\d]-)", "voltage": r"|(?<=[^\W\d]-)", "temperature": ""}
 _RANGE = r"(?<!\bto )(?<!\bbis )(?<![-–…~] )"
@@ -46,8 +46,8 @@ _NOT_SET = re.compile(
 )
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
-# Units in Cyrillic letters as Latin ones; any other letter of that script ends a unit ("Вт" is no volt).
-DOCUMENT = "document"  # a source begins with this if a file next to the run states a value
+# Cyrillic units are mapped to Latin ones. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
+DOCUMENT = "document"  # Sources of values from a file next to the run begin with this word.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
@@ -67,15 +67,15 @@ _RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A text that may hold a label, and what it is called in messages."""
+    """Text that may contain a label, and its name in messages."""
 
-    source: str  # "title", "header", "file name", "folder"
+    source: str  # Examples are "title", "header", "file name", "folder".
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """What a place says of a role: one value, or several different ones, which is no answer."""
+    """Values of a role in a text. Several different values are ambiguous."""
 
     role: str
     values: tuple[float, ...]  # SI
@@ -84,7 +84,7 @@ class Label:
 
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
-    """Return the different values of a role [SI] that stand in a text."""
+    """Return the different values of a role [SI] in a text."""
     text = text.translate(_CYRILLIC)
     found = [(sign + number, unit) for sign, number, unit in _FORMS[role].findall(text)]
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
@@ -102,9 +102,9 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
-    """Return the value that the nearest place states, None without any.
+    """Return the value of the nearest text, None if no text has one.
 
-    A document that names the file settles what the places leave open, and is held against the others.
+    A document about the file supplies missing values and is compared with the other texts.
     """
     found: list[Label] = []
     for source in dict.fromkeys(place.source for place in places):
@@ -123,7 +123,7 @@ def find_label(places: Sequence[Place], role: str) -> Label | None:
 
 
 def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
-    """Return the places that may say something of a table, the nearest first."""
+    """Return the texts that may describe a table, the nearest first."""
     found = [Place("title", title)] if title else []
     found += [Place("header", line) for line in said]
     found += [Place("file name", path.stem)]
@@ -152,7 +152,7 @@ def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
 
 
 def _may_say(place: Place, role: str) -> bool:
-    """Tell whether a text may be about the damper: a header has limits, ranges and the room in it, too."""
+    """Return True if a text may describe the damper. A header also has limits, ranges and ambient values."""
     if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
     if _NOT_SET.search(place.text):
@@ -182,10 +182,10 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
 def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
-    """Return the different sampling rates [Hz] that lines above a table state.
+    """Return the different sampling rates [Hz] in the lines above a table.
 
-    A line must speak of sampling: a frequency of the motion is none. An interval counts with its unit alone,
-    but for ``Delta_X``, which is in the seconds of LabVIEW.
+    A line must contain a sampling word because a frequency may be of the motion. An interval requires a unit,
+    except for ``Delta_X``, which LabVIEW writes in seconds.
     """
     rates: dict[float, None] = {}
     lines = list(lines)
