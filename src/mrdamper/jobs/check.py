@@ -97,7 +97,7 @@ class CheckResult(JobResult):
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the open questions of the files; a question of several files is listed for the first of them."""
+        """Return the open questions of the files, each once: for the first file with this question."""
         asked = [question for file in self.unreadable for question in file.questions]
         return tuple({(each.role, each.topic, each.text): each for each in reversed(asked)}.values())[::-1]
 

@@ -1,4 +1,4 @@
-"""The job ``evaluate``: a card's error on runs. It loads no module for fits, because it must start quickly."""
+"""The job ``evaluate``: a card's error on runs. No module for fits is loaded, for a fast start."""
 
 from __future__ import annotations
 

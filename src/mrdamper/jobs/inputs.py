@@ -26,7 +26,7 @@ def read_dataset(
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
 ) -> Dataset:
-    """Return the runs in files, folders and frames; ``Run`` objects are used unchanged.
+    """Return the runs in files, folders and frames; run objects are used unchanged.
 
     Parameters
     ----------

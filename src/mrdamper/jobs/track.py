@@ -45,9 +45,7 @@ TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 _USUAL = TrackOptions()
 _REACHED_FRACTION_MIN = 0.5  # fraction of a target within the damper's reach
 _STROKE_RATIO_MAX = 1.05  # multiple of the card's displacement
-_FORCE_RATIO_MAX = (
-    1.5  # A larger ratio of forces, or its inverse, means that the card is from another damper.
-)
+_FORCE_RATIO_MAX = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 
 
@@ -180,7 +178,7 @@ class TrackResult(JobResult):
 
     @property
     def worst(self) -> list[Row]:
-        """Return the max errors of all temperatures, by controller and target; rmse_N sets the temperature."""
+        """Return the max errors of all temperatures by controller and target."""
         groups: dict[tuple[str, str], list[Row]] = {}
         for row in self.rows:
             groups.setdefault((row.target, row.controller), []).append(row)
