@@ -1,4 +1,4 @@
-"""Array types, and functions that make an array a read-only value."""
+"""Array types, and functions that convert an array to a read-only value."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def read_only(values: ArrayLike) -> FloatArray:
 
 
 def inverse_sizes(matrix: FloatArray) -> FloatArray:
-    """Return the factors of rows and columns that make the diagonal one, shape (.., n) of (.., n, n)."""
+    """Return the scaling factors of rows and columns for a unit diagonal, shape (.., n) of (.., n, n)."""
     return np.asarray(1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300)))
 
 

@@ -15,7 +15,7 @@ from mrdamper.errors import InputError
 
 PathLike = str | Path
 
-_MOST_BYTES = 1 << 22  # of a document that people write
+_MOST_BYTES = 1 << 22  # max size of a document that people write
 _PAST_INTEGERS = 1 << 63
 
 
@@ -120,7 +120,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         RecursionError,
         ValueError,
         OverflowError,
-    ) as error:  # nested too deep, or a number of many digits
+    ) as error:  # The document is nested too deeply or has a number with too many digits.
         raise InputError(f"nested too deep, or a number too long ({type(error).__name__})") from error
 
 

@@ -51,7 +51,7 @@ class Picture:
         return figure
 
     def _draw(self) -> Figure | None:
-        """Draw the picture; None if there is none."""
+        """Return the picture, or None if there is no picture."""
         figure: Figure = load(load("mrdamper.registry:PICTURES")[type(self).__name__])(self)
         return figure
 

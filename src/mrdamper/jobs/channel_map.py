@@ -1,4 +1,4 @@
-"""The channel map by which files were read, as TOML that a person may read, correct and keep."""
+"""The channel map that describes how files were read, as TOML for reading, correcting and archiving."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map that reads files as they were read."""
+    """A channel map that reads files again in the same way."""
 
     document: Mapping[str, Any]
-    comments: tuple[str, ...]  # what differs from file to file
+    comments: tuple[str, ...]  # differences between the files
 
     @property
     def text(self) -> str:
-        """The map as TOML."""
+        """Return the map as TOML."""
         return channels_toml(self.document, self.comments)
 
 
 def write_map(files: ReadFiles) -> WrittenMap:
-    """Return the channel map of files: what all of them have in common, and in comments what differs."""
+    """Return the channel map of files; comments list the differences between the files."""
     channels: dict[str, dict[str, Any]] = {}
     comments: list[str] = []
     read = [file for _, file in files.files]
@@ -46,16 +46,18 @@ def write_map(files: ReadFiles) -> WrittenMap:
         elif found:
             names = ", ".join(sorted(f"{dict(each)['name']!r}" for each in found if each))
             comments.append(f"{role}: {names}, as the header of each file says")
-    constant = _constants([each for name, file in files.files for each in _stated(name, file)], comments)
+    constant = _constants(
+        [each for name, file in files.files for each in _file_constants(name, file)], comments
+    )
     if read and "time" not in channels and (rate := _rate(read)) is not None:
         constant["rate_Hz"] = rate
-    tables = {"channel": channels, "constant": constant, **_of_all(files, comments)}
+    tables = {"channel": channels, "constant": constant, **_common_tables(files, comments)}
     document = {name: table for name, table in tables.items() if table}
     return WrittenMap(document, tuple(comments))
 
 
-def _of_all(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the tables of a map that every file was read by; of what differs, a comment for each file."""
+def _common_tables(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the tables that apply to every file, and append a comment for each difference."""
     shared: dict[str, dict[str, Any]] = {}
     for name, of in _TABLES.items():
         found = {path.name: of(file.chosen) for path, file in files.files}
@@ -81,8 +83,8 @@ _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
 """The tables of a map that hold for a file as a whole: its tests, its session, its form."""
 
 
-def _stated(path: Path, file: RigFile) -> list[Inference]:
-    """Return the constants of a file: what names say, and what the map or an answer says."""
+def _file_constants(path: Path, file: RigFile) -> list[Inference]:
+    """Return the constants of a file from its name, from the map and from answers."""
     given = [Inference(path.name, role, value, "map") for role, value in file.chosen.constant.items()]
     return [*file.inferred, *given]
 
@@ -99,7 +101,7 @@ def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
 
 
 def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
-    """Return what names say alike of all runs; what differs becomes a comment for each run."""
+    """Return the constants that all names have in common; differences become a comment for each run."""
     constant: dict[str, float] = {}
     for role, key in _KEYS.items():
         found = [each for each in inferred if each.role == role]
@@ -114,7 +116,7 @@ def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, 
 
 
 def _rate(read: Sequence[RigFile]) -> float | None:
-    """Return the sampling rate [Hz] that all runs have, when they have one."""
+    """Return the sampling rate [Hz] if all runs have the same one."""
     steps = {float(f"{np.median(np.diff(each.time)):.6g}") for file in read for each in file.recordings}
     step = steps.pop() if len(steps) == 1 else 0.0
     return float(f"{1.0 / step:.6g}") if step > 0.0 else None
@@ -126,7 +128,7 @@ def channels_toml(document: Mapping[str, Any], comments: Sequence[str] = ()) -> 
     Raises
     ------
     InputError
-        It is no channel map.
+        If the object is not a channel map.
     """
     ChannelMap.from_dict(document, "channel map")
     title = ["channel map, written by mrdamper", *(" ".join(line.split()) for line in comments)]

@@ -1,7 +1,7 @@
-"""The job ``check``: what is wrong with runs before they are fitted, and how their files were understood.
+"""The job ``check``: faults in runs before a fit, and the interpretation of their files.
 
-Files that cannot be read are told beside the others; runs are diagnosed one by one (``data.diagnosis``)
-and together. Nothing is repaired, and nothing is fitted unless a joint test is asked for.
+Unreadable files are reported with the others. Runs are diagnosed one by one (``data.diagnosis``) and
+together. Nothing is repaired, and nothing is fitted unless a joint test is requested.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 _USUAL = CheckOptions()
-_MOST_DRAWN = 400  # samples of a run
+_SAMPLE_COUNT_MAX = 400  # samples of each run
 
 HELD_OUT_EFFECT = "The run is held out: its held-out error is affected, the fit is not"
 HELD_OUT_KINDS = frozenset(
@@ -56,7 +56,7 @@ HELD_OUT_KINDS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """How a file was understood."""
+    """The interpretation of a file."""
 
     path: Path
     layout: Layout
@@ -67,7 +67,7 @@ class CheckedFile:
 
 @dataclass(frozen=True, slots=True)
 class CheckedRun:
-    """A run in numbers, and what was found in it, worst first; None where it cannot be told."""
+    """Values of a run and its findings, worst first; None if a value is not available."""
 
     name: str
     source: str
@@ -86,18 +86,18 @@ class CheckedRun:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CheckResult(JobResult):
-    """What is wrong with runs, and with the files that they are in."""
+    """Faults in runs and in their files."""
 
     _job = "check"
     files: tuple[CheckedFile, ...]
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
     channel_map: WrittenMap
-    groups: tuple[Finding, ...] = ()  # of several runs together; why there was no joint test
+    groups: tuple[Finding, ...] = ()  # findings about several runs, and the reason for a missing joint test
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """What the files leave open; a question that several ask stands once, for the first of them."""
+        """Return the open questions of the files, each once: for the first file with this question."""
         asked = [question for file in self.unreadable for question in file.questions]
         return tuple({(each.role, each.topic, each.text): each for each in reversed(asked)}.values())[::-1]
 
@@ -107,17 +107,17 @@ class CheckResult(JobResult):
 
     @property
     def counts(self) -> dict[Severity, int]:
-        """Number of findings of each severity, faults first."""
+        """Return the number of findings of each severity, faults first."""
         return {severity: sum(f.severity == severity for f in self.findings) for severity in SEVERITIES}
 
     @property
     def usable(self) -> bool:
-        """Whether the runs can be fitted as they are."""
+        """Return True if the runs can be fitted without changes."""
         return bool(self.runs) and not any(finding.severity == "fault" for finding in self.findings)
 
 
 def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Progress = silent) -> CheckResult:
-    """Diagnose runs, each by itself and all against each other; ``deep``: against one law fitted to all."""
+    """Diagnose runs alone and in comparison; ``deep`` also compares them with one law fitted to all."""
     together = campaign_findings(files.runs)
     if options.deep:
         together += joint_test(files.runs)
@@ -143,9 +143,9 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
 
 
 def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
-    """Return findings from the comparison of runs with each other, their names and published dampers.
+    """Return findings from the comparison of runs, their names and published dampers.
 
-    A recording that is no run, because its time does not increase for example, is not compared.
+    Invalid recordings are not compared, for example if time does not increase.
     """
     runs, held_out = accepted_runs(runs), accepted_runs(held_out)
     findings = [
@@ -176,13 +176,13 @@ def findings_of(
     runs = (*training, *held_out)
     found = [finding for run in runs for finding in diagnose(run.run, run)]
     found += campaign_findings([run.run for run in training], [run.run for run in held_out])
-    found = [_about_held_out(finding) if finding.run in names else finding for finding in found]
+    found = [_finding_if_held_out(finding) if finding.run in names else finding for finding in found]
     found += find_deviations(damper, training, free=free)
     return tuple(without_repeats([*reading, *found]))
 
 
-def _about_held_out(finding: Finding) -> Finding:
-    """Return a finding about a held-out run with its effect on the held-out error in place of the fit."""
+def _finding_if_held_out(finding: Finding) -> Finding:
+    """Return a finding with its effect on the held-out error instead of the fit."""
     return finding if finding.kind in HELD_OUT_KINDS else replace(finding, effect=HELD_OUT_EFFECT)
 
 
@@ -204,9 +204,11 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
 
 
 def _interval_widths(run: Recording) -> FloatArray:
-    """Return samples all over the run for its picture: displacement [mm] and force [N], shape (n, 2)."""
+    """Return samples of the whole run for its picture: displacement [mm] and force [N], shape (n, 2)."""
     count = min(len(run.displacement), len(run.force))
-    chosen = np.unique(np.linspace(0, max(count - 1, 0), min(count, _MOST_DRAWN)).round().astype(np.intp))
+    chosen = np.unique(
+        np.linspace(0, max(count - 1, 0), min(count, _SAMPLE_COUNT_MAX)).round().astype(np.intp)
+    )
     return np.column_stack([1e3 * run.displacement[chosen], run.force[chosen]])
 
 

@@ -38,10 +38,10 @@ class CyclesResult(JobResult):
 
     _job = "cycles"
     source: str
-    understood: str  # Layout of the file.
+    understood: str  # Format of the file.
     rows: int
-    stroke_min_m: float  # A smaller to-and-fro does not begin a cycle.
-    breaks: int  # Places at which rows are missing or time does not go on; no cycle crosses one.
+    stroke_min_m: float  # A smaller reversal does not begin a cycle.
+    breaks: int  # Number of gaps in rows or time; no cycle crosses one.
     run: tuple[str, ...]  # Name of the run of each cycle.
     cycles: CycleFigures
     command_unit: CommandUnit
@@ -49,12 +49,12 @@ class CyclesResult(JobResult):
 
     @property
     def energy_J(self) -> float:
-        """Energy that all cycles dissipate."""
+        """Return the energy that all cycles dissipate."""
         return float(self.cycles.energy_J.sum())
 
     @property
     def columns(self) -> dict[str, FloatArray]:
-        """Measured values of the cycles in the units of cycles.csv."""
+        """Return measured values of the cycles in the units of cycles.csv."""
         found = self.cycles
         columns = {
             "period_s": found.period_s,
@@ -69,22 +69,22 @@ class CyclesResult(JobResult):
 
     @property
     def group_size(self) -> int:
-        """Cycles in each point of a curve."""
+        """Return the number of cycles in each point of a curve."""
         return -(-len(self.cycles) // GROUP_COUNT_MAX) or 1
 
     @property
     def group_number(self) -> FloatArray:
-        """Mean number of the cycles in each group, the first cycle being 1; shape (groups,)."""
+        """Return the mean number of the cycles in each group, counted from 1; shape (groups,)."""
         return self._groups(np.arange(1.0, len(self.cycles) + 1.0))[0]
 
     @property
     def groups(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Mean, min and max of each value in each group of cycles, shape (groups,)."""
+        """Return mean, min and max of each value in each group of cycles, shape (groups,)."""
         return {name: self._groups(values) for name, values in self.columns.items()}
 
     @property
     def figures(self) -> dict[str, FigureSummary]:
-        """Each value over all cycles."""
+        """Return a summary of each value for all cycles."""
         return {name: self._summary(values) for name, values in self.columns.items()}
 
     def _groups(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -112,7 +112,7 @@ class CyclesResult(JobResult):
 
 
 def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
-    """Count the cycles of a record; those of several runs in one file follow one another."""
+    """Count the cycles of a record; several runs in one file are joined in their order."""
     stroke_min_m = None if options.least_stroke_mm is None else 1e-3 * options.least_stroke_mm
     runs = record.recordings
     counted = [count_record(run, stroke_min_m) for run in runs]
@@ -135,7 +135,7 @@ def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
 
 
 def _findings(cycles: CycleFigures, breaks: int, stroke_min_m: float) -> Iterator[Finding]:
-    """Yield breaks of the record, a wrong sign of force, and the lack of cycles."""
+    """Yield findings about gaps of the record, a wrong sign of force, and missing cycles."""
     if breaks:
         yield Finding(
             kind="breaks",

@@ -1,4 +1,4 @@
-"""The job ``evaluate``: a card's error on runs. It loads nothing that fits, so that it answers at once."""
+"""The job ``evaluate``: a card's error on runs. No module for fits is loaded, for a fast start."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _USUAL = EvaluateOptions()
 
 @dataclass(frozen=True, slots=True, repr=False)
 class EvaluateResult(JobResult):
-    """The errors of a model on runs; it is the sequence of them, too."""
+    """The errors of a model on runs, as a sequence with further results."""
 
     _job = "evaluate"
     law: str
     errors: tuple[RunError, ...]
-    notes: tuple[str, ...]  # where the runs leave what the card was identified on
-    promised: Mapping[str, Mapping[str, float | int | None]]  # by the card, of its splits
-    band: ForceBand | None = None  # that the card promises for new runs
-    forces: tuple[ForceInterval, ...] = ()  # of every run, where posterior draws are followed
+    notes: tuple[str, ...]  # notes if the runs are outside the card's envelope
+    promised: Mapping[str, Mapping[str, float | int | None]]  # errors stored in the card, by split
+    band: ForceBand | None = None  # expected error of new runs, from the card
+    forces: tuple[ForceInterval, ...] = ()  # intervals of every run if posterior samples are evaluated
     coefficients: tuple[CoefficientInterval, ...] = ()
     command_unit: str = ""
 
@@ -57,17 +57,17 @@ def evaluate(
     preparation: Preparation | None = None,
     options: EvaluateOptions = _USUAL,
 ) -> EvaluateResult:
-    """Score a model on runs, prepared as the card says.
+    """Score a model on runs, with the preparation in the card.
 
     Parameters
     ----------
-    card : a card; also a damper alone, or a fit
-    preparation : how the runs are prepared, in place of what the card says
+    card : a card, a damper or a fit
+    preparation : replaces the preparation in the card
 
     Raises
     ------
     InputError
-        The runs cannot be prepared, or lack what the model needs; there are no posterior draws of this card.
+        If the runs are invalid or lack a channel of the model, or the card has no posterior samples.
     """
     posterior = draws_of(card, options.posterior) if isinstance(card, ModelCard) else ()
     with warnings.catch_warnings(record=True) as caught:

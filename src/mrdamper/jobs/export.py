@@ -1,4 +1,4 @@
-"""The job ``export``: from a card to verified C code, FMU, force map and MATLAB folder."""
+"""The job ``export``: convert a card to verified C code, FMU, force map and MATLAB folder."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class CodeExport:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ExportResult(JobResult):
-    """The result of an export: code, written as C folder and as FMU, and a force map."""
+    """The result of an export: code, files in C and as FMU, and a force map."""
 
     _job = "export"
     card: ModelCard
     name: str
-    what: tuple[str, ...]  # of c, fmu, table, matlab
+    what: tuple[str, ...]  # some of c, fmu, table, matlab
     code: CodeExport | None
     table: ForceMap | None
     notes: tuple[str, ...]
@@ -54,7 +54,7 @@ def export(
 
     Parameters
     ----------
-    damper : geometry, from which the thermal model and the detection of a frozen thermometer follow; None: no
+    damper : geometry for the thermal model and the detection of a frozen thermometer; None: no
         thermal model, and the heat capacity of the paper's damper
 
     Raises

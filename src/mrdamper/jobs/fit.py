@@ -1,4 +1,4 @@
-"""The job ``fit``: measured runs in; a fitted damper, what is known about the fit, and its card out."""
+"""The job ``fit``: fit a damper to measured runs, assess the fit, and make its card."""
 
 from __future__ import annotations
 
@@ -43,27 +43,27 @@ AUTO = "auto"
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FitResult(JobResult, Identification):
-    """A fit with what is known about it: all that its card and its report are made of."""
+    """A fit with its assessment: the content of its card and its report."""
 
     _job = "fit"
     assessment: Assessment
     selection: Selection | None = None  # None if the law was given
     posterior: CardDraws | None = None
-    findings: tuple[Finding, ...] = ()  # what reading did to the runs, and what they show by themselves
-    inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words, with their source
-    sources: tuple[str, ...] = ()  # names of the files that the runs are from
-    title: str = ""  # of card and report, where it is not the usual one
-    simulated: str = ""  # what the runs are, where nobody measured them
+    findings: tuple[Finding, ...] = ()  # changes of the runs while reading, and faults of single runs
+    inferred: tuple[Inference, ...] = ()  # commands and temperatures from names and texts, with their source
+    sources: tuple[str, ...] = ()  # names of the files with the runs
+    title: str = ""  # title of card and report if it is not the default
+    simulated: str = ""  # description of the runs if they are simulated
 
     @property
     def errors(self) -> tuple[ErrorSummary, ...]:
-        """Errors of held-out runs, training runs and cross-validation."""
+        """Return the errors of held-out runs, training runs and cross-validation."""
         chosen = None if self.selection is None else self.selection.scores[0]
         return summarize_errors(self.assessment.runs, chosen)
 
     @property
     def cancelled(self) -> bool:
-        """True if an interrupt has cut short the fit."""
+        """Return True if an interrupt has stopped the fit early."""
         return self.result.cancelled
 
     def card(
@@ -96,15 +96,15 @@ def fit(
     law : name of a law, ``file.py:Class``, or a law in Python; ``auto`` or None: the law and the terms with
         the smallest cross-validation error
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
-    preparation : how the runs are prepared; None: chosen for each run
+    preparation : preparation of the runs; None: chosen for each run
     settings : numerical settings of the fit; None: the default ones
 
     Raises
     ------
     InputError
-        Runs, law and options do not fit together.
+        If runs, law and options do not fit together.
     ConvergenceError
-        No start of the search found a finite cost.
+        If no start of the search found a finite cost.
     """
     runs = runs.select(*options.only) if options.only else runs
     settings = settings or DEFAULT_SETTINGS
@@ -157,12 +157,12 @@ def fit(
 
 
 def _terms(options: FitOptions) -> tuple[str, ...] | None:
-    """Return the parallel terms to add; None: what the runs ask for."""
+    """Return the parallel terms to add; None: selected by the error on the runs."""
     return None if options.terms is None else tuple(term for term in options.terms if term != "none")
 
 
 def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
-    """Return options that name no run to hold out which this campaign, one of many, does not have."""
+    """Return options without held-out runs that are missing in this campaign of a sweep."""
     present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
     return replace(options, hold_out=tuple(present))
 
@@ -170,7 +170,8 @@ def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
 def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
     """Select a law and its terms by cross-validation; repeat it if the windows do not represent the runs.
 
-    Each repetition uses more windows, until their error agrees with that on all runs or all data are used.
+    Each repetition uses more windows, until their error agrees with the error on all runs or all data are
+    used.
     """
     settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
     first: Selection | None = None
@@ -212,7 +213,7 @@ def _repetition_note(first: Selection, last: Selection) -> str:
 
 
 def _tracked(damper: Damper) -> bool:
-    """Say whether a controller of ``track`` and of ``export`` is made from such a damper."""
+    """Return True if ``track`` and ``export`` can make a controller from the damper."""
     return damper.law.name in (*TABULATED, *STEPPED)
 
 
@@ -242,7 +243,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
 
 
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
-    """Draw posterior samples if the options request them; a note gives the reason if there are none."""
+    """Return posterior samples if requested; a note gives the reason if there are no samples."""
     if fitted.result.cancelled or not options.posterior:
         return fitted, None
     try:

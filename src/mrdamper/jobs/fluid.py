@@ -1,6 +1,6 @@
-"""The job ``fluid``: laws fitted to rheometer tables, and the fluid made of them.
+"""The job ``fluid``: fit laws to rheometer tables, and make a fluid of them.
 
-Quantities that the tables do not contain are those of another fluid; a note names them.
+Quantities that the tables do not contain are copied from another fluid; a note names them.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import to_degC
 from mrdamper.results import JobResult
 
-FLUX_DENSITY_MAX_T = 5.0  # A larger value has a wrong unit: no rheometer reaches it.
+FLUX_DENSITY_MAX_T = 5.0  # A larger value has a wrong unit, because no rheometer reaches it.
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FluidResult(JobResult):
-    """The fits of rheometer tables, the fluid made of them, and notes."""
+    """The fits of rheometer tables, the resulting fluid, and notes."""
 
     _job = "fluid"
     fluid: Fluid
@@ -41,13 +41,13 @@ def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
 
     Parameters
     ----------
-    tables : tables of viscosity, of yield stress, or of both; those of one quantity are fitted together
+    tables : tables of viscosity, of yield stress, or of both; tables of one quantity are fitted together
     like : fluid that provides the quantities missing in the tables
 
     Raises
     ------
     InputError
-        No law can be fitted to the tables.
+        If no law can be fitted to the tables.
     """
     notes = [note for table in tables for note in table.notes]
     viscosity = _study_viscosity(tables)
@@ -61,7 +61,7 @@ def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
             viscosity_Pa_s=best.at_reference,
             viscosity_factor=best.factor,
             viscosity_fitted_K=(float(kelvin[0]), float(kelvin[-1])),
-            collapse=None,  # It belongs to the viscosity of the other fluid.
+            collapse=None,  # The collapse belongs to the viscosity of the other fluid.
             valid_K=_valid_range(fitted.valid_K, best.factor, kelvin),
         )
         notes += viscosity.notes
@@ -131,7 +131,7 @@ def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place:
 def _valid_range(
     valid_K: tuple[float, float], factor: TemperatureFactor, kelvin: FloatArray
 ) -> tuple[float, float]:
-    """Return the range of the other fluid, or that of the points if the law is not positive over it."""
+    """Return the range of the other fluid, or the range of the points if the law is not positive there."""
     with np.errstate(all="ignore"):
         values = factor.value(np.linspace(*valid_K, 101))
     is_positive = bool((np.isfinite(values) & (values > 0.0)).all())

@@ -1,4 +1,4 @@
-"""What jobs read: runs in files and folders, files as they are, cards of users' own laws."""
+"""Inputs of jobs: runs in files and folders, raw files, and cards of users' own laws."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def read_dataset(
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
 ) -> Dataset:
-    """Return the runs in files, folders and frames; runs that are given as themselves are taken as they are.
+    """Return the runs in files, folders and frames; run objects are used unchanged.
 
     Parameters
     ----------
-    channels : channel map, for all files; None: the one beside each file, or its headers alone
-    answer : answers to questions that files leave open, such as ``force.unit=kN``
-    flip_force : turn the sign of the force, for load cells that count compression as positive
+    channels : channel map for all files; None: the map next to each file, or its headers alone
+    answer : answers to open questions about files, such as ``force.unit=kN``
+    flip_force : reverse the sign of the force, for load cells with positive compression
 
     Raises
     ------
     InputError
-        A file cannot be read, or there is no run at all.
+        If a file is not readable or there are no runs.
     """
     parts = parts_of(given)
     if isinstance(given, Dataset):
@@ -78,7 +78,8 @@ def read(
     Raises
     ------
     InputError
-        A column is missing, has no unit, is not finite or has a different length; or time does not increase.
+        If a column is missing, has no unit, is not finite or has a different length, or if time does not
+        increase.
     """
     runs, named = named_columns(runs, columns or {})
     if channels is not None and named is not None:
@@ -89,12 +90,12 @@ def read(
 def read_files(
     given: Runs, channels: Path | ChannelMap | None = None, *, answer: Sequence[str] | None = None
 ) -> ReadFiles:
-    """Return what files and folders hold, whether or not it can be used.
+    """Return the content of files and folders, usable or not.
 
     Raises
     ------
     InputError
-        No file could be read, and none leaves a question open; or a path is not there.
+        If a path does not exist, or if no file is readable and no file has an open question.
     """
     parts = parts_of(given)
     runs = tuple(each for each in parts if isinstance(each, RigRun))
@@ -108,21 +109,21 @@ def read_files(
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:
-    """Return a card, which may have been identified with a user's own law.
+    """Return a card; a user's own law may be required to read it.
 
     Parameters
     ----------
-    law : ``file.py:Class`` of that law, which is run; a card of one of our laws does not need it
+    law : ``file.py:Class`` of the user's law, which is executed; built-in laws do not need it
 
     Raises
     ------
     InputError
-        The card or the law cannot be read.
+        If the card or the law is not readable.
     """
     if law is None:
         return read_card(path)
     own = load_python_law(law)
     try:
         return read_card(path)
-    except InputError:  # it was identified with the user's own law
+    except InputError:  # The card was identified with the user's own law.
         return read_card(path, python_law=own)

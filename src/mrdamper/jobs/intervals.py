@@ -1,7 +1,7 @@
 """90 % intervals of forces and coefficients, from equally likely dampers (``models.card_draws``).
 
-They are of the model's force: what its runs leave open of its parameters. What the form of the law misses,
-and the noise of a sensor, are not in them; ``models.force_band`` is what to expect of a measured force.
+They describe the uncertainty of the model's force due to its parameters. They exclude the model error of the
+law and the sensor noise; ``models.force_band`` is the expected error of a measured force.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ from mrdamper.quantities import REFERENCE_K
 PYTHON_RATE_Hz = 200.0
 """A law in Python is slow: what is drawn of it is simulated at this rate."""
 
-_LEVELS = 41  # commands of a coefficient's curve
+_COMMAND_COUNT = 41  # commands on the curve of a coefficient
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceInterval:
-    """The force of a run over one of its cycles, shape (n,), and the interval of the run's error."""
+    """The force of a run during one of its cycles, shape (n,), and the interval of the run's error."""
 
     name: str
-    time_s: FloatArray  # from the first sample that is shown
+    time_s: FloatArray  # time since the first shown sample
     measured_N: FloatArray
     modelled_N: FloatArray
     low_N: FloatArray
     high_N: FloatArray
-    rmse_N: tuple[float, float]  # of the whole scored run
+    rmse_N: tuple[float, float]  # RMSE of the whole scored run
 
     @property
     def width_N(self) -> float:
-        """The interval's mean width over the cycle."""
+        """Return the mean width of the interval during the cycle."""
         return float(np.mean(self.high_N - self.low_N))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoefficientInterval:
-    """A coefficient over the command, at 20 degC where it depends on temperature, shape (n,)."""
+    """A coefficient versus the command, at 20 degC if it depends on temperature, shape (n,)."""
 
     name: str
     unit: str
@@ -55,7 +55,7 @@ class CoefficientInterval:
 
 
 def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) -> ForceInterval:
-    """Return the force of a damper along a run, and the interval in which the drawn ones' forces lie."""
+    """Return the force of a damper along a run, and the interval of the forces of the samples."""
     if damper.law.kernel is None:
         run = decimate(run, PYTHON_RATE_Hz)
     drive, start = open_drive(run.trajectory), run.scored_from
@@ -79,8 +79,8 @@ def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) 
 def coefficient_intervals(
     damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
 ) -> tuple[CoefficientInterval, ...]:
-    """Return the coefficients that depend on something, with what the drawn dampers' are, over commands."""
-    command = np.linspace(*commands, _LEVELS)
+    """Return the variable coefficients and the intervals of the samples, versus the command."""
+    command = np.linspace(*commands, _COMMAND_COUNT)
     kelvin = np.full(len(command), REFERENCE_K)
     found = []
     for name, form in damper.coefficients.items():

@@ -498,7 +498,7 @@ class HeatOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions:
-    """Options of ``heatsink``. The default limits are those of the heat sink in the geometry file."""
+    """Options of ``heatsink``. Default limits are the ones of the heat sink in the geometry file."""
 
     span_mm: Annotated[float | None, _size("Limit the length of the finned body, in mm.", "Length")] = None
     width_mm: Annotated[float | None, _size("Limit the radial width of the fins, in mm.", "Width")] = None

@@ -1,7 +1,7 @@
-"""The job ``rig``: run a campaign on the virtual rig, as its sensors saw it, with the truth beside each run.
+"""The job ``rig``: run a campaign on the virtual rig; store sensor signals and reference values of each run.
 
-The truth (noise-free force, true temperature, the coil's current, the damper's parameters) is for judging
-only: identification never opens it.
+The reference values (noise-free force, true temperature, coil current, parameters of the damper) are for
+validation only. Identification never reads them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _USUAL = RigOptions()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredRun:
-    """A run of a campaign: as planned, as the sensors wrote it, and as it was."""
+    """A run of a campaign: plan, sensor signals and reference values."""
 
     plan: PlannedRun
     run: RigRun
@@ -43,7 +43,7 @@ class RigResult(JobResult):
 
     @property
     def dataset(self) -> Dataset:
-        """The runs as any rig's: without the truth."""
+        """Return the runs without reference values, like runs of a real rig."""
         return Dataset(tuple(each.run for each in self.runs))
 
 

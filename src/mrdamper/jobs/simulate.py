@@ -1,4 +1,4 @@
-"""The job ``simulate``: a card's force along a motion, in words or as measured."""
+"""The job ``simulate``: a card's force along a motion, described in text or measured."""
 
 from __future__ import annotations
 
@@ -34,14 +34,15 @@ class SimulateResult(JobResult):
     """A motion with the card's force along it."""
 
     _job = "simulate"
-    title: str  # of the card
+    title: str  # title of the card
     motion: str
     command_unit: str
     trajectory: Trajectory
     force: FloatArray  # [N], shape (n,)
-    measured: FloatArray | None = None  # [N], shape (n,), where the motion is a run's
-    scored_from: int = 0  # first sample that counts in an error of it
-    interval: tuple[FloatArray, FloatArray] | None = None  # of 90 % [N], where posterior draws are followed
+    measured: FloatArray | None = None  # [N], shape (n,), if the motion is measured
+    scored_from: int = 0  # first sample that is included in the error
+    # 90 % interval [N] if posterior samples are evaluated
+    interval: tuple[FloatArray, FloatArray] | None = None
 
 
 def simulate(
@@ -52,12 +53,12 @@ def simulate(
     Parameters
     ----------
     motion : MOTION:COMMAND:DURATION, such as ``sine:10mm:1Hz:1A:2s``; a file of a run, a run, or a frame,
-        whose motion is prepared as the card's runs were and whose force is not needed; or a ``Trajectory``
+        which is prepared like the card's runs and needs no force; or a ``Trajectory``
 
     Raises
     ------
     InputError
-        The motion cannot be read, or is not of the card's command; there are no posterior draws of the card.
+        If the motion is not readable or has another command than the card, or posterior samples are missing.
     """
     posterior = draws_of(card, options.posterior)
     measured, scored_from = None, 0
@@ -88,7 +89,7 @@ def simulate(
 
 
 def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
-    """Return the one run that is meant, and whether its force was measured."""
+    """Return the requested run, and True if its force was measured."""
     part = parts_of(motion)[0]
     if isinstance(part, RigRun):
         return part, True
@@ -98,13 +99,13 @@ def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
     if "force" in roles:
         return _only(part.read(ChannelMap())).checked(), True
     recording = _only(replace(part, columns={**part.columns, "force_N": 0.0}).read(ChannelMap()))
-    # a run has a force, which resists its motion; nobody reads this one
+    # A run needs a force that resists the motion. This one is not used.
     stand_in = np.gradient(recording.displacement, recording.time)
     return replace(recording, force=stand_in).checked(), False
 
 
 def _only(file: RigFile) -> Recording:
-    """Return the one recording of a file or frame."""
+    """Return the single recording of a file or frame."""
     names = [each.name for each in file.recordings]
     if len(names) != 1:
         raise InputError(place="motion", found=f"{len(names)} runs ({', '.join(names[:6])})", expected="one")

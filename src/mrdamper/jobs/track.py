@@ -1,7 +1,7 @@
-"""The job ``track``: controllers made from a card, on a damper that is not the card.
+"""The job ``track``: test controllers made from a card on a damper that differs from the card.
 
-Every controller follows every target at every temperature, with two seeds of sensor noise; a row holds the
-worse of the two. The damper is a preset of the virtual rig, one of the user's own (TOML), or the damper of
+Every controller follows every target at every temperature, with two seeds of sensor noise; a row has the
+larger error of the two. The damper is a preset of the virtual rig, a damper in a TOML file, or the damper of
 another card. Controllers that ignore temperature come from a card identified at one temperature.
 """
 
@@ -43,15 +43,15 @@ from mrdamper.virtual_rig.plant import Plant as RigPlant
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
-_LEAST_SHARE = 0.5  # of a target, within the damper's reach
-_STROKE_SLACK = 1.05  # of the card's displacement
-_ANOTHER = 1.5  # times the plant's force, or the plant's times this: the card is another damper's
+_REACHED_FRACTION_MIN = 0.5  # fraction of a target within the damper's reach
+_STROKE_RATIO_MAX = 1.05  # multiple of the card's displacement
+_FORCE_RATIO_MAX = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedDamper:
-    """The damper that is to be tracked: a virtual one, or that of a card."""
+    """The tracked damper: a virtual one, or the damper of a card."""
 
     name: str
     source: VirtualDamper | ModelCard
@@ -63,7 +63,7 @@ def read_plant(name: str | Path) -> TrackedDamper:
     Raises
     ------
     InputError
-        Neither of them; a file that cannot be read.
+        If the text is not one of these or the file is not readable.
     """
     text = str(name)
     if text in PRESETS:
@@ -80,12 +80,12 @@ def read_plant(name: str | Path) -> TrackedDamper:
 
 
 def read_targets(names: Sequence[str | Path | Scenario]) -> list[Scenario]:
-    """Return the targets of names and of scenarios' TOML; those that are given as themselves stay.
+    """Return the targets of names and of scenario files (TOML); ``Scenario`` objects are returned unchanged.
 
     Raises
     ------
     InputError
-        A name that is not known; a file that cannot be read.
+        If a name is unknown or a file is not readable.
     """
     return [name if isinstance(name, Scenario) else _read_target(name) for name in names]
 
@@ -96,31 +96,32 @@ def _read_target(name: str | Path) -> Scenario:
 
 @dataclass(frozen=True, slots=True)
 class _Damper:
-    """The plant that was named, and what it is driven with."""
+    """The requested plant and its excitation."""
 
     name: str
     plant: Plant
     resistance_20_ohm: float | None
     highest_A: float
-    stroke: tuple[float, float] | None  # [m], where it is known
+    stroke: tuple[float, float] | None  # [m], if known
     resistance_per_K: float = COPPER_PER_K
-    motions: tuple[str, ...] = ()  # of its size
-    sized: bool = False  # its targets are of its own size, even where it can follow those of the rig
+    motions: tuple[str, ...] = ()  # motions of the damper's own size
+    # True if targets have the damper's size although it can follow the targets of the rig
+    sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return what it is asked for when no target is named, and whether that is of its own size."""
+        """Return the default targets, and True if they have the damper's own size."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
-        """Tell if a target of the rig is within its stroke and, mostly, its force."""
+        """Return True if a target of the rig is within the stroke and, mostly, the force of the damper."""
         course = reference_trajectory(target, self.plant.step_s)
         if self.stroke is not None and not _is_within(course.displacement, self.stroke):
             return False
         reach = attainable_range(self.plant, course, target.temperature_degC, self.highest_A)
-        return _share_inside(course, reach) >= _LEAST_SHARE
+        return _share_inside(course, reach) >= _REACHED_FRACTION_MIN
 
     def resistance_ohm(self, degrees: float) -> float | None:
         cold = self.resistance_20_ohm
@@ -129,7 +130,7 @@ class _Damper:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The worse of two seeds."""
+    """The larger errors of two seeds."""
 
     controller: str
     target: str
@@ -139,30 +140,31 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosteriorError:
-    """What a controller's currents would give on the dampers that the card's runs leave possible."""
+    """Error of a controller's currents on the posterior samples of the card."""
 
     controller: str
-    low_N: FloatArray  # of the force, interval of 90 %, at the course's steps, shape (n,)
+    low_N: FloatArray  # lower limit of the 90 % interval of the force at the steps of the course, shape (n,)
     high_N: FloatArray
-    rmse_N: tuple[float, float]  # of the scored samples
+    rmse_N: tuple[float, float]  # RMSE of the scored samples
     max_N: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traced:
-    """What is drawn of a target: its hottest test."""
+    """Curves of a target in its hottest test."""
 
     target: str
     temperature_degC: float
     course: ReferenceTrajectory
     reach: AttainableRange
     runs: tuple[LoopRun, ...]
-    posterior: tuple[PosteriorError, ...] = ()  # of the runs without a force sensor, where draws are followed
+    # intervals of the runs without a force sensor, if posterior samples are evaluated
+    posterior: tuple[PosteriorError, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class TrackResult(JobResult):
-    """Errors of every controller on every target at every temperature, and what is drawn of them."""
+    """Errors of every controller on every target at every temperature, and their curves."""
 
     _job = "track"
     card: ModelCard
@@ -176,7 +178,7 @@ class TrackResult(JobResult):
 
     @property
     def worst(self) -> list[Row]:
-        """The worst of all temperatures, by controller and target; the temperature is that of rmse_N."""
+        """Return the max errors of all temperatures by controller and target."""
         groups: dict[tuple[str, str], list[Row]] = {}
         for row in self.rows:
             groups.setdefault((row.target, row.controller), []).append(row)
@@ -189,7 +191,7 @@ class TrackResult(JobResult):
 
     @property
     def targets(self) -> list[str]:
-        """The targets, in the order in which they were asked for."""
+        """Return the targets in the requested order."""
         return list(dict.fromkeys(row.target for row in self.rows))
 
 
@@ -206,15 +208,15 @@ def track(
 
     Parameters
     ----------
-    plant : the damper that is tracked
-    targets : None: those of the virtual rig, or where the damper cannot follow them, of its own size
+    plant : the tracked damper
+    targets : None: targets of the virtual rig; if the damper cannot follow them, targets of its own size
     unaware : a card identified at one temperature; adds recommended-unaware and paper-unaware
 
     Raises
     ------
     InputError
-        A card that cannot control, a target that the damper cannot follow, a name that is not known, no
-        posterior draws of the card where they are asked for.
+        If the card has no controller, the damper cannot follow a target, a name is unknown, or requested
+        posterior samples are missing.
     """
     clock = cpu_seconds()
     posterior = draws_of(card, options.posterior)
@@ -289,7 +291,7 @@ def _run_all(
 def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
     """Return the intervals of a run's force and errors on other dampers, driven by the same currents.
 
-    They are the controller's on any of them: without a force sensor it does not see which damper it drives.
+    Without a force sensor, the controller commands the same currents for any of these dampers.
     """
     course, scenario = run.course, run.scenario
     drive = open_drive(_path(course, np.clip(run.current, 0.0, scenario.highest_A), scenario))
@@ -315,7 +317,7 @@ def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) 
 
 
 class _Tests:
-    """Tests on one damper: what they share."""
+    """Tests on one damper and their common data."""
 
     def __init__(self, damper: _Damper, seeds: Sequence[int]) -> None:
         self._damper, self._seeds = damper, seeds
@@ -323,9 +325,9 @@ class _Tests:
         self._reaches: dict[Scenario, AttainableRange] = {}
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
-        """Return course and reach of a scenario; refuse one that the damper mostly cannot follow."""
+        """Return course and reach of a scenario; raise InputError if the damper mostly cannot follow it."""
         damper, degrees = self._damper, scenario.temperature_degC
-        like = replace(scenario, temperature_degC=0.0)  # which moves as it does
+        like = replace(scenario, temperature_degC=0.0)  # The motion is the same at all temperatures.
         if like not in self._courses:
             self._courses[like] = reference_trajectory(scenario, damper.plant.step_s)
         course = self._courses[like]
@@ -333,7 +335,7 @@ class _Tests:
             self._reaches[scenario] = attainable_range(damper.plant, course, degrees, scenario.highest_A)
         reach = self._reaches[scenario]
         inside = _share_inside(course, reach)
-        if inside < _LEAST_SHARE:
+        if inside < _REACHED_FRACTION_MIN:
             most = float(np.abs(course.target[course.scored_from :]).max())
             able = float(np.percentile(np.maximum(-reach.low, reach.high), 95.0))
             raise InputError(
@@ -341,19 +343,19 @@ class _Tests:
                 f"{degrees:g} degC (wanted up to {most:.0f} N; 0 to {scenario.highest_A:g} A give up to "
                 f"about {able:.0f} N, and never against the motion)",
                 place=f"target {scenario.name!r}",
-                expected=f"at least {100.0 * _LEAST_SHARE:.0f} %",
+                expected=f"at least {100.0 * _REACHED_FRACTION_MIN:.0f} %",
                 remedy="Ask for another force or phase, or name another damper",
             )
         return course, reach
 
     def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
-        """Return those that the damper can follow, and what is told of the others; refuse if none is left.
+        """Return the feasible targets and notes on the others; raise InputError if no target is feasible.
 
-        For targets that were made for the damper: its user asked for none of them by name.
+        This applies to default targets only, because the user has requested no target by name.
         """
         kept: list[Scenario] = []
-        refused: dict[str, InputError] = {}  # by target, why at the first temperature that it is refused at
-        also: dict[str, list[str]] = {}  # by target, its other temperatures
+        refused: dict[str, InputError] = {}  # error at the first infeasible temperature, by target
+        also: dict[str, list[str]] = {}  # other infeasible temperatures, by target
         for each in scenarios:
             try:
                 self.reach(each)
@@ -395,7 +397,7 @@ class _Tests:
         return rows, {name: of_seeds[0] for name, of_seeds in runs.items()}
 
 
-# --------------------------------------------------------------------------------------- what is asked for
+# --------------------------------------------------------------------------------------- requests
 
 
 def _check_unit(place: str, card: ModelCard) -> None:
@@ -445,7 +447,7 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
 def _scenarios(
     targets: Sequence[Scenario], options: TrackOptions, damper: _Damper, *, usual: bool, sized: bool
 ) -> list[Scenario]:
-    """Return every target at every temperature; ``usual``: none named; ``sized``: of the damper's size."""
+    """Return every target at every temperature; ``usual``: default targets; ``sized``: of its size."""
     found: list[Scenario] = []
     for base in targets:
         warm = TEMPERATURES_DEGC if usual or SCENARIOS.get(base.name) is base else (base.temperature_degC,)
@@ -463,17 +465,17 @@ def _scenarios(
 
 
 def _is_within(displacement: FloatArray, stroke: tuple[float, float]) -> bool:
-    low, high = _STROKE_SLACK * min(stroke[0], 0.0), _STROKE_SLACK * max(stroke[1], 0.0)
+    low, high = _STROKE_RATIO_MAX * min(stroke[0], 0.0), _STROKE_RATIO_MAX * max(stroke[1], 0.0)
     return bool(displacement.min() >= low and displacement.max() <= high)
 
 
 def _share_inside(course: ReferenceTrajectory, reach: AttainableRange) -> float:
-    """Return the share of the scored time in which the target is within the damper's reach."""
+    """Return the fraction of the scored time in which the target is within the damper's reach."""
     return float(reach.feasible(course.target)[course.scored_from :].mean())
 
 
 def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -> None:
-    """Refuse a motion that goes beyond what a card knows."""
+    """Raise InputError if a motion exceeds the displacement of the card."""
     x = reference_trajectory(scenario, 1e-3).displacement
     if not _is_within(x, stroke):
         raise InputError(
@@ -501,13 +503,13 @@ def _check_current(place: str, card: ModelCard) -> None:
 def _controllers(
     card: ModelCard, unaware: ModelCard | None, options: TrackOptions, largest: float
 ) -> dict[str, Controller]:
-    """Return the requested controllers; those of the card that ignores temperature are last."""
-    every: dict[str, Controller] = dict(_made("card", card, options, largest))
+    """Return the requested controllers; the controllers that ignore temperature are last."""
+    every: dict[str, Controller] = dict(_build("card", card, options, largest))
     cards = dict.fromkeys(every, ("card", card))
     if unaware is not None:
         _check_unit("unaware", unaware)
         _check_current("unaware", unaware)
-        made = _made("unaware", unaware, options, largest)
+        made = _build("unaware", unaware, options, largest)
         for name in ("recommended", "paper"):
             if name in made:
                 every[f"{name}-unaware"] = made[name]
@@ -523,7 +525,7 @@ def _controllers(
 
 
 def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) -> InputError:
-    """Return the error of a controller that does not exist, or not for this law."""
+    """Return the error of a controller that does not exist or does not support the law."""
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
@@ -548,7 +550,7 @@ def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
         )
 
 
-def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) -> Mapping[str, Controller]:
+def _build(place: str, card: ModelCard, options: TrackOptions, largest: float) -> Mapping[str, Controller]:
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
@@ -556,13 +558,13 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
-    """Return that the card's force at the largest current is not the damper's, where it is far from it."""
+    """Return a note if the card's force at the largest current differs much from the force of the damper."""
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A
     plant = damper.plant.copy().advance_many(course.displacement, course.velocity, largest, degrees)
     own = simulate(card.damper, open_drive(_path(course, np.full(len(course), largest), scenario)))
     sizes = [0.5 * float(np.subtract(*ends_of(force[course.scored_from :])[::-1])) for force in (own, plant)]
-    if max(sizes) < _ANOTHER * min(sizes):
+    if max(sizes) < _FORCE_RATIO_MAX * min(sizes):
         return []
     return [
         f"the card gives {sizes[0]:.0f} N at {largest:g} A along {scenario.name} and the damper "
@@ -572,7 +574,7 @@ def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> lis
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:
-    """Return what a reader of the figures should know."""
+    """Return notes on the limits of the results."""
     notes = []
     beyond = card.envelope.temperature
     if not card.damper.temperature_dependent:
@@ -591,7 +593,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         notes.append(
             f"the damper is the card {damper.name}: what a law leaves out of a damper is left out here, too"
         )
-    moved = {s.name: s for s in scenarios}  # temperatures of a target move alike
+    moved = {s.name: s for s in scenarios}  # The motion of a target is the same at all temperatures.
     speeds = {name: float(np.abs(reference_trajectory(s, 1e-3).velocity).max()) for name, s in moved.items()}
     known = max(map(abs, card.envelope.velocity))
     for name, speed in speeds.items():

@@ -1,1 +1,1 @@
-"""What pages show before a job: cards, runs, series, quick heating curves, and what can be chosen."""
+"""Previews for pages: cards, runs, series, quick heating curves, and available choices."""

@@ -1,6 +1,6 @@
-"""A card in a line, for a list of cards: read as JSON and not checked; whoever uses the card checks it.
+"""The summary of a card in one line, for a list of cards. The JSON is not validated.
 
-Only light modules are loaded, but by ``require_card``, which reads it as a card.
+Only light modules are loaded. ``require_card`` is an exception, because it validates the card.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MOST_BYTES = 8_000_000
 
 
 def card_line(path: Path) -> dict[str, object]:
-    """Return title, law, envelope and error of a card; ``error`` says that it is none."""
+    """Return title, law, envelope and error of a card; ``error`` is the reason if the card is invalid."""
     row: dict[str, object] = dict.fromkeys(
         (
             *("title", "law", "method", "command_unit", "runs", "cost_percent", "converged"),
@@ -83,7 +83,7 @@ def card_line(path: Path) -> dict[str, object]:
 
 
 def require_card(path: Path) -> None:
-    """Raise an ``InputError`` with all that is wrong with a card; nothing in it is ever run."""
+    """Raise an ``InputError`` with all faults of a card; code in the card is never executed."""
     from mrdamper.models.card_schema import read_card
 
     read_card(path)

@@ -1,7 +1,7 @@
-"""Names that may be given beside files: laws, fluids, targets, controllers, roles, as one JSON-ready object.
+"""Names that options accept: laws, fluids, targets, controllers and roles, as one JSON-ready object.
 
-For whoever draws a form; what a choice does is the business of the job that takes it. Only light modules are
-loaded (no SciPy, no table reader): a server asks for this before anything else.
+Forms use these names; jobs interpret them. Only light modules are loaded (no SciPy, no table reader), because
+a server requests the names first.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
 
 
 def choices() -> dict[str, object]:
-    """Return every name that a job's options take, with titles and units where there are any."""
+    """Return every name that the options of jobs accept, with titles and units if available."""
     return {
         "laws": [
             {"name": "auto", "title": "compare all, take the best"},
@@ -52,5 +52,5 @@ def choices() -> dict[str, object]:
 
 
 def run_formats() -> list[str]:
-    """Return the suffixes of the files that are read as runs."""
+    """Return the suffixes of files with runs."""
     return sorted({suffix for known in FORMATS for suffix in known.suffixes})

@@ -1,7 +1,7 @@
-"""Heating curves while somebody moves a slider, and a heating job in changed surroundings.
+"""Heating curves for interactive sliders, and heating jobs in changed surroundings.
 
-The quick curve is ``mrdamper heat``'s own (card, drawing, duty, model), with what does not change from
-one to the next kept: the card, the drawing, and the work of the loop. The full field and pages are left out.
+The quick curve uses the card, geometry, load cycle and model of ``mrdamper heat``. Card, geometry and
+intermediate results are cached between curves. The full field and the pages are omitted.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Value = TypeVar("Value")
 
 
 class QuickHeat:
-    """Curves one after another; what they share is kept."""
+    """Successive curves with a cache of their common data."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[object, object] = OrderedDict()
@@ -54,13 +54,13 @@ class QuickHeat:
         duration_s: float = 1800.0,
         options: Mapping[str, Any] | None = None,
     ) -> Json:
-        """Return a damper's temperatures under a sine.
+        """Return a damper's temperatures during a sinusoidal motion.
 
         Parameters
         ----------
-        card, damper : the card's file; the drawing's file, or ``paper``
-        duty_share : share of the time at work; power and coil heat are averaged over work and rest
-        options : of the job, by the names of ``HeatOptions``; what is not given has its default
+        card, damper : the card's file; the geometry file, or ``paper``
+        duty_share : fraction of the time in operation; power and coil heat are averaged over work and rest
+        options : options of the job, by the names of ``HeatOptions``; missing ones have their defaults
         """
         asked = HeatOptions(**options or {})
         begin = time.perf_counter()
@@ -71,7 +71,7 @@ class QuickHeat:
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
         key = ("work", *_version(card), amplitude_mm, frequency_Hz, command)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of says the same
+            warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of reports the same warnings.
             works = self._once(key, lambda: works_of(model.damper, duty))
             notes, beyond = notes_of(model, duty), card_range_notes(model, duty)
             works = [replace(w, power=duty_share * w.power) for w in works]
@@ -112,11 +112,11 @@ class QuickHeat:
         self._kept.move_to_end(key)
         while len(self._kept) > _MOST_KEPT:
             self._kept.popitem(last=False)
-        return self._kept[key]  # type: ignore[return-value]  # what make made
+        return self._kept[key]  # type: ignore[return-value]  # result of make
 
 
 def damper_facts(damper: str, shown: str) -> Json:
-    """Return what of a drawing a form and its section need, and its tables as they were written."""
+    """Return the values of a geometry file that a form and its section need, and its original tables."""
     return {**_facts(read_drawing(damper), shown), "tables": parse_toml(text_of(damper))}
 
 
@@ -126,23 +126,23 @@ def draw_damper(
     tables: Mapping[str, Mapping[str, Any]] | None = None,
     fins: Mapping[str, float | str] | None = None,
 ) -> Json:
-    """Return the TOML text of a drawing that was changed, and the facts of it.
+    """Return the TOML text of a changed geometry file, and its facts.
 
     Parameters
     ----------
-    damper, shown : the drawing that it begins with (a file or a preset); its name in messages
-    tables : take the place of the drawing's, by the names of ``DrawingTables``; others are none
-    fins : a design of the search for sinks, which takes the place of the table [sink]
+    damper, shown : the original geometry file or preset; its name in messages
+    tables : replace tables of the geometry file, by the names of ``DrawingTables``; others are invalid
+    fins : a design from the search for heat sinks, which replaces the table [sink]
 
     Raises
     ------
     InputError
-        A drawing that cannot be built, with the table and key that are wrong.
+        If the geometry is invalid, with the wrong table and key.
     """
     document: Json = parse_toml(text_of(damper))
     if tables is not None:
         document = {name: dict(table) for name, table in tables.items() if table}
-        read_record(DrawingTables, document, shown)  # nothing but its values is written
+        read_record(DrawingTables, document, shown)  # Only values of the geometry are written.
     if fins is not None:
         drawing = drawing_of(toml_text(document, shown), shown)
         document["sink"] = write_record(_finned(drawing, fins), defaults=True)
@@ -179,13 +179,13 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
-    """Return a sink that convects as the drawing's own does (as the search for sinks has it)."""
+    """Return a sink with the convection model of the original sink (like the search for sinks)."""
     own = write_record(HeatedDamper(drawing, ()).pattern, defaults=True)
     return read_record(HeatSink, {**own, **fins, "fins": int(fins["fins"])}, "fins")
 
 
 def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:
-    """Return a sine's duty; without amplitude, rest with a current in the coil."""
+    """Return the load cycle of a sine; without amplitude, rest with a current in the coil."""
     if amplitude_mm == 0.0:
         return Duty((Segment(duration_s, None, 0, abs(command)),), unit, f"rest at {command:g} {unit}")
     text = f"sine:{amplitude_mm:g}mm:{frequency_Hz:g}Hz:{command:g}{unit}:{duration_s:g}s"
@@ -193,7 +193,7 @@ def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: 
 
 
 def _version(path: Path) -> tuple[str, int, int]:
-    """Return what changes when a file does."""
+    """Return values that change when a file changes."""
     try:
         found = path.stat()
     except OSError:

@@ -1,6 +1,6 @@
-"""A look into a file: its columns, how it was understood, what is taken for what, and what is wrong with it.
+"""Preview of a file: its columns, their interpretation, and faults of the runs.
 
-For whoever maps channels: a file whose runs cannot be read is shown all the same, with the reason beside it.
+This helps to map channels. If the runs of a file are not readable, its columns are returned with the reason.
 Nothing is written.
 """
 
@@ -30,33 +30,34 @@ from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
 from mrdamper.schema import Json, finite_or_none
 
-if TYPE_CHECKING:  # heavy, and not needed for a glance
+if TYPE_CHECKING:  # These modules are slow to load, and a glance does not need them.
     from mrdamper.data.prepare import PreparedRun
 
-_FIRST = 12  # values of a column that are shown
-_BUCKETS = 32  # of a thumbnail
+_FIRST = 12  # shown values of a column
+_BUCKETS = 32  # intervals of a thumbnail
 _MOST_COLUMNS = 64
-_SAMPLE, _SAMPLED = 800, 4000  # points of a column for a quick loop, of so many samples in its middle
-_MOST_OFFERS = 20  # maps beside other files that are tried
+# points of a column for a quick loop, taken from this number of samples in its middle
+_SAMPLE, _SAMPLED = 800, 4000
+_MOST_OFFERS = 20  # max number of tested maps of other files
 _MOST_TEXT = 120  # characters of a cell
 _MOST_RUNS = 200
-_QUICKLY = 200_000  # samples that are diagnosed while somebody waits
-_GLANCE = 1 << 18  # bytes of a text that are looked at while somebody waits
-_LARGE = 1 << 21  # bytes from which on a file is worth a glance
+_QUICKLY = 200_000  # max samples of an immediate diagnosis
+_GLANCE = 1 << 18  # bytes of a text that are read for a glance
+_LARGE = 1 << 21  # min size [bytes] of a file for a glance
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 
 
 def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
-    """Return what a file holds, and the runs in it by a channel map.
+    """Return the content of a file, and the runs in it according to a channel map.
 
     Parameters
     ----------
-    given : the map; None: the one beside the file, if there is one
+    given : the map; None: the map next to the file, if there is one
 
     Raises
     ------
     InputError
-        The map itself is not one.
+        If the map itself is invalid.
     """
     view, read = look_into(path, given)
     if read is None:
@@ -74,17 +75,20 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
 
 
 def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
-    """Return what the beginning of a large text holds, as ``look`` does; None where only the whole tells.
+    """Return the beginning of a large text in the format of ``look``; None if the whole file is required.
 
-    ``head_share`` is the share of the file that was read, ``rows`` None: there are more. Runs are not made: a
-    test may go on beyond what is seen. Where the map cuts the file into tests, nor is an error told.
+    ``head_share`` is the fraction of the file that was read; ``rows`` is None because there are more. Runs
+    are
+    not built, because a test may continue after the beginning. For the same reason, errors of a map that
+    splits
+    the file into tests are not reported.
     """
     size = path.stat().st_size
     if size < _LARGE or path.suffix.lower() not in _TEXTS:
         return None
     with path.open("rb") as file:
         head = file.read(_GLANCE)
-    if b"\x00" in head or b"\n" not in head:  # no text, or none of eight bits
+    if b"\x00" in head or b"\n" not in head:  # The file is binary or has wide characters.
         return None
     head = head[: head.rfind(b"\n") + 1]
     document = _document_beside(path) if given is None else dict(given)
@@ -148,7 +152,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return the maps that read a file as it is: those of the package, and those beside other files."""
+    """Return maps that read the file unchanged, from the package and from other files."""
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:_MOST_OFFERS])
     offers: list[Json] = []
     for place in known:
@@ -164,7 +168,7 @@ def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
 
 
 def findings_in(path: Path) -> Json:
-    """Return what is wrong with the runs in a file, by the number of the run; minutes for very long ones."""
+    """Return findings about the runs in a file, by the number of the run; very long runs take minutes."""
     try:
         read = read_file(path)
     except InputError:
@@ -173,7 +177,7 @@ def findings_in(path: Path) -> Json:
 
 
 def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None) -> list[Json]:
-    """Return what reading did to a run of a file and what the run shows by itself, worst first."""
+    """Return findings about reading a run and about the run alone, worst first."""
     from mrdamper.data.diagnosis.diagnose import diagnose
 
     found = [*diagnose(run, prepared), *(each for each in read.findings if each.run == run.name)]
@@ -181,7 +185,7 @@ def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None
 
 
 def run_row(read: RigFile, recording: Recording) -> tuple[Json, PreparedRun | None]:
-    """Return a run of a file in figures, and as prepared for a fit where it can be."""
+    """Return the values of a run in a file, and the prepared run if it is valid."""
     from mrdamper.data.prepare import prepare_run
 
     prepared, error = None, None
@@ -266,7 +270,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _thumbnail(values: FloatArray) -> list[float | None] | None:
-    """Return least and greatest of each of equal stretches."""
+    """Return min and max of each of several equal intervals."""
     if len(values) < 2:
         return None
     edges = np.unique(np.linspace(0, len(values), _BUCKETS + 1).astype(int)[:-1])
@@ -275,7 +279,7 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
 
 
 def _sample(values: FloatArray) -> list[float | None]:
-    """Return few samples from the middle of a column, those of all columns at the same places."""
+    """Return a few samples from the middle of a column, with the same indices for all columns."""
     begin = max(0, (len(values) - _SAMPLED) // 2)
     part = values[begin : begin + _SAMPLED]
     return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _SAMPLE)]]
@@ -291,5 +295,5 @@ def _span(values: FloatArray) -> float | None:
 
 
 def _short(message: str, path: Path) -> str:
-    """Return a message that names the file, without the way to it."""
+    """Return a message with the name of the file, without its folder."""
     return message.replace(str(path), path.name)

@@ -32,21 +32,21 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Json
 
-_UNIFORM = 1e-3  # of a step
-_LEAST = 64  # samples of a window
+_UNIFORM = 1e-3  # allowed deviation in time steps
+_LEAST = 64  # min samples of a window
 
 Columns = Mapping[str, tuple[str, NDArray[Any]]]
 
 
 def keep_runs(path: Path, place: Path) -> Json:
-    """Write the runs of a file into a folder, ``0.series`` and so on; return what ``look`` does.
+    """Write the runs of a file into a folder, ``0.series`` and so on; return the result of ``look``.
 
-    A file that cannot be read is an answer, too: its ``error`` says what is wrong and where.
+    If a file is not readable, the result contains the reason and its location in ``error``.
     """
     place.mkdir(parents=True, exist_ok=True)
     try:
         view, read = look_into(path)
-    except InputError as fault:  # the channel map
+    except InputError as fault:  # The channel map is invalid.
         return {"runs": [], "columns": [], "error": str(fault).replace(f"{path.parent}/", "")}
     if read is None:
         return vars(view)
@@ -69,7 +69,7 @@ def keep_window(
     to_s: float | None = None,
     samples_of: Path | None = None,
 ) -> None:
-    """Write a part of a kept run, or fewer samples of it.
+    """Write a part of a stored run, possibly with fewer samples.
 
     Parameters
     ----------
@@ -101,8 +101,8 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
 
     Parameters
     ----------
-    number : of the run in its file
-    shown : what the card is called
+    number : number of the run in its file
+    shown : displayed name of the card
     """
     model = read_card(card)
     recordings = read_file(path).recordings
@@ -174,7 +174,7 @@ def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
 
 
 def _on_samples(recording: Recording, prepared: PreparedRun, values: FloatArray) -> FloatArray:
-    """Return what was found on the prepared run's uniform grid, on the samples of the file."""
+    """Return findings on the uniform grid of the prepared run, mapped to the samples of the file."""
     time = recording.time - recording.time[0]
     step = prepared.trajectory.step
     if len(values) == len(time) and abs(float(time[-1]) - step * (len(time) - 1)) < 0.5 * step:
@@ -197,7 +197,7 @@ def _header(recording: Recording, file: str) -> dict[str, Any]:
 
 
 def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
-    """Write a kept run whole or not at all."""
+    """Write a stored run, all of it or nothing."""
     count = len(next(iter(columns.values()))[1])
     told = {
         **header,
@@ -216,14 +216,14 @@ def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
 
 
 def _telling(columns: list[NDArray[np.float32]], most: int) -> NDArray[np.int64]:
-    """Return the samples of least and greatest of each column in equal stretches, at most so many."""
+    """Return the samples of min and max of each column in equal intervals, up to a maximum number."""
     count = len(columns[0])
     stretches = (most - 2) // (2 * len(columns))
     wide = -(-count // stretches)
     found = [np.array([0, count - 1])]
     begins = np.arange(0, count, wide)
     for values in columns:
-        # a short last stretch is filled up with its last value
+        # A short last interval is filled up with its last value.
         padded = np.full(len(begins) * wide, values[-1], dtype=np.float32)
         padded[:count] = values
         rows = np.nan_to_num(padded).reshape(len(begins), wide)

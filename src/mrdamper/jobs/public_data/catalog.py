@@ -38,7 +38,7 @@ class DataSet:
     name: str
     title: str
     licence: str
-    doi: str  # "" when it has none
+    doi: str  # "" if there is no DOI
     repository: str  # owner/name on GitHub
     commit: str
     channels: str  # the channel map in examples/ that reads it
@@ -141,7 +141,7 @@ def _cache() -> Path:
 
 
 def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
-    """Return the file in a local mirror: as in the repository, or by name in raw/, <set>/ or at the top."""
+    """Return the file in a local mirror: by its path, or by name in raw/, <set>/ or the root."""
     for place in (file.path, f"raw/{file.name}", f"{chosen.name}/{file.name}", file.name):
         if (mirror / place).is_file():
             return mirror / place

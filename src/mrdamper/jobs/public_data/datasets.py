@@ -19,7 +19,7 @@ MAPS = Path(__file__).parent
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PublicData(JobResult):
-    """The public data sets that can be fetched."""
+    """The public data sets that are available for download."""
 
     _job = "data list"
     sets: tuple[DataSet, ...]
@@ -27,7 +27,7 @@ class PublicData(JobResult):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FetchedData(JobResult):
-    """A public data set, and where its files lie."""
+    """A public data set and the path of its files."""
 
     _job = "data fetch"
     data: DataSet
@@ -45,12 +45,12 @@ class FetchedData(JobResult):
 
     @property
     def missing(self) -> list[str]:
-        """Names of the set's files that are not there."""
+        """Return the names of missing files of the set."""
         return [file.name for file in self.data.files if not (self.folder / file.name).is_file()]
 
     @property
     def channels(self) -> Path:
-        """The channel map that reads the set's files."""
+        """Return the channel map that reads the set's files."""
         return MAPS / self.data.channels
 
 
@@ -73,7 +73,7 @@ def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
 
 
 def catalogue() -> list[Json]:
-    """Return the public data sets in words, with the names of their files."""
+    """Return a text that lists the public data sets with the names of their files."""
     return [
         {
             "name": each.name,

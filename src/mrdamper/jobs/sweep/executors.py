@@ -1,7 +1,7 @@
-"""Where a sweep's tasks run: processes of this machine, or the workers of a Dask cluster.
+"""Executors of a sweep's tasks: processes of this machine, or the workers of a Dask cluster.
 
-Both give results in the order in which they are ready, and both survive a worker that dies: its task is run
-again on another. A task at which workers keep dying is an error.
+Both return results in order of completion. If a worker dies, its task is repeated on another worker. If
+several workers die during a task, it is an error.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ SweepKind = Literal["campaigns", "samples", "dampers"]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One job of a sweep; ``arguments`` are those of the kind's function in ``tasks``."""
+    """One job of a sweep; ``arguments`` are passed to the kind's function in ``tasks``."""
 
     name: str
     kind: SweepKind
@@ -47,7 +47,7 @@ class Plan:
 
     @property
     def head(self) -> dict[str, Any]:
-        """Return the first line of the stored results: results of another sweep are refused."""
+        """Return the first line of the stored results, which identifies the sweep."""
         return {
             "kind": self.kind,
             "seed": self.seed,
@@ -115,7 +115,7 @@ def read_drawings(given: Sequence[str | Path | DamperDrawing]) -> list[DamperDra
 
 
 def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
-    """Return the files and folders that paths and patterns name, without the parameters of virtual dampers.
+    """Return the files and folders of paths and patterns, without the parameters of virtual dampers.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Results of a sweep as they come: one line of JSON each in the sweep's folder.
+"""Store for the results of a sweep: one line of JSON for each task, in the sweep's folder.
 
-A result is on the disk before the next one starts, so that a sweep that was killed goes on from there. A line
-that was being written when the sweep ended is dropped. The file belongs to one process at a time.
+Each result is flushed to disk before the next task starts, so that a killed sweep can be resumed. An
+incomplete last line is dropped. Only one process at a time may open the file.
 """
 
 from __future__ import annotations
@@ -21,12 +21,7 @@ _KEPT = "The finished results are stored. Make room, then use --resume"
 
 
 class Store:
-    """The finished results of one sweep, and the file that they are appended to.
-
-    Attributes
-    ----------
-    done : results that the file holds, by the task's name
-    """
+    """The finished results of one sweep in a file that is open for appending."""
 
     def __init__(self, path: Path, file: BinaryIO, *, resume: bool) -> None:
         self._path, self._file, self._resume = path, file, resume
@@ -35,12 +30,12 @@ class Store:
         self._read()
 
     def begin(self, head: Mapping[str, Any]) -> None:
-        """Compare the sweep with that of the stored results, or store what sweep it is.
+        """Compare the sweep with the stored one, or store its identity.
 
         Raises
         ------
         InputError
-            The folder holds results of another sweep.
+            If the folder holds results of another sweep.
         """
         if self._head is None:
             self._write(head)
@@ -54,7 +49,7 @@ class Store:
             )
 
     def add(self, name: str, result: dict[str, Any]) -> None:
-        """Store a result; it is on the disk when this returns."""
+        """Store a result and flush it to disk."""
         self._write({"name": name, "result": result})
         self.done[name] = result
 

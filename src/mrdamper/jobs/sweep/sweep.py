@@ -42,7 +42,7 @@ class SweptTask:
 
 @dataclass(frozen=True, slots=True)
 class FigureSummary:
-    """A figure over all tasks that have it."""
+    """Statistics of a value of all tasks that have it."""
 
     count: int
     least: float
@@ -63,27 +63,27 @@ class SweepResult(JobResult):
 
     @property
     def cancelled(self) -> bool:
-        """True if an interrupt ended the sweep early."""
+        """Return True if an interrupt ended the sweep early."""
         return len(self.tasks) < len(self.plan.tasks)
 
     @property
     def whole(self) -> list[SweptTask]:
-        """The tasks that have figures."""
+        """Return the tasks that have values."""
         return [task for task in self.tasks if not task.error]
 
     @property
     def failed(self) -> list[SweptTask]:
-        """The tasks that have none."""
+        """Return the tasks that have no values."""
         return [task for task in self.tasks if task.error]
 
     @property
     def names(self) -> list[str]:
-        """Names of all figures."""
+        """Return the names of all values."""
         return list(dict.fromkeys(name for task in self.whole for name in task.figures))
 
     @property
     def statistics(self) -> dict[str, FigureSummary]:
-        """Median, 5th and 95th percentile and extremes of every figure."""
+        """Return median, 5th and 95th percentile and extremes of every value."""
         found = {}
         for name in self.names:
             values = [v for task in self.whole if (v := task.figures.get(name)) is not None]

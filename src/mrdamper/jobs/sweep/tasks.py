@@ -1,4 +1,4 @@
-"""The work of a sweep's task: one function that any process can import, with a result as JSON holds it.
+"""Functions for the tasks of a sweep: any process can import them, and results are JSON values.
 
 A result holds no time and no path of the worker, so that the same task gives the same result everywhere. An
 error of the input is a result, too; an error of the program is raised.
@@ -39,7 +39,7 @@ Result = dict[str, Any]
 
 
 def run_task(task: Task) -> Result:
-    """Return ``{"figures": numbers by name}``, ``card`` if one was identified, or ``{"error": why}``."""
+    """Return ``{"figures": numbers by name}``, ``card`` if one was identified, or ``{"error": reason}``."""
     try:
         return _KINDS[task.kind](task.seed, **task.arguments)
     except MrdamperError as fault:
@@ -62,7 +62,7 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
 
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
-    """Return the tracking errors on a random damper: the nominal one, its parameters changed at random."""
+    """Return the tracking errors on a random damper, a nominal damper with random parameter changes."""
     known = card_from_json(card)
     damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
     largest = min(damper.highest_A, known.envelope.command[1])
@@ -90,10 +90,10 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
-    """Return the temperatures without fins, with the drawing's own and with the best sink, and that sink."""
+    """Return the best sink, and the temperatures without fins, with the original sink and with it."""
     run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions())
     best = run.best.sink
-    assert best is not None  # a search returns sinks
+    assert best is not None  # A search returns sinks.
     return {
         "figures": _plain(
             {
@@ -110,7 +110,7 @@ def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) 
 
 
 def _plain(figures: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return figures as JSON holds them: values that are not finite are None."""
+    """Return values in JSON form: None instead of values that are not finite."""
     return {
         name: None if value is None or not np.isfinite(value) else float(value)
         for name, value in figures.items()

@@ -1,1 +1,1 @@
-"""Jobs on heat: heating, derating and heat sinks."""
+"""Thermal jobs: heating, derating and heat sinks."""

@@ -1,4 +1,4 @@
-"""The job ``derate``: card, drawing and duty in; what of it the damper bears, over ambient, wind and time."""
+"""The job ``derate``: compute the allowed load of a damper versus ambient temperature, wind and time."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ _USUAL = DerateOptions()
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DerateResult(JobResult):
-    """The largest current, stroke or share of duty that keeps every limit; maps have the shape (d, w, a).
+    """The largest current, stroke or duty ratio within every limit; maps have the shape (d, w, a).
 
     Attributes
     ----------
-    largest, low, high : in ``unit``; ``low`` to ``high`` holds it with ``probability``; NaN: none is allowed
-    limited_by : index of the limit that is met first; -1: the duty as it stands is allowed
+    largest, low, high : in ``unit``; ``low`` to ``high`` contains it with ``probability``; NaN: no allowed
+    value
+    limited_by : index of the limit that is met first; -1: the unchanged load cycle is allowed
     duration_min : infinity for steady
     """
 
@@ -39,7 +40,7 @@ class DerateResult(JobResult):
     duty: str
     quantity: Quantity
     unit: str
-    whole: float  # of the duty [unit]
+    whole: float  # value of the unchanged load cycle [unit]
     ambient_degC: FloatArray
     air_m_s: FloatArray
     duration_min: FloatArray
@@ -49,7 +50,7 @@ class DerateResult(JobResult):
     limited_by: FloatArray
     limits: tuple[Limit, ...]
     probability: float = 0.9
-    notes: tuple[str, ...] = ()  # where the duty leaves what the card was identified on
+    notes: tuple[str, ...] = ()  # notes if the load cycle is outside the card's envelope
 
 
 def derate(
@@ -60,7 +61,7 @@ def derate(
     *,
     on_progress: Progress = silent,
 ) -> DerateResult:
-    """Return what of a duty a damper bears; see ``thermal.derating``.
+    """Return the allowed part of a load cycle; see ``thermal.derating``.
 
     Raises
     ------
@@ -74,7 +75,7 @@ def derate(
         np.append(60.0 * np.array(options.duration_min), np.inf),
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnvelopeWarning)  # a map leaves the card's temperatures
+        warnings.simplefilter("ignore", EnvelopeWarning)  # A map covers more temperatures than the card.
         found = derate_damper(card.damper, drawing, duty, conditions, options.quantity)
     whole, unit = _whole(duty, options.quantity)
     return DerateResult(
@@ -96,7 +97,7 @@ def derate(
 
 
 def _whole(duty: Duty, quantity: Quantity) -> tuple[float, str]:
-    """Return what the whole duty has of a quantity, and its unit."""
+    """Return the value of a quantity in the unchanged load cycle, and its unit."""
     if quantity == "current":
         return max(each.command for each in duty.segments), duty.command_unit
     if quantity == "duty":

@@ -1,7 +1,7 @@
-"""The job ``heat``: card, drawing and duty in; temperatures, heat paths and force fade out.
+"""The job ``heat``: compute temperatures, heat flows and loss of force in a load cycle.
 
-A damper with a heat sink is run without it, too. A measured curve calibrates the drawing first. Where the
-field is asked for, it is drawn at the end and at the worst moment.
+A damper with a heat sink is also computed without it. A measured curve first calibrates the geometry. If the
+temperature field is requested, it is plotted at the end and at the hottest time.
 """
 
 from __future__ import annotations
@@ -32,36 +32,37 @@ from mrdamper.thermal.temperature_rise import (
 
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
-_MOST_STEPS = 1500  # of the longest, in a duty that goes on for days
-_MOST_CAPPED = 1.0  # beyond the card's temperatures, before it is said [K]
+_MOST_STEPS = 1500  # Max steps of the longest output step in load cycles of several days.
+_MOST_CAPPED = 1.0  # Larger excess above the card's temperatures [K] is reported.
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class HeatResult(JobResult):
-    """What ``mrdamper heat`` found, before it is put into words."""
+    """Result of ``mrdamper heat``."""
 
     _job = "heat"
     card: ModelCard
     drawing: DamperDrawing
     duty: Duty
     rise: Rise
-    prediction_interval: PredictionInterval  # how sure it is
-    bare: Rise | None  # without the sink; None when there is none
+    prediction_interval: PredictionInterval  # uncertainty of the result
+    bare: Rise | None  # without the sink; None if there is no sink
     bare_prediction_interval: PredictionInterval | None
-    calibrated: CalibratedDrawing | None  # by a measured curve; ``drawing`` is then the calibrated one
+    # calibration by a measured curve; ``drawing`` is then the calibrated geometry
+    calibrated: CalibratedDrawing | None
     notes: tuple[str, ...]
-    extrapolated: bool = False  # beyond the runs of the card: the intervals do not cover that
+    extrapolated: bool = False  # True outside the runs of the card; the intervals do not cover this.
 
     @property
     def rises(self) -> list[tuple[str, Rise]]:
-        """The runs with what to call them, the one that was asked for first."""
+        """Return the runs with their names, the requested one first."""
         if self.bare is None:
             return [("without heat sink", self.rise)]
         return [("with heat sink", self.rise), ("without heat sink", self.bare)]
 
     @property
     def prediction_intervals(self) -> list[PredictionInterval]:
-        """How sure each of ``rises`` is."""
+        """Return the prediction interval of each of ``rises``."""
         return [
             each for each in (self.prediction_interval, self.bare_prediction_interval) if each is not None
         ]
@@ -77,23 +78,23 @@ def heat(
     calibrate: HeatingCurve | None = None,
     on_progress: Progress = silent,
 ) -> HeatResult:
-    """Return the rise of a damper under a duty, with and without its sink, and how sure it is.
+    """Return the temperature rise of a damper in a load cycle with its uncertainty, with and without sink.
 
     Parameters
     ----------
-    sink : takes the place of the drawing's
-    calibrate : a curve that was measured from the duty's start on, with the sink that is asked for. The
-        drawing is corrected by it first. Without its sink the damper keeps the uncertainty of one that
-        nothing was measured of.
+    sink : replaces the sink of the geometry file
+    calibrate : measured curve from the start of the load cycle, with the requested sink. It first corrects
+    the
+        geometry. The damper without sink keeps the uncertainty of an uncalibrated one.
 
     Raises
     ------
     InputError
-        If the drawing is invalid, the duty in another unit than the card, or the start out of range.
+        If the geometry is invalid, load cycle and card have different units, or the start is out of range.
     EnvelopeError
-        Temperatures or a correlation outside what is known.
+        If a temperature or a correlation is outside its valid range.
     ConvergenceError
-        A curve that this damper under this duty cannot follow.
+        If the damper cannot follow the curve in this load cycle.
     """
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty))
@@ -148,7 +149,7 @@ def heat(
 
 
 def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None) -> DamperDrawing:
-    """Return the drawing with the sink and in the surroundings that were asked for."""
+    """Return the geometry with the requested sink and surroundings."""
     around = drawing.surroundings
     if options.ambient_degC is not None:
         around = replace(around, ambient=options.ambient_degC + ZERO_CELSIUS_K)
@@ -159,12 +160,12 @@ def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink
 
 
 def start_of(options: HeatOptions) -> float | None:
-    """Return the temperature of everything at the start [K], if it is given."""
+    """Return the initial temperature of the damper [K], if it is given."""
     return None if options.start_degC is None else options.start_degC + ZERO_CELSIUS_K
 
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
-    """Say where the fluid leaves the temperatures that the card was identified at."""
+    """Return notes if the fluid is outside the temperatures of the card's identification."""
     known = card.envelope.temperature
     if not card.damper.temperature_dependent or known is None:
         return []

@@ -1,4 +1,4 @@
-"""The job ``heatsink``: card, drawing and limits in; a front of heat sinks and the paper's sweeps out.
+"""The job ``heatsink``: search heat sinks on a Pareto front, and repeat the sweeps of the paper.
 
 The zone network searches. The shown members of the front and the reference are evaluated again by the finite
 elements.
@@ -48,10 +48,10 @@ class HeatsinkResult(JobResult):
     duty: Duty
     limits: SinkLimits
     bare: SinkDesign
-    reference: SinkDesign  # the drawing's own sink, or the bare damper
-    found: SinkFront  # the whole front, by the network
-    front: tuple[SinkDesign, ...]  # its shown members
-    gain: GainBand  # of the coolest compared with the reference
+    reference: SinkDesign  # original sink, or the bare damper
+    found: SinkFront  # whole front, by the network model
+    front: tuple[SinkDesign, ...]  # displayed members of the front
+    gain: GainBand  # gain of the coolest compared with the reference
     sweeps: tuple[Sweep, Sweep] | None
     card: ModelCard
     notes: tuple[str, ...]
@@ -59,12 +59,12 @@ class HeatsinkResult(JobResult):
 
     @property
     def best(self) -> SinkDesign:
-        """The coolest."""
+        """Return the coolest design."""
         return self.front[-1]
 
     @property
     def lightest(self) -> SinkDesign | None:
-        """The lightest that is as cool as the reference."""
+        """Return the lightest design that is as cool as the reference."""
         return lightest_as_cool(self.front, self.reference.fluid)
 
 
