@@ -1,6 +1,6 @@
-"""Channel maps: which column of a file holds which role, in what unit; TOML that people write.
+"""Channel maps: the column and the unit of each role in a file, written by the user as TOML.
 
-The tables of the file are in docs/rig_files.md, with an example.
+docs/rig_files.md describes the tables of the file and has an example.
 
 Without a gain, a channel is sign x (raw + offset), raw converted from ``unit`` to SI and the offset in SI.
 With a gain, it is sign x (raw x gain + offset), which must lead from ``unit`` (of the file, V for a
@@ -31,7 +31,7 @@ _COMMANDS = ("current", "voltage")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelTable:
-    """A table [channel.ROLE]: where a role is found in a file, and how its numbers lead to SI."""
+    """A table [channel.ROLE]: the column of a role in a file, and its conversion to SI."""
 
     name: Annotated[str | None, Option("of the column")] = None
     pattern: Annotated[str | None, Option("of the column's name, with * and ?")] = None
@@ -44,7 +44,7 @@ class ChannelTable:
 
 @dataclass(frozen=True, slots=True)
 class Channel(ChannelTable):
-    """A role's table, with the role that it is of."""
+    """A role's table with its role."""
 
     role: str
 
@@ -78,7 +78,7 @@ class Channel(ChannelTable):
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
-        """Return the position of the channel's column; None when the map leaves that to the header."""
+        """Return the position of the channel's column, None if the header determines it."""
         where = f"{place}: channel.{self.role}"
         if self.index is not None:
             if not 1 <= self.index <= len(names):
@@ -107,10 +107,10 @@ class Channel(ChannelTable):
         return found[0]
 
     def to_si(self, raw: FloatArray, header_unit: str, place: str) -> FloatArray:
-        """Return the channel in SI from the file's numbers; ``header_unit`` when the map gives none."""
+        """Return the channel in SI. ``header_unit`` is used if the map has no unit."""
         unit = self.unit or header_unit
         if self.gain is not None:
-            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size
+            with np.errstate(over="ignore", invalid="ignore"):  # The range check rejects an overflow.
                 return self.sign * (raw * self.gain + self.offset)
         try:
             values = to_si(raw, unit, self.role)
@@ -122,11 +122,11 @@ class Channel(ChannelTable):
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Several tests in one file: a new one begins where a text column holds ``split``."""
+    """Several tests in one file: a test begins if a text column holds ``split``."""
 
     split: str
     role: str  # current or voltage
-    commands: tuple[float, ...]  # of each segment [A or V]
+    commands: tuple[float, ...]  # Command of each segment [A or V].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +147,7 @@ class _Session:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
-    """A channel map as its file has it."""
+    """The content of a channel map file."""
 
     channel: _Roles = field(default_factory=_Roles)
     constant: Annotated[Mapping[str, float], Option("quantity_unit, or rate_Hz")] = field(
@@ -160,7 +160,7 @@ class _Document:
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """What a channel map says; the empty one leaves everything to the header."""
+    """The settings of a channel map. The empty map uses only the header."""
 
     channels: Mapping[str, Channel] = field(default_factory=lambda: MappingProxyType({}))
     constant: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # role -> SI
@@ -171,12 +171,12 @@ class ChannelMap:
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
-        """Return the map that a TOML document holds.
+        """Return the map in a TOML document.
 
         Raises
         ------
         InputError
-            With a line for each fault; an unknown key names the nearest known ones.
+            The message has a line for each fault and the nearest valid keys for an unknown key.
         """
         document = read_record(_Document, given, place)
         channels = {}
@@ -209,7 +209,7 @@ class ChannelMap:
         )
 
     def channel(self, role: str) -> Channel:
-        """Return what is said about a role; the header alone where nothing is."""
+        """Return the channel of a role, or a channel without settings."""
         return self.channels.get(role) or Channel(role)
 
 

@@ -21,7 +21,7 @@ JITTER_MAX_STEPS = 1e-3
 
 # A run with a smaller drift of temperature has one temperature.
 DRIFT_MAX_K = 1.0
-# The means of this number of parts reveal a run that warms up and cools down again.
+# The means of this number of parts show if a run warms up and cools down again.
 PART_COUNT = 8
 # Temperatures change slowly because of the heat capacity.
 TEMPERATURE_CUTOFF_Hz = 0.25
@@ -67,14 +67,14 @@ class Samples:
 
 
 def even_step(time: FloatArray) -> float | None:
-    """Return the step [s] of timestamps that are taken as a uniform grid; None where they are resampled."""
+    """Return the step [s] of timestamps on a uniform grid, None if they are resampled."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
     return step if off <= max(JITTER_MAX_STEPS * step, 0.6 * _rounding(time, off)) else None
 
 
 def _rounding(time: FloatArray, off: float) -> float:
-    """Return the decimal unit [s], no smaller than ``off``, to which timestamps are rounded; 0 when none."""
+    """Return the decimal unit [s], at least ``off``, of rounded timestamps; 0 if not rounded."""
     unit = 10.0 ** math.ceil(math.log10(off)) if off > 0.0 else 0.0
     for candidate in (unit, 10.0 * unit):
         if candidate and np.allclose(time / candidate, np.round(time / candidate), rtol=0.0, atol=1e-4):
@@ -83,9 +83,9 @@ def _rounding(time: FloatArray, off: float) -> float:
 
 
 def sample_uniformly(run: RigRun) -> Samples:
-    """Return the channels of a run on a uniform grid, without a change if its time is one already.
+    """Return the channels of a run on a uniform grid, without a change if its time is uniform.
 
-    Else the grid has the median step. Displacement is resampled by a cubic spline, the other channels
+    Otherwise, the grid has the median step. Displacement is resampled by a cubic spline, the other channels
     linearly.
     """
     step = even_step(run.time)
@@ -145,7 +145,7 @@ def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0
     mean = float(np.mean(temperature))
     noise = float(np.std(temperature - mean - slope * time))
     drift = abs(slope) * step * n
-    short = step * n < 4.0 / TEMPERATURE_CUTOFF_Hz  # too short for knots
+    short = step * n < 4.0 / TEMPERATURE_CUTOFF_Hz  # The run is too short for knots.
     means = [part.mean() for part in np.array_split(temperature, PART_COUNT)]
     wander = 0.0 if short else float(np.ptp(means))
     if drift < max(DRIFT_MAX_K, 3.0 * noise * math.sqrt(12.0 / n)) and wander < max(

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
-from mrdamper.data.motion import SWING
+from mrdamper.data.motion import REVERSAL_MIN_RATIO
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.records import GAP, Recording
+from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.quantities import QUANTITIES
 
 STROKE_MIN_m = 50e-6  # A smaller motion is noise of the displacement sensor.
@@ -74,17 +74,17 @@ class CountedRecord:
     """The cycles of a measured record, which may have breaks."""
 
     figures: CycleFigures
-    stroke_min_m: float  # A smaller to-and-fro does not begin a cycle.
-    breaks: int  # Places at which rows are missing or time does not go on.
+    stroke_min_m: float  # A smaller reversal does not begin a cycle.
+    breaks: int  # Number of missing rows and time gaps.
 
 
 def cycles(prepared: PreparedRun) -> CycleFigures:
     """Return the cycles of a prepared run after the start of its score.
 
-    To-and-fro below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
+    A reversal below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
     path = prepared.trajectory
-    stroke_min_m = max(SWING * float(np.ptp(path.displacement)), prepared.dead_band_m)
+    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), prepared.dead_band_m)
     found = _count(path.time, path.displacement, prepared.force, path.command, path.temperature, stroke_min_m)
     return found.where(found.row >= prepared.scored_from)
 
@@ -94,14 +94,14 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
 
     Parameters
     ----------
-    stroke_min_m : a smaller to-and-fro does not begin a cycle; None: 5 % of the range of displacement
+    stroke_min_m : a smaller reversal does not begin a cycle; None: 5 % of the range of displacement
     """
     if stroke_min_m is None:
         known = run.displacement[np.isfinite(run.displacement)]
         low, high = (
             np.percentile(known, [OUTLIERS_PERCENT, 100.0 - OUTLIERS_PERCENT]) if len(known) else (0, 0)
         )
-        stroke_min_m = max(SWING * float(high - low), STROKE_MIN_m)
+        stroke_min_m = max(REVERSAL_MIN_RATIO * float(high - low), STROKE_MIN_m)
     parts, segments = [], unbroken_segments(run)
     for rows in segments:
         temperature = None if run.temperature is None else run.temperature[rows]
@@ -118,7 +118,7 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
 
 
 def unbroken_segments(run: Recording) -> list[slice]:
-    """Return the rows of each part of a record in which every row is valid and time goes on without a gap."""
+    """Return the rows of each part of a record with only valid rows and without a time gap."""
     valid = np.isfinite(run.time)
     for values, role in (
         (run.displacement, "displacement"),
@@ -130,7 +130,7 @@ def unbroken_segments(run: Recording) -> list[slice]:
     forward = steps[steps > 0.0]
     if not len(forward):
         return []
-    goes_on = valid[:-1] & valid[1:] & (steps > 0.0) & (steps <= GAP * float(np.median(forward)))
+    goes_on = valid[:-1] & valid[1:] & (steps > 0.0) & (steps <= GAP_MIN_STEPS * float(np.median(forward)))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], goes_on, [False]]).astype(np.int8))).tolist()
     return [slice(first, last + 1) for first, last in zip(edges[0::2], edges[1::2], strict=True)]
 

@@ -1,6 +1,6 @@
-"""A finding: what is wrong with a run, where, how much, what it does to a fit, and what to do.
+"""A finding: a fault of a run with its location, size, effect on a fit and remedy.
 
-An inference: a value of a run that no column holds, and where it was taken from.
+An inference: a value of a run from words instead of a column, with its source.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing found in one run; the sentences are for people, the other fields for scripts."""
+    """One fault of one run. The sentences are for the user, the other fields for scripts."""
 
-    kind: str  # a stable name: "clipped", "force_sign", ...
+    kind: str  # A stable name such as "clipped" or "force_sign".
     severity: Severity = "warning"
-    channel: str = ""  # role; "" if the finding is about the whole run
+    channel: str = ""  # Role; "" if the finding concerns the whole run.
     found: str
-    effect: str  # on a fit
+    effect: str  # Effect on a fit.
     remedy: str
-    size: float | None = None  # how large, in ``unit``
+    size: float | None = None  # Size in ``unit``.
     unit: str = ""
-    low: float | None = None  # interval of the size, where it was estimated
+    low: float | None = None  # Interval of an estimated size.
     high: float | None = None
-    from_s: float | None = None  # where it begins, and ends, in the run's time
+    from_s: float | None = None  # Begin and end in the run's time.
     to_s: float | None = None
     run: str = ""
 
     def within(self, error: float) -> Finding:
-        """Return it with an interval of its size: two standard errors either way."""
+        """Return the finding with an interval of plus or minus two standard errors."""
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
     def to_dict(self) -> Mapping[str, str | float | None]:
-        """Return the fields as JSON takes them."""
+        """Return the fields as JSON values."""
         return {
             "run": self.run,
             "kind": self.kind,
@@ -64,7 +64,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Inference:
-    """A value that was taken from words: of which run and role, how much [SI], and where it stands."""
+    """A value that was read from words: its run, role, value [SI] and location."""
 
     run: str
     role: str
@@ -83,7 +83,7 @@ def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
     """Return the largest finding of each kind, channel and severity with its number of runs, worst first.
 
     A run with several such findings counts once, a copy of another run does not count, and the number is 0 if
-    the findings are about the campaign.
+    the findings concern the campaign.
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}
@@ -115,10 +115,10 @@ def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def percent(share: float) -> str:
-    """Return a share as text, to two digits or the whole per cent."""
+    """Return a ratio as text in percent, with two digits or without decimals."""
     return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
 
 
 def worst_first(finding: Finding) -> int:
-    """Sort key: faults, then warnings, then notes."""
+    """Return a sort key: faults, then warnings, then notes."""
     return SEVERITIES.index(finding.severity)

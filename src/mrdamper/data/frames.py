@@ -1,8 +1,8 @@
-"""Frames: runs that lie in memory, as frames of pandas or Polars, structured arrays, or columns by name.
+"""Frames: runs in memory as frames of pandas or Polars, structured arrays, or columns by name.
 
-A frame is read as a file's table is (``proposal``): a column's name says its quantity and unit (``force_N``,
-``Force [kN]``), nothing is guessed, and what is missing is asked for. ``columns`` names the column of a
-quantity, or is the column itself: ``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
+A frame is read like the table of a file (``proposal``): the name of a column has its quantity and unit
+(``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. ``columns`` holds the
+name of a quantity's column, or the column itself: ``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ class Frame:
     columns: Mapping[str, Any]
 
     def read(self, chosen: ChannelMap) -> RigFile:
-        """Return its runs.
+        """Return the runs of the frame.
 
         Raises
         ------
         AskingError
-            A needed column is not there, or has no unit.
+            A needed column is missing, or has no unit.
         InputError
-            A column has no shape (n,), or another length than the rest.
+            A column does not have shape (n,), or has another length than the other columns.
         """
         try:
             return runs_in((self._table(),), chosen, Path(self.name), name=self.name)
@@ -103,7 +103,7 @@ class Frame:
         return Table((*self.columns,), numbers, texts, layout, rows, units=stated, title=self.name)
 
     def _require_one_length(self, numbers: Mapping[str, FloatArray]) -> None:
-        """Refuse columns of several lengths; one number stands for all samples."""
+        """Raise InputError if columns differ in length. A single number applies to all samples."""
         if len({len(values) for values in numbers.values()} - {1}) > 1:
             sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
             raise InputError(
@@ -114,25 +114,25 @@ class Frame:
 
 
 def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a series, or a number
-    """Return an array; what a mask hides is missing."""
+    """Return an array with NaN or None for masked values."""
     if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
         return np.asarray(np.ma.filled(given.astype(np.float64), np.nan))
     return np.asarray(given)
 
 
 def _is_of_times(values: NDArray[Any]) -> bool:
-    """Tell whether objects are moments, of a time zone perhaps, or durations."""
+    """Return True if objects are times, with or without a time zone, or durations."""
     return values.dtype.kind == "O" and len(values) > 0 and isinstance(values[0], datetime | timedelta)
 
 
 def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return moments as seconds from the first, durations as they are."""
+    """Return times as seconds from the first, and durations in seconds."""
     start = values[0] if isinstance(values[0], datetime) else timedelta()
     return np.array([(each - start).total_seconds() for each in values], dtype=np.float64), "s"
 
 
 def is_frame(given: object) -> bool:
-    """Tell whether a value has columns by name: a frame, a structured array, or a mapping of arrays."""
+    """Return True if a value has columns by name: a frame, a structured array, or a mapping of arrays."""
     if isinstance(given, Mapping):
         return bool(given) and not any(is_frame(each) for each in given.values())
     if isinstance(given, np.ndarray):
@@ -141,7 +141,7 @@ def is_frame(given: object) -> bool:
 
 
 def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames, or one of them
-    """Return what was given as a list of paths, runs and named frames; a mapping names its frames."""
+    """Return the input as a list of paths, runs and named frames. A mapping names its frames."""
     if isinstance(given, str | Path | RigRun):
         return [given]
     if isinstance(given, np.ndarray) and given.dtype.names is None:
@@ -167,12 +167,12 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames,
 
 
 def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, Polars, NumPy, or a mapping
-    """Return a frame's columns by name; pandas' index is one where it has a name, or holds times."""
+    """Return a frame's columns by name, with pandas' index if it has a name or holds times."""
     if isinstance(frame, Mapping):
         return {str(name): values for name, values in frame.items()}
     if isinstance(frame, np.ndarray):
         return {name: frame[name] for name in frame.dtype.names or ()}
-    if hasattr(frame, "collect"):  # a lazy one of Polars
+    if hasattr(frame, "collect"):  # The frame is lazy (Polars).
         frame = frame.collect()
     names = [_name_of(name) for name in frame.columns]
     again = sorted({name for name in names if names.count(name) > 1})
@@ -192,7 +192,7 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
 
 
 def _name_of(name: object) -> str:
-    """Return a column's name; one of two levels whose second is a unit is the name with that unit."""
+    """Return a column's name. A second level is added as the unit if it is one."""
     if not isinstance(name, tuple):
         return str(name)
     words = [str(word) for word in name if str(word)]
@@ -218,7 +218,7 @@ def named_columns(
     Raises
     ------
     InputError
-        A key is no quantity or unit, or there are columns for several frames.
+        A key is not a quantity or has no valid unit, or there are columns for several frames.
     """
     if not columns:
         return given, None

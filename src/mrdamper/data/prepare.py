@@ -1,8 +1,8 @@
-"""Preparation: from a measured run to the trajectory that a law is driven through, and its force.
+"""Preparation: from a measured run to the trajectory for a model's simulation, and its force.
 
-The displacement is smoothed (a law differentiates it, and 3 um steps at 1 kHz would become +-90 N through
-a dashpot of 3e4 N s/m); the force is left as measured. Everything a preparation does not say is chosen
-from the run itself by the rules of :func:`prepare_run`; ``conditioning`` applies them.
+The displacement is smoothed because its derivative drives the model: 3 um steps at 1 kHz would become +-90 N
+in a dashpot of 3e4 N s/m. The force is not changed. Values that a preparation does not set are chosen from
+the run by the rules of :func:`prepare_run`. ``conditioning`` applies them.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.schema import read_record
 
-_WITHOUT_PERIOD_s = 3.0  # of a motion without a period that is drawn
+_PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
-_MOVED = 0.02  # a motion has started when it is this share of its range from where it began
-_MOVES = 2.0  # a displacement whose rms is less than so many times its noise is none
-_SLOWLY = 0.1  # of top speed and acceleration: a run that begins livelier was cut out of a motion
-_AGAINST = -0.05  # correlation of force and velocity below which the sign is wrong
-_AGREE = 0.1  # a velocity channel agrees when it differs by less than this share of its rms
+_START_RANGE_RATIO = 0.02  # A motion starts at this fraction of its range from its first value.
+_RMS_NOISE_RATIO_MIN = 2.0  # A displacement with a smaller rms is constant.
+_START_SPEED_RATIO_MAX = 0.1  # A run with a larger start speed or acceleration begins in motion.
+_SIGN_CORRELATION_MIN = -0.05  # The sign is wrong below this correlation of force and velocity.
+_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity channel.
 
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """How runs are prepared; ``None`` means chosen from each run by the rule in ``prepare_run``."""
+    """How runs are prepared; ``None`` means automatic by the rules of ``prepare_run``."""
 
-    cutoff_Hz: float | None = None  # of the smoothing of displacement; math.inf: none
-    dead_band_m: float | None = None  # reversals smaller than this are not reversals
-    reference: Reference = "start"  # where displacement is zero
-    velocity: VelocitySource = "displacement"  # derived from displacement, or the measured channel
-    from_s: float | None = None  # time before this is cut off, as in the file
-    to_s: float | None = None  # time after this is cut off
-    force_offset_N: float = 0.0  # a known tare, taken off the force
-    thermocouple_lag_s: float = 0.0  # of the temperature sensor, taken back where the temperature drifts
+    cutoff_Hz: float | None = None  # Smoothing of displacement; math.inf: no smoothing.
+    dead_band_m: float | None = None  # Smaller reversals are noise.
+    reference: Reference = "start"  # Zero of displacement.
+    velocity: VelocitySource = "displacement"  # Derivative of displacement, or measured.
+    from_s: float | None = None  # First time [s] in the file's clock.
+    to_s: float | None = None  # Last time [s].
+    force_offset_N: float = 0.0  # Known tare, subtracted from the force.
+    thermocouple_lag_s: float = 0.0  # Compensated if temperature drifts.
 
     def __post_init__(self) -> None:
         if self.cutoff_Hz is not None and not self.cutoff_Hz > 0.0:
@@ -68,7 +68,7 @@ class Preparation:
             raise InputError(found=f"force_offset_N is {self.force_offset_N}", expected="a number")
 
     def to_dict(self) -> dict[str, float | str | None]:
-        """Return the fields as JSON takes them (no smoothing is the text "none")."""
+        """Return the fields as JSON values (no smoothing is the text "none")."""
         given = asdict(self)
         if given["cutoff_Hz"] == math.inf:
             given["cutoff_Hz"] = "none"
@@ -76,7 +76,7 @@ class Preparation:
 
     @classmethod
     def from_dict(cls, given: Mapping[str, object]) -> Preparation:
-        """Return the preparation that ``to_dict`` wrote; an unknown key is an error."""
+        """Return the preparation from the result of ``to_dict``. Raise an error for an unknown key."""
         if given.get("cutoff_Hz") != "none":
             return read_record(cls, given, "preparation")
         smoothed = {key: value for key, value in given.items() if key != "cutoff_Hz"}
@@ -85,14 +85,14 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedRun:
-    """A run as a law is driven through it, and the force that it is compared with."""
+    """The trajectory of a run for a simulation, and the measured force to compare with."""
 
     run: RigRun
     trajectory: Trajectory
-    force: FloatArray  # [N], as measured, on the trajectory's samples
-    scored_from: int  # first sample that counts in an error
+    force: FloatArray  # Measured force [N] on the trajectory's samples.
+    scored_from: int  # First sample that counts in an error.
     period_s: float | None  # None: not periodic
-    rules: Rules  # by which it was prepared
+    rules: Rules  # Rules of the preparation.
     motion: str
 
     def __post_init__(self) -> None:
@@ -122,7 +122,7 @@ class PreparedRun:
 
     @property
     def cutoff_Hz(self) -> float:
-        """Cut-off of the smoothing; the Nyquist frequency of the run when nothing was removed."""
+        """Cut-off of the smoothing; the Nyquist frequency of the run if nothing was removed."""
         return self.rules.cutoff_Hz
 
     @property
@@ -136,44 +136,45 @@ class PreparedRun:
 
 
 def prepare_run(run: RigRun, preparation: Preparation | None = None) -> PreparedRun:
-    """Return the run ready for a law, by these rules where ``preparation`` does not say otherwise.
+    """Return the prepared run, by these rules unless ``preparation`` sets other values.
 
-    *Time.* Timestamps within 0.1 % of a step of a uniform grid, or off it by no more than their own rounding,
-    are taken as that grid. Others are resampled to the median step: displacement by a cubic spline, the
-    rest linearly.
+    *Time.* Timestamps are replaced by a uniform grid if they deviate by at most 0.1 % of a step or by their
+    rounding. Otherwise, the run is resampled to the median step: displacement by a cubic spline, the other
+    channels linearly.
 
     *Smoothing.* Noise is the median level of the upper quarter of the displacement's spectrum (at least its
-    rounding). The cut-off is where the velocity loses as much signal as it is rid of noise, and at least
-    five times the motion's mean frequency; there is no smoothing when noise would be below 0.1 % of the rms
-    velocity (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half
+    rounding). The cut-off is the frequency above which noise exceeds the signal in velocity, and at least
+    five times the motion's mean frequency. There is no smoothing if noise is below 0.1 % of the rms velocity
+    (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half
     period of the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and
-    acceleration are its derivatives. A measured velocity is taken only when asked for and when it agrees
+    acceleration are its derivatives. A measured velocity is used only if requested and if it agrees
     within 10 % of its rms.
 
-    *Dead band.* Three times the noise that the smoothing lets through, at least the resolution of the
-    displacement.
+    *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 
-    *Reference.* "start": zero is the median of the first half of the rest before the motion starts; where the
-    run begins, when it does not keep still there (within three dead bands) but sets out slowly; the mean over
-    the run, when it begins in full motion (beyond a tenth of the top speed or of the top acceleration).
-    A rest of one sample counts as still: zero is then where the run begins.
+    *Reference.* "start": zero is the median of the first half of the rest before the motion starts. Zero is
+    the
+    first sample if the run starts slowly without a rest (within three dead bands). Zero is the mean of the
+    run if it begins in motion (above a tenth of the maximum speed or acceleration). A rest of one sample
+    counts as a rest.
     "mean": the mean over the run. "none": as measured.
 
-    *Score.* The motion starts where displacement is 2 % of its range from where it began; errors count
+    *Score.* The motion starts if displacement is 2 % of its range away from its first value. Errors count
     from half a period later. Without a period, half a period is the median time between reversals.
 
-    *Command.* One that keeps still but for its sensor's noise is its median (``RigRun.constant_command``).
+    *Command.* A constant command with sensor noise is replaced by its median (``RigRun.constant_command``).
 
-    *Temperature.* Noise is taken out: one number for a run that drifts by less than 1 K, else a smooth curve
+    *Temperature.* Noise is removed: one value for a run with a drift below 1 K, else a smooth curve
     (``conditioning.condition_temperature``).
 
-    *Sign.* A damper takes power. When force and velocity correlate below -0.05 the run is refused.
+    *Sign.* A damper dissipates power. A correlation of force and velocity below -0.05 is an error.
 
     Raises
     ------
     InputError
-        The displacement keeps still, the force has the wrong sign, trimming leaves too little, or a velocity
-        channel does not agree.
+        The displacement is constant, the force has the wrong sign, too few samples remain after trimming, or
+        a
+        velocity channel does not agree.
     """
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:
@@ -181,7 +182,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     sampled = sample_uniformly(run)
     displacement, step = sampled.displacement, sampled.step_s
     spectrum = measure_spectrum(displacement, step)
-    if float(np.std(displacement)) < _MOVES * spectrum.noise:
+    if float(np.std(displacement)) < _RMS_NOISE_RATIO_MIN * spectrum.noise:
         raise InputError(
             place=run.name,
             found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
@@ -197,7 +198,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
     x = path.displacement
-    started = int(np.argmax(np.abs(x - x[0]) > _MOVED * np.ptp(x)))
+    started = int(np.argmax(np.abs(x - x[0]) > _START_RANGE_RATIO * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
     if chosen.velocity == "channel":
         _check_velocity(run, sampled.velocity, path.velocity)
@@ -222,12 +223,12 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 def shown_samples(
     prepared: PreparedRun, *, seconds: float | None = None, points: int = 240
 ) -> NDArray[np.intp]:
-    """Return the samples that are drawn of a run: its second cycle (its start has died away), thinned.
+    """Return the samples of a run to plot: its second cycle because the start has decayed, decimated.
 
-    ``seconds`` from the start on in place of a cycle; a motion without a period shows three of them.
+    ``seconds`` selects a duration from the start instead of a cycle. Without a period, it is three seconds.
     """
     path, start = prepared.trajectory, prepared.scored_from
-    length = round((seconds or prepared.period_s or _WITHOUT_PERIOD_s) / path.step) + 1
+    length = round((seconds or prepared.period_s or _PLOT_DURATION_s) / path.step) + 1
     if prepared.period_s and not seconds and start + 2 * length <= len(path):
         start += length
     stop = min(start + length, len(path))
@@ -237,9 +238,9 @@ def shown_samples(
 def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     """Return every k-th sample, k the largest whole number that leaves at least ``rate_Hz``.
 
-    Displacement, velocity and acceleration are samples of the smoothed signals, so the kinematics stay
-    exact. The force is sampled as it is: a filter would take from it what the law is asked to explain, and
-    noise that folds back is noise of the same size on each sample.
+    Displacement, velocity and acceleration are samples of the smoothed signals, so the kinematics stay exact.
+    The force is not filtered because a filter would remove parts that the model must reproduce. Aliased noise
+    has the same size on each sample.
     """
     if not rate_Hz > 0.0:
         raise InputError(place="decimate", found=f"rate is {rate_Hz} Hz", expected="a positive number")
@@ -256,7 +257,7 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
 
 
 def shortened(prepared: PreparedRun, samples: int) -> PreparedRun:
-    """Return the first so many samples of a run."""
+    """Return the first ``samples`` samples of a run."""
     if samples >= len(prepared):
         return prepared
     path = prepared.trajectory
@@ -275,9 +276,9 @@ def shortened(prepared: PreparedRun, samples: int) -> PreparedRun:
 
 
 def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: float) -> float:
-    """Return the displacement [m] that counts as zero by a rule of ``prepare_run``.
+    """Return the zero of displacement [m] by a rule of ``prepare_run``.
 
-    ``rest`` is the displacement as measured over the first half of the rest before the motion starts.
+    ``rest`` is the measured displacement in the first half of the rest before the motion starts.
     """
     x = path.displacement
     if rule == "none":
@@ -286,7 +287,7 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
         if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
             return float(np.median(rest))
         shares = [abs(a[0]) / np.abs(a).max() for a in (path.velocity, path.acceleration)]
-        if max(shares) <= _SLOWLY:
+        if max(shares) <= _START_SPEED_RATIO_MAX:
             return float(x[0])
     return float(np.mean(x))
 
@@ -300,14 +301,14 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
             remedy="Derive it from the displacement",
         )
     differs = float(np.std(measured - derived) / np.std(derived))
-    if not differs < _AGREE:
+    if not differs < _VELOCITY_DIFFERENCE_MAX_RATIO:
         raise InputError(
             place=run.name,
             found=(
                 f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % of its "
                 "rms"
             ),
-            expected=f"less than {100 * _AGREE:g} %",
+            expected=f"less than {100 * _VELOCITY_DIFFERENCE_MAX_RATIO:g} %",
             remedy="Check its unit, sign and delay in the channel map",
         )
 
@@ -315,7 +316,7 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     power = float(np.mean((force - force.mean()) * (velocity - velocity.mean())))
     spread = float(np.std(force) * np.std(velocity))
-    if power < _AGAINST * spread:
+    if power < _SIGN_CORRELATION_MIN * spread:
         raise InputError(
             place=run.name,
             found=(

@@ -42,7 +42,7 @@ _LEVEL_PARTS = 16  # of a run, whose median commands tell a level with noise fro
 _BLOCK = 16  # time steps over which jitter must average out
 FORCE_RANGE_MIN_N = 1e-6  # Numerically constant below this range.
 STROKE_MIN_m = 1e-9  # as above
-GAP = 5.0  # a time step this many times the usual one is a gap
+GAP_MIN_STEPS = 5.0  # a time step this many times the usual one is a gap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -353,7 +353,7 @@ def find_time_faults(time: FloatArray) -> list[Finding]:
         )
         return [finding]
     usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * usual)
+    gaps = np.flatnonzero(steps > GAP_MIN_STEPS * usual)
     changed = changes_of_pace(steps, len(gaps))
     if changed is not None:
         at, before, after = changed

@@ -1,4 +1,4 @@
-"""Clocks of channels: start and step as a file states them for each channel.
+"""Clocks of channels: the start and the time step of each channel.
 
 TDMS states ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``. LabVIEW text states ``Date``,
 ``Time``, ``X0`` and ``Delta_X``. HDF5 files and structures have attributes such as ``dt``, ``fs`` and ``t0``.
@@ -48,17 +48,17 @@ class Sampling:
     step_s: float
     offset_s: float = 0.0
     began_s: float | None = None
-    has_unit: bool = True  # False: a bare number, taken in seconds or hertz
+    has_unit: bool = True  # False: a number without a unit, taken in seconds or hertz
 
     def is_same(self, other: Sampling, samples: int) -> bool:
-        """Return True if the times of so many samples agree with those of another channel."""
+        """Return True if another channel has the same times for this number of samples."""
         tolerance = CLOCK_TOLERANCE_STEPS * self.step_s
         starts = (self.began_s or 0.0) - (other.began_s or 0.0) + self.offset_s - other.offset_s
         return abs(starts) < tolerance and abs(self.step_s - other.step_s) * samples < tolerance
 
 
 def is_setting_of_time(name: str) -> bool:
-    """Return True if a name is that of a start, a step or a rate."""
+    """Return True if a name is the name of a start, a step or a rate."""
     words, _ = _words(name)
     return any(form.fullmatch(words) for form in (_STEP, _RATE, _START, _OFFSET))
 

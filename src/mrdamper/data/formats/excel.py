@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx, .xlsm): each sheet that holds rows of numbers, or the one that is named.
+"""Excel workbooks (.xlsx, .xlsm): each sheet with rows of numbers, or the named sheet.
 
 A workbook is an archive, which can unpack to more than the memory. The unpacked size and the number of cells
 are counted before the workbook is read.
@@ -21,8 +21,8 @@ from mrdamper.data.formats.table import MOST_HEADER_LINES, FileOptions, Table, l
 from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
-_MOST_UNPACKED = 1 << 29  # bytes
-_MOST_CELLS = 32_000_000  # from the first to the last one, empty ones too
+_UNPACKED_MAX_BYTES = 1 << 29
+_CELLS_MAX = 32_000_000  # Empty cells in the range count.
 _PIECE_BYTES = 1 << 20
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
@@ -30,12 +30,12 @@ Row = list[Any]
 
 
 def is_workbook(head: bytes) -> bool:
-    """Tell whether the first bytes are those of an archive, as a workbook is."""
+    """Return True if the first bytes are the signature of an archive, because a workbook is one."""
     return head.startswith(b"PK\x03\x04")
 
 
 def read_workbook(path: Path, options: FileOptions) -> Table:
-    """Return the table on a sheet of a workbook, which is read as a text of the sheet's cells."""
+    """Return the table on a sheet of a workbook. The cells are parsed like a text."""
     _require_harmless(path)
     calamine = load_extra("python_calamine", "python-calamine", "Excel files")
     book = calamine.CalamineWorkbook.from_path(path)
@@ -99,7 +99,7 @@ def _spelled(cell: object, decimal: str = ".") -> str:
 
 
 def _require_harmless(path: Path) -> None:
-    """Refuse an archive that is no workbook, or unpacks to more than any run needs."""
+    """Raise InputError if an archive is not a workbook, or if its unpacked size is too large."""
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}
@@ -109,10 +109,10 @@ def _require_harmless(path: Path) -> None:
             raise InputError(
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )
-        if sum(member.file_size for member in members) > _MOST_UNPACKED:
+        if sum(member.file_size for member in members) > _UNPACKED_MAX_BYTES:
             raise InputError(
                 place=path,
-                found=f"unpacks to more than {_MOST_UNPACKED >> 20} MB",
+                found=f"unpacks to more than {_UNPACKED_MAX_BYTES >> 20} MB",
                 expected="one run",
                 remedy="Export it as CSV",
             )
@@ -122,18 +122,18 @@ def _require_harmless(path: Path) -> None:
 
 
 def _require_few_cells(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """Raise InputError if the cells of a sheet span too much, because all of them would be kept."""
+    """Raise InputError if a sheet has too many cells, because all of them would be kept."""
     tail, row, column = b"", 0, 0
     with archive.open(member) as stream:
         while piece := stream.read(_PIECE_BYTES):
             for letters, digits in set(_CELL.findall(tail + piece)):
                 row, column = max(row, int(digits)), max(column, _column_number(letters))
             tail = piece[-40:]
-            if row * column > _MOST_CELLS:
+            if row * column > _CELLS_MAX:
                 raise InputError(
                     place=path,
                     found=f"{member.filename} spans {row} rows and {column} columns",
-                    expected=f"at most {_MOST_CELLS} cells",
+                    expected=f"at most {_CELLS_MAX} cells",
                     remedy="Delete the cells far from the table, or export it as CSV",
                 )
 

@@ -10,25 +10,25 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings
-from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, plain_names, require_room
+from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_room, shortest_names
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
-_COMMON = 2  # channels of one name that make two groups recordings of the same
-_MOST_LINES, _LONGEST = 64, 200  # of attributes
+_COMMON_CHANNELS_MIN = 2  # Groups with this number of equal names record the same channels.
+_ATTRIBUTE_LINES_MAX, _ATTRIBUTE_LENGTH_MAX = 64, 200
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
-MOST_LISTED = 8  # names in a remark
+MOST_LISTED = 8  # Limit of the names in a remark.
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredArray:
-    """An array of a file that is read on use.
+    """An array of a file that is read on first use.
 
-    ``settings`` are attributes and single values of the groups around it and of the array, the nearest last.
+    ``settings`` are the attributes and single values of the array and its groups, the nearest last.
     """
 
-    path: tuple[str, ...]  # names of its groups, then its own name
+    path: tuple[str, ...]  # The names of its groups come first, its own name is last.
     size: int
     read: Callable[[], FloatArray]
     unit: str = ""
@@ -40,12 +40,12 @@ class StoredArray:
 
     @property
     def is_setting(self) -> bool:
-        """True for the start, the step or the rate of a structure, which is no column."""
+        """True if the array is the start, the step or the rate of a structure, not a column."""
         return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
 
     @property
     def is_time(self) -> bool:
-        """True for a column of times by its name."""
+        """True if the name is the name of a column of times."""
         header = parse_header(self.name)
         return self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
 
@@ -53,20 +53,20 @@ class StoredArray:
 def table_of_arrays(
     arrays: Iterable[StoredArray], file: Path, layout: Layout, units: Mapping[tuple[str, ...], str]
 ) -> Table:
-    """Return the table of the arrays in ``layout.part``, or in the first of several alike recordings.
+    """Return the table of the arrays in ``layout.part``, or in the first of several recordings.
 
     Parameters
     ----------
     units : texts of a structure called ``units``, by their path
     """
-    inside = [each for each in named_by_structures(arrays) if is_in_part(each.path, layout.part)]
+    inside = [each for each in rename_by_structures(arrays) if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1])
-    part = others[0] if others else layout.part  # one table of each
+    part = others[0] if others else layout.part
     inside = [each for each in inside if is_in_part(each.path, part)]
-    names = plain_names([each.path for each in inside])
+    names = shortest_names([each.path for each in inside])
     for name, each in zip(names, inside, strict=True):
         require_room(each.size, file, name)
-    stated = units_beside([each.name for each in inside], units, part)
+    stated = units_of_channels([each.name for each in inside], units, part)
     table = Table(
         names=tuple(names),
         columns=OnUse({name: each.read for name, each in zip(names, inside, strict=True)}),
@@ -81,9 +81,9 @@ def table_of_arrays(
 
 
 def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
-    """Return a table with the clocks of its columns: times next to them, else the starts and steps stated.
+    """Return a table with the clocks of its columns: their times, else the stated starts and steps.
 
-    If several groups hold times, a column has the times of the nearest group around it.
+    If several groups hold times, a column uses the times of the nearest enclosing group.
     """
     times = {each.path[:-1]: name for name, each in arrays.items() if each.is_time}
     if len(times) < 2:
@@ -110,10 +110,10 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     )
 
 
-def named_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
-    """Return arrays with the name of their structure where it names a channel and they only say ``data``.
+def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
+    """Return arrays, with the name of their structure if it names a channel and theirs is only ``data``.
 
-    A structure ``force`` of ``Time`` and ``Data`` is the channel ``force`` with its times. These are in
+    A structure ``force`` with ``Time`` and ``Data`` is the channel ``force`` with its times. The times are in
     seconds, as in MATLAB's time series.
     """
     arrays = list(arrays)
@@ -138,7 +138,7 @@ def named_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
 
 
 def _names_a_channel(name: str) -> bool:
-    """Return True if the name of a structure is that of a quantity, with its unit or without."""
+    """Return True if the name of a structure is the name of a quantity, with or without its unit."""
     word, unit = word_and_unit(name)
     by_symbol = any(word == quantity.symbol for quantity in QUANTITIES.values())
     return bool(unit or by_symbol or parse_header(name)) or any(speaks_of(word, role) for role in QUANTITIES)
@@ -147,7 +147,7 @@ def _names_a_channel(name: str) -> bool:
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     """Return the groups, as ``options.part`` names them, that hold recordings of the same channels.
 
-    ``paths`` are those of the channels, their own names at the end; empty where no two groups are alike.
+    ``paths`` are the paths of the channels. The result is empty if no two groups have the same channels.
     """
     for depth in range(1, max(map(len, [*paths, ()]))):
         inside: dict[tuple[str, ...], set[tuple[str, ...]]] = {}
@@ -157,7 +157,11 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         alike = [
             group
             for group in inside
-            if any(len(inside[group] & inside[other]) >= _COMMON for other in inside if other != group)
+            if any(
+                len(inside[group] & inside[other]) >= _COMMON_CHANNELS_MIN
+                for other in inside
+                if other != group
+            )
         ]
         if alike:
             return tuple("/".join(group) for group in alike)
@@ -165,15 +169,15 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:
-    """Tell whether a channel lies in a group: by a name of the group, or by the path that leads to it."""
+    """Return True if a channel is in a group, given by its name or by its path."""
     groups = path[:-1]
     return not part or part in groups or any("/".join(groups[:k]) == part for k in range(len(path)))
 
 
 def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
-    """Return attributes as lines ``name: value``; a number gets the unit in its name behind it."""
+    """Return attributes as lines ``name: value``; a number is followed by the unit in its name."""
     lines = []
-    for key, value in list(attributes.items())[:_MOST_LINES]:
+    for key, value in list(attributes.items())[:_ATTRIBUTE_LINES_MAX]:
         text = value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"
         header = parse_header(key)
         unit = header[1] if header is not None else word_and_unit(key)[1]
@@ -182,18 +186,20 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
             unit = beside.decode("utf-8", "replace") if isinstance(beside, bytes) else beside
         if unit and roles_of_unit(unit) and _is_number(text):
             text = f"{float(text):g} {unit}"
-        lines.append(f"{key}: {text}"[:_LONGEST])
+        lines.append(f"{key}: {text}"[:_ATTRIBUTE_LENGTH_MAX])
     return tuple(lines)
 
 
 def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the remark on values that only the program that wrote them reads; empty without any."""
+    """Return the remark on values that only their own program can read; empty without such values."""
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return (f"{SKIPPED}{', '.join(names[:MOST_LISTED])}{more}",) if names else ()
 
 
-def units_beside(names: Iterable[str], texts: Mapping[tuple[str, ...], str], part: str) -> dict[str, str]:
-    """Return the units of channels that texts of the same names state, in a structure called ``units``."""
+def units_of_channels(
+    names: Iterable[str], texts: Mapping[tuple[str, ...], str], part: str
+) -> dict[str, str]:
+    """Return the units of channels from the texts of the same names in a structure ``units``."""
     stated = {
         path[-1]: text.strip()
         for path, text in texts.items()

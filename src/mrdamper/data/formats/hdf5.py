@@ -1,8 +1,8 @@
 """HDF5, and the MAT files of version 7.3 that are HDF5 inside.
 
-A column is a data set of one dimension, a field of a compound one, or a column of a matrix. The attributes
-``unit`` or ``units`` state its unit. References of MATLAB's structures and cells are followed. External and
-virtual data sets are not read, because they lead to other files.
+A column is a one-dimensional data set, a field of a compound data set, or a column of a matrix. The
+attributes ``unit`` or ``units`` state its unit. References of MATLAB's structures and cells are followed.
+External and virtual data sets are not read, because they lead to other files.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ Column = tuple[tuple[str, ...], Selection | None, int]  # path, selection, sampl
 
 
 def is_hdf5(head: bytes) -> bool:
-    """Tell whether the first bytes are those of an HDF5 file, or of a MAT file that is one."""
+    """Return True if the first bytes are the signature of an HDF5 file or a MAT file of version 7.3."""
     return head.startswith((b"\x89HDF", _MATLAB))
 
 
 def read_hdf5(path: Path, options: FileOptions) -> Table:
-    """Return the columns of an HDF5 file, read when asked for."""
+    """Return the columns of an HDF5 file, which are read on use."""
     h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
     with path.open("rb") as stream:
         matlab = stream.read(len(_MATLAB)) == _MATLAB
@@ -66,20 +66,20 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
 
 
 def _shared(settings: Sequence[Mapping[str, object]]) -> dict[str, object]:
-    """Return the attributes and single values that all columns have around them."""
+    """Return the attributes and single values that apply to all columns."""
     first = settings[0] if settings else {}
     return {name: value for name, value in first.items() if all(each.get(name) == value for each in settings)}
 
 
 class _Search:
-    """Looks for columns in groups, and in what the structures and cells of MATLAB refer to."""
+    """Search for columns in groups and in the references of MATLAB's structures and cells."""
 
     def __init__(self, h5py: Any, file: Any, path: Path, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
         self._h5py, self._file, self._path, self._matlab = h5py, file, path, matlab
-        self._seen: set[int] = set()  # groups and lists of references: links can form rings
+        self._seen: set[int] = set()  # Groups and lists of references: links can be circular.
         self.found: list[StoredArray] = []
-        self.texts: dict[tuple[str, ...], str] = {}  # of MATLAB, by their path
-        self.objects: list[str] = []  # of MATLAB's classes, which only MATLAB reads
+        self.texts: dict[tuple[str, ...], str] = {}  # Texts of MATLAB by their path.
+        self.objects: list[str] = []  # Objects of MATLAB's classes, which only MATLAB reads.
 
     def inside(self, group: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
         """Return the members of a group that the file itself stores."""
@@ -90,7 +90,7 @@ class _Search:
     def fields(
         self, path: tuple[str, ...], members: Mapping[str, Any], settings: Mapping[str, object]
     ) -> None:
-        """Look at the members of a group, or at the fields of a structure."""
+        """Search the members of a group, or the fields of a structure."""
         values = {name: value for name, item in members.items() if (value := self._single(item)) is not None}
         settings = {**settings, **values}
         signal = self._signal(members) if self._matlab else None
@@ -106,7 +106,9 @@ class _Search:
     def _look(self, path: tuple[str, ...], item: Any, unit: str, settings: Mapping[str, object]) -> None:  # noqa: ANN401
         outer = {name: value for name, value in settings.items() if name not in UNIT_NAMES}
         if self._matlab and item is not None and "MATLAB_object_decode" in item.attrs:
-            self.objects.append(f"{'/'.join(path)} ({_plain(item.attrs.get('MATLAB_class', b''))} object)")
+            self.objects.append(
+                f"{'/'.join(path)} ({_as_plain_value(item.attrs.get('MATLAB_class', b''))} object)"
+            )
         elif isinstance(item, self._h5py.Group):
             if self._is_new(item):
                 self._group(path, self.inside(item), {**outer, **_settings(item)})
@@ -130,18 +132,18 @@ class _Search:
             self.found.append(StoredArray(place, size, read, unit, {**settings, **own}))
 
     def _single(self, item: Any) -> object:  # noqa: ANN401 - h5py has no types
-        """Return the number or the text that a member of a group is, None for any other."""
+        """Return a member of a group as a number or a text, None for any other member."""
         if not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
             return None
         if self._matlab and _is_char(item):
             return _text(item)
         is_single = item.size == 1 and item.dtype.kind in ("fiub" if self._matlab else "fiubSO")
-        return _plain(np.ravel(item[()])[0]) if is_single else None
+        return _as_plain_value(np.ravel(item[()])[0]) if is_single else None
 
     def _group(
         self, path: tuple[str, ...], members: Mapping[str, Any], settings: Mapping[str, object]
     ) -> None:
-        """Look into a group: an array of structures is one of as many references for each field."""
+        """Search a group. An array of structures has one list of references for each field."""
         listed = [self._refers(item) and "MATLAB_class" not in item.attrs for item in members.values()]
         if not listed or not all(listed) or len({item.size for item in members.values()}) > 1:
             self.fields(path, members, settings)
@@ -158,13 +160,13 @@ class _Search:
         return find_signal(texts, {name: numbers[name] for name in numbers.keys() - texts.keys()})
 
     def _refers(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
-        """Tell whether a data set is one of MATLAB's lists of references: cells, or a field of structures."""
+        """Return True if a data set is a list of references: MATLAB's cells, or a field of structures."""
         if not self._matlab or not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
             return False
         return self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference
 
     def _referred(self, item: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
-        # MATLAB counts along columns, which are the rows of what it stores
+        # MATLAB counts along columns, which are rows in the file.
         given = np.ravel(item[()])[:MOST_ELEMENTS]
         return [self._file[reference] if reference else None for reference in given]
 
@@ -180,14 +182,14 @@ def _element(path: tuple[str, ...], k: int) -> tuple[str, ...]:
 
 
 def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
-    """Tell whether the file itself holds the numbers that a data set states; MATLAB's [] holds its shape."""
+    """Return True if the numbers of a data set are in the file itself. MATLAB's [] stores only its shape."""
     if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty"):
         return False
     return bool(item.nbytes <= MOST_UNPACKED * item.id.get_storage_size())
 
 
 def _is_char(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
-    """Tell whether a data set is a text of MATLAB's."""
+    """Return True if a data set is a text of MATLAB."""
     return bool(item.dtype.kind == "u" and item.attrs.get("MATLAB_class") == b"char")
 
 
@@ -214,7 +216,7 @@ def _columns(path: tuple[str, ...], item: Any) -> Iterator[Column]:  # noqa: ANN
 
 
 def _names_of_columns(item: Any, count: int) -> list[str]:  # noqa: ANN401 - h5py has no types
-    """Return the names that an attribute of a matrix gives its columns; empty without one."""
+    """Return the names of a matrix's columns from its attribute; empty without this attribute."""
     for key, given in item.attrs.items():
         listed = np.ravel(given) if np.ndim(given) else f"{given}".split(",")
         names = [each.decode() if isinstance(each, bytes) else f"{each}".strip() for each in listed]
@@ -240,9 +242,11 @@ def _read(path: Path, address: str, selection: Selection | None) -> FloatArray:
 
 
 def _settings(item: Any) -> dict[str, object]:  # noqa: ANN401 - h5py has no types
-    """Return the attributes of a group or a data set that are one value each."""
-    return {key: _plain(np.ravel(value)[0]) for key, value in item.attrs.items() if np.size(value) == 1}
+    """Return the attributes of a group or a data set that have a single value."""
+    return {
+        key: _as_plain_value(np.ravel(value)[0]) for key, value in item.attrs.items() if np.size(value) == 1
+    }
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - h5py has no types
+def _as_plain_value(value: Any) -> Any:  # noqa: ANN401 - h5py has no types
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else value

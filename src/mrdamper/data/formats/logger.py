@@ -11,12 +11,12 @@ from mrdamper.errors import InputError
 
 
 def is_logger(head: bytes) -> bool:
-    """Tell whether the first bytes are those of a logger's text."""
+    """Return True if the first bytes are the start of a logger's text."""
     return head.lstrip().startswith(b"Header Size:")
 
 
 def read_logger(path: Path, _options: FileOptions) -> Table:
-    """Return the table of a logger; a file with fewer samples than it states is an error."""
+    """Return the table of a logger. Raise InputError if there are fewer samples than stated."""
     head = read_head(path)
     stated: dict[str, str] = {}
     for line in head.lines:

@@ -1,8 +1,8 @@
 """LabVIEW measurement text (.lvm): a header of tags, then segments, each with a header and columns.
 
-After NI's "Specification for the LabVIEW Measurement File (.lvm)". Each call that writes to a file makes a
-segment. A segment whose time goes on from the one before belongs to it, any other is a recording of its own;
-where x begins anew in each, its date and time of day say when that was.
+Source: NI's "Specification for the LabVIEW Measurement File (.lvm)". Each write to a file makes a segment.
+A segment that continues the time of the segment before belongs to it. Other segments are separate
+recordings. If x restarts in each segment, the start is its date and time of day.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _FIRST = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
-_MOST_TAGS = 200  # lines of a header
+_HEADER_LINES_MAX = 200
 
 Tags = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True, slots=True)
 class _Segment:
-    """Where the rows of one segment lie in the file, and what its header says."""
+    """The position of one segment's rows in the file, and its tags."""
 
     tags: Tags
     labels: bytes
@@ -45,7 +45,7 @@ class _Segment:
 
 
 def is_lvm(head: bytes) -> bool:
-    """Tell whether the first bytes are those of a LabVIEW measurement text."""
+    """Return True if the first bytes are the start of a LabVIEW measurement text."""
     return head.removeprefix(b"\xef\xbb\xbf").startswith(_FIRST.encode())
 
 
@@ -79,20 +79,20 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
 
 
 def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
-    """Return what the file's and the first segment's tags say, and the line of the columns' labels."""
+    """Return the tags of the file and of the first segment, and the line of the columns' labels."""
     ends = [k for k, line in enumerate(head.lines) if line.startswith(_END)]
     if not ends:
         raise InputError(
             place=path, found=f"no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again"
         )
-    end = ends[:2][-1]  # the second is the first segment's
+    end = ends[:2][-1]  # The second end is the end of the first segment's header.
     if end + 2 >= len(head.lines):
         raise InputError(place=path, found="no rows after its header", expected="rows of numbers")
     return _tags_of(head.lines[:end]), end + 1
 
 
 def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
-    """Return what the tags say: the cells beside them."""
+    """Return the cells next to each tag."""
     tags: dict[str, list[str]] = {}
     for line in lines:
         name, *cells = [cell.strip() for cell in line.split("," if "\t" not in line else "\t")]
@@ -101,13 +101,13 @@ def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
 
 
 def _begins_segment(line: bytes) -> bool:
-    """Tell whether a line is a header's first: notes are optional, and stand above the number of channels."""
+    """Return True if a line is the first of a header: notes are optional and precede the channel count."""
     return re.match(rb"(Notes|Channels)[\t,]", line) is not None
 
 
 def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> Iterator[_Segment]:
-    """Return the segments; the first one's tags are known."""
-    header: list[bytes] | None = None  # of the next segment, while it is read
+    """Yield the segments; ``tags`` are the tags of the first."""
+    header: list[bytes] | None = None  # The header of the next segment while it is read.
     ended = False
     with path.open("rb") as stream:
         stream.seek(labels_start)
@@ -127,7 +127,7 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
                 header = None
             elif line.startswith(_END.encode()):
                 ended = True
-            elif len(header) < _MOST_TAGS:
+            elif len(header) < _HEADER_LINES_MAX:
                 header.append(line)
             else:
                 raise InputError(
@@ -142,7 +142,8 @@ def _with_clock(table: Table, tags: Tags) -> Table:
     """Return a table with the time of its channels, and with units that the header states."""
     columns, units = dict(table.columns), dict(table.units)
     clocks = [name for name in columns if name == _X or name.startswith(f"{_X} (")]
-    for name, unit in zip(table.names[1:], tags.get("Y_Unit_Label", []), strict=False):  # a cell above each
+    # There is one cell above each column.
+    for name, unit in zip(table.names[1:], tags.get("Y_Unit_Label", []), strict=False):
         said = unit_in_brackets(name)
         if unit and name in columns.keys() - clocks and not (said and is_unit(said)):
             units[name] = unit
@@ -154,7 +155,7 @@ def _with_clock(table: Table, tags: Tags) -> Table:
     samplings = dict(zip(names, _samplings(tags, len(names)), strict=False))
     whole = _without_empty_ends(table)
     if len(x) > 1 and any(not np.array_equal(other, x[0], equal_nan=True) for other in x):
-        return with_times(whole, _own_times(whole, dict(zip(names, x, strict=False)), samplings))
+        return with_times(whole, _channel_times(whole, dict(zip(names, x, strict=False)), samplings))
     apart = with_samplings(whole, samplings)
     if apart.clocks:
         return apart
@@ -165,10 +166,10 @@ def _with_clock(table: Table, tags: Tags) -> Table:
     )
 
 
-def _own_times(
+def _channel_times(
     table: Table, x: Mapping[str, FloatArray], samplings: Mapping[str, Sampling]
 ) -> dict[str, FloatArray]:
-    """Return the times [s] of columns with an x of their own, after the first of the moments they began."""
+    """Return the times [s] of columns with their own x, measured from the earliest start."""
     began = {name: samplings[name].began_s if name in samplings else None for name in x}
     first = min((each for each in began.values() if each is not None), default=0.0)
     return {
@@ -179,7 +180,7 @@ def _own_times(
 
 
 def _samplings(tags: Tags, columns: int) -> list[Sampling]:
-    """Return start and step of the channels, which the tags give in their order."""
+    """Return start and step of the channels in the order of the tags."""
     cells = {
         name: [cell for cell in tags.get(name, []) if cell] for name in ("X0", "Delta_X", "Date", "Time")
     }
@@ -205,7 +206,7 @@ def _without_empty_ends(table: Table) -> Table:
 
 
 def _with_time(table: Table, segment: _Segment, begun: datetime | None) -> Table:
-    """Return the table of a segment with its times [s]; a time that begins at zero counts from its date."""
+    """Return the table of a segment with its times [s]; a time from zero is counted from its date."""
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table
     x0, now = _number(segment.tags, "X0", 0.0), _stamp(segment.tags)

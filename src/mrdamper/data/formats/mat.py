@@ -1,6 +1,6 @@
 """MAT files up to version 7.2: variables, fields of structures, and columns of matrices.
 
-A structure's field ``run.force`` is a column of its own; a matrix gives ``column 1 of data`` and so on. A
+A structure's field ``run.force`` is a column. A matrix has the columns ``column 1 of data`` and so on. A
 structure that holds one signal and its name is a column of that name (``signals``). Version 7.3 is HDF5 and
 read there.
 """
@@ -41,11 +41,12 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.errors import InputError
 
-_LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
+# Bytes of one element; a number has at least one.
+_LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)
 
 
 def is_mat(head: bytes) -> bool:
-    """Return True if the first bytes are those of a MAT file of version 4 to 7.2."""
+    """Return True if the first bytes are the signature of a MAT file of version 4 to 7.2."""
     return (head.startswith(b"MATLAB ") and not head.startswith(b"MATLAB 7.3")) or _is_version_4(head)
 
 
@@ -76,7 +77,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     for name, part in parts:
         try:
             held = whosmat(part)
-        except TypeError:  # an object, which has no shape
+        except TypeError:  # An object has no shape.
             require_room(part.getbuffer().nbytes * MOST_UNPACKED, path, name)
             held = []
         for _, shape, kind in held:
@@ -108,12 +109,12 @@ def table_of_variables(
 
 
 class _Variables:
-    """Looks for arrays and texts in structures and cells."""
+    """Search for arrays and texts in structures and cells."""
 
     def __init__(self) -> None:
         self.arrays: list[StoredArray] = []
         self.texts: dict[tuple[str, ...], str] = {}
-        self.objects: list[str] = []  # names of objects of MATLAB's classes, which only MATLAB reads
+        self.objects: list[str] = []  # Objects of MATLAB's classes, which only MATLAB reads.
 
     def collect(
         self,
@@ -180,7 +181,7 @@ class _Variables:
 
 
 def _class_name(value: Any) -> str:  # noqa: ANN401 - a value of loadmat
-    """Return the class of an object of MATLAB's or of a function, "" for any other value."""
+    """Return the class of a MATLAB object or function, "" for any other value."""
     if type(value).__name__ == "MatlabFunction":
         return "function"
     if {"s1", "s2"} <= {*(getattr(getattr(value, "dtype", None), "names", None) or ())}:

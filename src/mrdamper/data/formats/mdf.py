@@ -24,24 +24,24 @@ from mrdamper.data.formats.table import (
     Table,
     as_column,
     load_extra,
-    plain_names,
     require_held,
     require_room,
+    shortest_names,
 )
 from mrdamper.errors import InputError
 
-_TIME = -1  # in place of a channel: the clock of the group
+_CLOCK_INDEX = -1  # This channel index means the clock of the group.
 
 Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
 
 
 def is_mdf(head: bytes) -> bool:
-    """Tell whether the first bytes are those of an MDF file."""
+    """Return True if the first bytes are the signature of an MDF file."""
     return head.startswith((b"MDF     ", b"UnFinMF "))
 
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
-    """Return the channels of an MDF file, which is open for as long as the table is there."""
+    """Return the channels of an MDF file. The file stays open while the table exists."""
     asammdf = _asammdf()
     stream = path.open("rb")  # asammdf would unpack archives next to a file that it opens by name.
     try:
@@ -53,9 +53,9 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
     _require_no_formula(file, path)
     found = _find_columns(file, path, options.part)
     others = recordings_in([where for where, *_ in found if where[-1] != "time"])
-    if others:  # one table of each
+    if others:
         found = [each for each in found if each[0][0] == others[0]]
-    names = plain_names([where for where, *_ in found])
+    names = shortest_names([where for where, *_ in found])
     named = dict(zip(names, found, strict=True))
     return Table(
         names=tuple(names),
@@ -116,11 +116,11 @@ def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN
             continue
         require_room(samples, path, title)
         require_held(samples, int(group.channel_group.samples_byte_nr), path, title)
-        clock = _samples(file, g, _TIME)
+        clock = _samples(file, g, _CLOCK_INDEX)
         number = next((k for k, other in enumerate(clocks) if np.array_equal(clock, other)), len(clocks))
         if number == len(clocks):
             clocks.append(clock)
-            found.append(((title, "time"), g, _TIME, "s", samples, number))
+            found.append(((title, "time"), g, _CLOCK_INDEX, "s", samples, number))
         master = file.masters_db.get(g)
         for k, channel in enumerate(group.channels):
             if k != master:
@@ -131,9 +131,9 @@ def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN
 
 def _samples(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
     """Return the samples of a channel, NaN if the file marks a sample as invalid."""
-    if channel == _TIME:
+    if channel == _CLOCK_INDEX:
         return as_column(np.asarray(file.get_master(group)))[0]
-    every = {"samples_only": True, "ignore_invalidation_bits": True}  # asammdf would leave invalid ones out
+    every = {"samples_only": True, "ignore_invalidation_bits": True}  # asammdf would omit invalid samples.
     read, invalid = file.get(group=group, index=channel, **every)
     values = as_column(np.asarray(read))[0]
     if invalid is not None:

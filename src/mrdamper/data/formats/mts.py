@@ -2,7 +2,7 @@
 
 ``MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A``: program, module, language, version, delimiter (0 blank, 1 comma, 2 tab),
 decimal sign, then signs of date and time. Acquisitions follow one another, each with its own lines above the
-rows. The layout is that of published files; the maker's manual was not read.
+rows. The layout is taken from published files, not from the maker's manual.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _DELIMITERS: Mapping[str, str] = MappingProxyType({"0": " ", "1": ",", "2": "\t"
 
 
 def is_mts(head: bytes) -> bool:
-    """Return True if the first bytes are those of an MTS 793 text."""
+    """Return True if the first bytes are the start of an MTS 793 text."""
     return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"MTS793|")
 
 

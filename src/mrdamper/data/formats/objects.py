@@ -1,7 +1,7 @@
-"""Objects of programs: JSON, lines of JSON, and NumPy's archives, read as MAT files are: by name.
+"""Objects of programs: JSON, lines of JSON, and NumPy's archives, read by name like MAT files.
 
-Of JSON, lists of numbers are columns, lists of objects are rows, and a list of rows has its columns' names,
-and their units, in lists of words beside it. Pickled objects in an archive are never opened.
+In JSON, lists of numbers are columns and lists of objects are rows. Names and units of the columns of a
+list of rows are lists of words in the same object. Pickled objects in an archive are never opened.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins an
 
 
 def is_json(head: bytes) -> bool:
-    """Tell whether the first bytes are those of a JSON object or list."""
+    """Return True if the first bytes are the start of a JSON object or list."""
     return _OBJECT.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
 
 
 def is_npz(head: bytes) -> bool:
-    """Tell whether the first bytes are those of an archive of NumPy's arrays."""
+    """Return True if the first bytes are the signature of an archive of NumPy arrays."""
     return head.startswith(b"PK\x03\x04") and b".npy" in head
 
 
@@ -49,7 +49,7 @@ def read_npz(path: Path, options: FileOptions) -> Table:
             require_held(count, kind.itemsize, path, name)
             if kind.hasobject:
                 pickled.append(name)
-        variables = {name: _plain(archive[name]) for name in archive.files if name not in pickled}
+        variables = {name: _as_plain_value(archive[name]) for name in archive.files if name not in pickled}
     skipped = [f"{name} (pickled objects)" for name in pickled]
     return table_of_variables(variables, path, options, "NumPy archive", skipped)
 
@@ -69,15 +69,15 @@ def read_json(path: Path, options: FileOptions) -> Table:
     return table_of_variables(variables, path, options, "JSON file")
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - any array
-    """Return an array of NumPy's as MAT files have it: a text as one, fields of a record by name."""
+def _as_plain_value(value: Any) -> Any:  # noqa: ANN401 - any array
+    """Return a NumPy array in the form of a MAT file: texts as str, fields of a record by name."""
     if value.dtype.names:
         return {name: np.asarray(value[name]) for name in value.dtype.names}
     return str(value) if value.dtype.kind == "U" and value.ndim == 0 else value
 
 
 def _lists_of_words(value: object) -> list[list[str]]:
-    """Return the lists of words in an object, however deep: names of columns, and their units."""
+    """Return the lists of words at any depth of an object: names of columns, and their units."""
     inside = [*value.values()] if isinstance(value, dict) else []
     return [each for each in inside if _is_list_of(each, str)] + [
         words for each in inside for words in _lists_of_words(each)
@@ -85,11 +85,11 @@ def _lists_of_words(value: object) -> list[list[str]]:
 
 
 def _arrays(value: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - of JSON
-    """Return what JSON holds with lists of numbers, and tables, as arrays."""
+    """Return a JSON value with its lists of numbers and its tables as arrays."""
     if isinstance(value, dict):
         inside = {str(key): _arrays(each, words) for key, each in value.items()}
         matrices = {k: v for k, v in inside.items() if isinstance(v, np.ndarray) and v.ndim == 2}
-        return inside | {key: _named(each, words) for key, each in matrices.items()}
+        return inside | {key: _columns_by_name(each, words) for key, each in matrices.items()}
     if not isinstance(value, list) or not value:
         return value
     inner = [each for row in value if isinstance(row, dict) for each in row.values()]
@@ -104,8 +104,8 @@ def _arrays(value: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - of JSO
     return value if _is_list_of(value, str) else rows
 
 
-def _named(matrix: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - an array
-    """Return a matrix as its columns by name, where a list of as many words gives these."""
+def _columns_by_name(matrix: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - an array
+    """Return the columns of a matrix by name if there is a list of as many words."""
     lists = [each for each in words if len(each) == matrix.shape[1]]
     units = next((each for each in lists if all(roles_of_unit(word) or not word for word in each)), None)
     names = next((each for each in lists if each is not units), None)

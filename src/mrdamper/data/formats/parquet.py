@@ -19,12 +19,12 @@ from mrdamper.data.formats.table import (
 
 
 def is_parquet(head: bytes) -> bool:
-    """Return True if the first bytes are those of a Parquet file."""
+    """Return True if the first bytes are the signature of a Parquet file."""
     return head.startswith(b"PAR1")
 
 
 def read_parquet(path: Path, _options: FileOptions) -> Table:
-    """Return the columns of a Parquet file; a column of times is in seconds from its first."""
+    """Return the columns of a Parquet file. Times are in seconds from the first time."""
     pl = load_extra("polars", "polars", "Parquet files")
     file = pl.scan_parquet(path, glob=False)  # read_parquet_schema would take "run[1]" for "run1".
     schema = file.collect_schema()

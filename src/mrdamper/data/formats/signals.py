@@ -1,7 +1,7 @@
-"""Signals in structures: how the tools of a test bench save a recording as MAT files.
+"""Signals in structures, the form of recordings that test bench tools save as MAT files.
 
-A structure that holds one signal and its name, as dSPACE's ``Y(2).Name`` and ``Y(2).Data`` or Simulink's
-``signals(2).label`` and ``signals(2).values``, is a column of that name. Reading is ``mat`` and ``hdf5``.
+A structure with one signal and its name, such as dSPACE's ``Y(2).Name`` and ``Y(2).Data`` or Simulink's
+``signals(2).label`` and ``signals(2).values``, is a column of that name. ``mat`` and ``hdf5`` read the files.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ class Signal:
     """The one signal of a structure."""
 
     name: str
-    field: str  # that holds the samples
+    field: str  # The field of the samples.
     unit: str
-    time: str  # field that holds their times; "" without one
+    time: str  # The field of the times; "" without one.
 
 
 def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]) -> Signal | None:
-    """Return the signal of a structure, told by its texts and by the shapes of its arrays of numbers.
+    """Return the signal of a structure, given its texts and the shapes of its arrays of numbers.
 
-    None where it has no name, or holds more: a table under a title, say.
+    Return None if the structure has no name, or more than one signal, such as a table under a title.
     """
     said = {key.lower(): text.strip() for key, text in texts.items() if text.strip()}
     long = {key: shape for key, shape in shapes.items() if math.prod(shape) > 1}
@@ -48,5 +48,5 @@ def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]])
 
 
 def unit_of_field(name: str, beside: Collection[str]) -> str:
-    """Return the unit that a field has without saying so: Simulink's structure with time is in seconds."""
+    """Return the implied unit of a field: the times of Simulink's structure with time are in seconds."""
     return "s" if name == "time" and "signals" in beside else ""

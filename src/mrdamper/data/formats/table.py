@@ -1,6 +1,6 @@
-"""What every format hands on: columns by name, and how the file was understood.
+"""The result of each format reader: columns by name, and the layout of the file.
 
-A column of a large binary file is read on use, so that only the needed channels of many are read.
+A column of a large binary file is read on use. Only the needed channels are read.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 
-MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
-MOST_WHOLE = 1 << 28  # bytes of a file that is held whole
-MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
-GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
-MOST_HEADER_LINES = 400  # the rows of a text or a sheet begin within these
-MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
+MOST_UNPACKED = 1032  # The largest possible compression ratio of deflate.
+MOST_WHOLE = 1 << 28  # Larger files [bytes] are not kept in memory as a whole.
+MOST_SAMPLES = 400_000_000  # A longer column (3.2 GB) is a damaged header or an attack.
+CONTINUATION_MAX_STEPS = 1.5  # A piece after a longer pause is a separate recording.
+MOST_HEADER_LINES = 400  # The first row of a text or a sheet is within these lines.
+MOST_COLUMNS = 64  # A wider matrix is not a table of channels.
 
 LEAST_ROWS = 10
 """Rows of numbers that make a table of samples: fewer are a table of results."""
@@ -42,12 +42,12 @@ Texts = list[str | None]
 
 @dataclass(frozen=True, slots=True)
 class FileOptions:
-    """What a channel map says about the file itself; "" leaves it to the file."""
+    """Settings of a channel map about the file itself; "" means automatic."""
 
     part: str = ""  # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
-    delimiter: str = ""  # of a text
+    delimiter: str = ""
     decimal: str = ""  # "." or ","
-    common_time: bool = False  # True: use the time that all channels have in common, however short
+    common_time: bool = False  # True: use the time that all channels have in common
 
     def __post_init__(self) -> None:
         if self.delimiter not in {"", ",", ";", "\t", "|", " "}:
@@ -63,17 +63,17 @@ class FileOptions:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How a file was understood."""
+    """The layout of a file as the reader detected it."""
 
     format: str
     delimiter: str = ""
     decimal: str = ""
-    header_lines: int | None = None  # before the first row of numbers
+    header_lines: int | None = None  # Lines before the first row of numbers.
     part: str = ""
     notes: tuple[str, ...] = ()
 
     def in_words(self) -> str:
-        """Return the layout as a reader may check it."""
+        """Return the layout as text for the user."""
         words = [self.format]
         named = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
         if self.delimiter:
@@ -87,34 +87,36 @@ class Layout:
         return ", ".join([*words, *self.notes])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as JSON takes them."""
+        """Return the fields as JSON values."""
         return {key: list(value) if key == "notes" else value for key, value in asdict(self).items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Columns of a file by name, text columns apart; a scalar is a column of one number."""
+    """Columns of a file by name, with text columns separate. A scalar is a column of one number."""
 
-    names: tuple[str, ...]  # of all columns, in the file's order
+    names: tuple[str, ...]  # Names of all columns in the order of the file.
     columns: Mapping[str, FloatArray]
     texts: Mapping[str, Texts]
     layout: Layout
-    rows: int  # of the longest column
-    step_s: float | None = None  # sampling interval that the file states beside its columns
-    units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
+    rows: int  # Length of the longest column.
+    step_s: float | None = None  # Sampling interval in the file, separate from its columns.
+    # Units apart from names.
+    units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
-    recorded_apart: bool = False  # True: each channel may begin and end by itself, as the file states it
-    stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
-    title: str = ""  # of the sheet, group or structure that the table is
-    said: tuple[str, ...] = ()  # lines above the table, or its attributes: "name: value"
-    scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # stated, not applied
-    more: tuple[str, ...] = ()  # further parts of the file that hold tables; ``FileOptions.part`` names one
-    following: tuple[Table, ...] = ()  # further tables of the same part
+    recorded_apart: bool = False  # True: the channels may begin and end at different times
+    stamps: frozenset[str] = frozenset()  # Columns of times of day or dates, in seconds from the first.
+    title: str = ""  # Title of the sheet, group or structure.
+    said: tuple[str, ...] = ()  # Lines above the table, or its attributes: "name: value".
+    # Stated, not applied.
+    scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    more: tuple[str, ...] = ()  # Other parts of the file with tables, for ``FileOptions.part``.
+    following: tuple[Table, ...] = ()  # Other tables of the same part.
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A file format: the suffixes that a folder is searched for, how its first bytes look, its reader."""
+    """A file format: the suffixes to search for in a folder, a test of the first bytes, the reader."""
 
     name: str
     suffixes: tuple[str, ...]
@@ -123,7 +125,7 @@ class Format:
 
 
 class OnUse(Mapping[str, Value], Generic[Value]):
-    """Columns that are read from the file each time they are asked for."""
+    """Columns that are read from the file on each access."""
 
     def __init__(self, readers: Mapping[str, Callable[[], Value]]) -> None:
         self._readers = dict(readers)
@@ -139,17 +141,17 @@ class OnUse(Mapping[str, Value], Generic[Value]):
 
 
 def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a foreign module
-    """Return an optional library's module; without it, a message that names the install command."""
+    """Return the module of an optional library, or raise an error that names the install command."""
     try:
         return import_module(module)
     except ImportError as error:
         raise MissingExtraError.for_package(what, package, "rig-files") from error
 
 
-def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
-    """Return the last part of each path where it is the only one of that name, else the whole path.
+def shortest_names(paths: Sequence[Sequence[str]]) -> list[str]:
+    """Return the last part of each path if it is unique, else the whole path.
 
-    Paths that are the same are counted: a channel must not take the place of its namesake.
+    Equal paths are numbered, because a channel must not replace a channel of the same name.
     """
     often = Counter(path[-1] for path in paths)
     names: dict[str, None] = {}
@@ -164,7 +166,7 @@ def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
 
 
 def distinct_names(names: Sequence[str]) -> list[str]:
-    """Return the names of columns; one that is empty, or that of a column before, gets its number."""
+    """Return the names of columns. An empty or repeated name gets the number of its column."""
     order: list[str] = []
     for k, given in enumerate(names):
         name = given or f"column {k + 1}"
@@ -173,7 +175,7 @@ def distinct_names(names: Sequence[str]) -> list[str]:
 
 
 def require_room(samples: int, path: Path, name: str) -> None:
-    """Refuse a column that no memory should be given to."""
+    """Raise InputError if a column is too long to allocate."""
     if samples > MOST_SAMPLES:
         raise InputError(
             place=path,
@@ -184,7 +186,7 @@ def require_room(samples: int, path: Path, name: str) -> None:
 
 
 def require_held(samples: int, size: int, path: Path, name: str) -> None:
-    """Refuse more samples of some bytes than a file of its size unpacks to: they would be given memory."""
+    """Raise InputError if a file of this size cannot hold the samples, before memory is allocated."""
     if not 0 <= samples * size <= MOST_UNPACKED * path.stat().st_size:
         raise InputError(
             place=path,
@@ -196,7 +198,7 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
 
 
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return numbers as float64 and the unit that their type implies: times are seconds from the first."""
+    """Return numbers as float64 and the unit of their type. Times are in seconds from the first."""
     flat = np.ravel(values)
     if flat.dtype.kind == "M":
         return (flat - flat[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"

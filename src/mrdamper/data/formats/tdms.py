@@ -1,4 +1,4 @@
-"""TDMS (LabVIEW): channels in groups, with their units; read when asked for."""
+"""TDMS (LabVIEW): channels in groups, with their units, read on use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mrdamper.data.formats.table import (
     Texts,
     as_column,
     load_extra,
-    plain_names,
+    shortest_names,
 )
 from mrdamper.errors import InputError
 
@@ -29,12 +29,12 @@ _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 
 
 def is_tdms(head: bytes) -> bool:
-    """Tell whether the first bytes are those of a TDMS file."""
+    """Return True if the first bytes are the signature of a TDMS file."""
     return head.startswith(b"TDSm")
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
-    """Return the channels of a TDMS file, each with the start and the step that it states."""
+    """Return the channels of a TDMS file, each with its start and step."""
     with _opened(path) as file:
         every = [
             _Channel(group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
@@ -71,7 +71,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
     title = table.title or (groups.pop() if len(groups) == 1 else "")
     inside = [each for each in found if title in {"", each.group}]
     words = [each for each in inside if each.kind in "OSU"]
-    texts = dict(zip(plain_names([(each.group, each.name) for each in words]), words, strict=True))
+    texts = dict(zip(shortest_names([(each.group, each.name) for each in words]), words, strict=True))
     columns, names = iter(table.names), iter(texts)
     order = [next(names if each.kind in "OSU" else columns) for each in inside if each in numbers + words]
     return replace(
@@ -90,7 +90,7 @@ class _Channel:
     group: str
     name: str
     size: int
-    kind: str  # of its numbers, as NumPy has it
+    kind: str  # The dtype kind of its numbers in NumPy.
     properties: Mapping[str, object]
 
 
@@ -116,7 +116,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _numbers(path: Path, group: str, channel: str) -> FloatArray:
-    """Return the samples of a channel; times count from the first."""
+    """Return the samples of a channel. Times are in seconds from the first."""
     with _opened(path) as file:
         return as_column(np.asarray(file[group][channel][:]))[0]
 

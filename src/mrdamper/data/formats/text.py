@@ -1,6 +1,6 @@
-"""Delimited text: delimiter, decimal sign and header are found by looking, and reported.
+"""Delimited text: delimiter, decimal sign and header are detected and reported.
 
-Rows are parsed in blocks, so that a file of gigabytes needs the memory of its numbers and little more.
+Rows are parsed in blocks because a file of gigabytes then needs little more memory than its numbers.
 """
 
 from __future__ import annotations
@@ -53,27 +53,27 @@ from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
 _HEAD_BYTES = 1 << 20
-_BLOCK = 1 << 25  # bytes that are parsed at a time
+_BLOCK_BYTES = 1 << 25
 
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """The first lines of a text, and the byte at which each begins (and the one after the last)."""
+    """The first lines of a text, the first byte of each, and the byte after the last."""
 
     lines: tuple[str, ...]
     starts: tuple[int, ...]
-    notes: tuple[str, ...] = ()  # on how it was read
+    notes: tuple[str, ...] = ()  # Remarks on how the text was read.
     encoding: str = UTF8
 
 
 def is_text(head: bytes) -> bool:
-    """Tell whether the first bytes of a file are text, of whatever encoding."""
+    """Return True if the first bytes of a file are text in any encoding."""
     return b"\0" not in head or bool(utf16_of(head))
 
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """How a delimited text is laid out: its header, and where its rows begin."""
+    """The layout of a delimited text: its header, and the start of its rows."""
 
     start: int  # byte
     header: Header
@@ -82,15 +82,15 @@ class _Found:
 
 
 def read_text(path: TextSource, options: FileOptions) -> Table:
-    """Return the table in a delimited text; where lines of words part its rows, several that follow it."""
+    """Return the first table in a delimited text. Tables after lines of words follow it."""
     found = _look(path, options)
     if isinstance(found, Table):
         return found
     fault: InputError | None = None
-    if _held(path).find(b"\n#", found.start) < 0:  # lines of comments among the rows
+    if _content(path).find(b"\n#", found.start) < 0:  # There are comments among the rows.
         try:
             return _table(path, found)
-        except InputError as error:  # a cell that is no number: of a line of words, perhaps
+        except InputError as error:  # An invalid cell may belong to a line of words.
             fault = error
     tables = _tables_of_blocks(path, found)
     if tables is not None:
@@ -101,7 +101,7 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
 
 
 def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
-    """Return the table of some rows with what their header says: lines, factors, step."""
+    """Return the table of some rows with the lines, factors and step of their header."""
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
@@ -117,8 +117,8 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
     return replace(table, columns=columns, layout=replace(table.layout, notes=notes))
 
 
-def _held(path: TextSource) -> bytes:
-    """Return the bytes of a text that is not large, nothing of another."""
+def _content(path: TextSource) -> bytes:
+    """Return the bytes of a text, empty if the text is large."""
     if size_of(path) > MOST_WHOLE:
         return b""
     with open_text_bytes(path) as stream:
@@ -126,10 +126,10 @@ def _held(path: TextSource) -> bytes:
 
 
 def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
-    """Return the table of each block of rows; None where there is one block, and nothing below it."""
+    """Return the table of each block of rows, None if there is only one block and no line below it."""
     layout = found.layout
     blocks, trailer = find_blocks(
-        _held(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
+        _content(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
     )
     long = [block for block in blocks if block.rows >= LEAST_ROWS]
     if not long or (len(blocks) == 1 and not trailer):
@@ -159,7 +159,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     if len(rows) <= MOST_COLUMNS and min((len(row) for row in rows), default=0) > max(
         MOST_COLUMNS, len(rows)
     ):
-        return _of_rows(rows, delimiter, options)
+        return _table_of_rows(rows, delimiter, options)
     if first is None:
         raise InputError(
             place=f"{path}",
@@ -173,7 +173,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     return _Found(head.starts[first], header, layout, head.encoding)
 
 
-def _of_rows(rows: Sequence[Sequence[str]], delimiter: str, options: FileOptions) -> Table:
+def _table_of_rows(rows: Sequence[Sequence[str]], delimiter: str, options: FileOptions) -> Table:
     """Return the table of a text with a row for each channel: its name, then the samples."""
     decimal = options.decimal or ("," if delimiter != "," and any("," in cell for cell in rows[-1]) else ".")
     names = distinct_names([row[0] for row in rows])
@@ -186,7 +186,7 @@ def _of_rows(rows: Sequence[Sequence[str]], delimiter: str, options: FileOptions
 
 
 def read_head(path: TextSource) -> Head:
-    """Return the first lines of a text; what has no usual encoding or line ends is an ``InputError``."""
+    """Return the first lines of a text. Raise InputError if its encoding or line ends are not supported."""
     with open_text_bytes(path) as stream:
         content, wide = (
             stream.read(_HEAD_BYTES),
@@ -206,7 +206,7 @@ def read_head(path: TextSource) -> Head:
             expected="LF or CR LF",
             remedy="Save it with such lines",
         )
-    end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # the last line may have none
+    end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: MOST_HEADER_LINES + 1]
     if edges == [0]:
         raise InputError(
@@ -223,7 +223,7 @@ def read_head(path: TextSource) -> Head:
 
 
 def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
-    """Give the lines of a text from where it stands, each with its number; the ``first`` one's is given.
+    """Yield the lines of a text from the current position with their numbers, beginning with ``first``.
 
     Raises
     ------
@@ -241,8 +241,8 @@ def parse_rows(
 ) -> Table:
     """Return the columns of the rows from byte ``start`` on, to byte ``stop`` or the end.
 
-    A column is numbers when at least half of its filled cells in the first block are; a cell of it that is
-    none is an error with its line.
+    A column is numeric if at least half of its filled cells in the first block are numbers. An invalid cell
+    in it is an error with its line.
     """
     order = distinct_names(names)
     stamps: dict[int, Timestamps] = {}
@@ -275,14 +275,14 @@ def _column_blocks(
     *,
     stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
-    """Give the columns of each block: numbers, or cells where the first block has texts.
+    """Yield the columns of each block: numbers, or cells if the first block has texts.
 
-    An invalid cell of a column of numbers is an error. Columns of times of day or dates are numbers, too;
-    they are put into ``stamps``.
+    An invalid cell of a column of numbers is an error. Columns of times of day or dates are numbers, too.
+    They are added to ``stamps``.
     """
     is_number: list[bool] = []
     for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):
-        plain = None if is_number else _plain_numbers(content, layout, len(order))
+        plain = None if is_number else _parse_numeric_block(content, layout, len(order))
         if plain is not None:
             is_number = [True] * len(plain)
             yield plain
@@ -310,11 +310,11 @@ def _column_blocks(
 
 
 def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
-    """Give whole lines of a file in blocks, each with the number of its first line."""
+    """Yield whole lines of a file in blocks, each with the number of its first line."""
     rest = b""
     with open_text_bytes(path) as stream:
         stream.seek(start)
-        while piece := stream.read(_BLOCK if stop is None else min(_BLOCK, stop - stream.tell())):
+        while piece := stream.read(_BLOCK_BYTES if stop is None else min(_BLOCK_BYTES, stop - stream.tell())):
             if b"\0" in piece:
                 raise InputError(
                     place=f"{path}",
@@ -324,7 +324,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
                 )
             content = rest + piece
             cut = content.rfind(b"\n") + 1
-            if not cut and len(content) >= _BLOCK:
+            if not cut and len(content) >= _BLOCK_BYTES:
                 raise InputError(
                     place=f"{path}", found=f"line {first_line} does not end", expected="rows of numbers"
                 )
@@ -336,8 +336,8 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
         yield rest, first_line
 
 
-def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a block of numbers and nothing else, which NumPy reads faster."""
+def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
+    """Return the columns of a block if it has only numbers, because NumPy reads them faster; else None."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":

@@ -1,9 +1,11 @@
-"""Times as clocks show them: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
+"""Times of day and dates in texts.
 
-They become seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. A time of day that
-falls by more than half a day has passed midnight. Of a date only the differences count: it begins with the
-year, or has points and begins with the day. Dates of another form (11/12/2026 has two meanings) must all be
-the same.
+Examples: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
+
+They are converted to seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. A time of
+day that falls by more than half a day has passed midnight. Only differences of dates are used. A date begins
+with the year, or it has points and begins with the day. Dates of another form must all be equal, because
+11/12/2026 has two meanings.
 """
 
 from __future__ import annotations
@@ -27,20 +29,20 @@ _DAY_S = 86400.0
 
 
 def is_time(cell: str) -> bool:
-    """Tell whether a cell is a time of day, or a date with one."""
+    """Return True if a cell is a time of day, or a date with a time of day."""
     return _TIME.match(cell) is not None
 
 
 class Timestamps:
-    """Reads the cells of one column, a block at a time."""
+    """Reader of the cells of one column, block by block."""
 
     def __init__(self) -> None:
-        self._first: tuple[int, float] | None = None  # day, seconds of that day
+        self._first: tuple[int, float] | None = None  # Day, and seconds of this day.
         self._last_s, self._midnights = -np.inf, 0
-        self._only = ""  # a date of another form
+        self._only = ""  # A date of another form.
 
     def seconds(self, cells: Texts) -> FloatArray:
-        """Return seconds from the first time of all blocks; not a number where a cell is no time."""
+        """Return seconds from the first time of all blocks, NaN if a cell is not a time."""
         dates, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm, offset_s = read
         hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
@@ -55,7 +57,7 @@ class Timestamps:
         return np.asarray(_DAY_S * (days - first[0]) + (of_day - first[1]), dtype=np.float64)
 
     def _days(self, dates: Texts, of_day: FloatArray) -> FloatArray:
-        """Return the day of each cell, counted from any; without dates, how often midnight has passed."""
+        """Return the day number of each cell. Without dates, it is the number of midnights passed."""
         found = dict.fromkeys(dates)
         if not found.keys() - {None}:
             there = np.flatnonzero(np.isfinite(of_day))
@@ -69,7 +71,7 @@ class Timestamps:
         return np.array([day_of[text] for text in dates])
 
     def _day(self, text: str | None) -> float:
-        """Return the number of a date; not a number where its meaning is not sure."""
+        """Return the day number of a date, NaN if its meaning is ambiguous."""
         if text is None:
             return np.nan
         parts = text.replace("/", "-").replace(".", "-").split("-")
@@ -86,7 +88,7 @@ class Timestamps:
 
 
 def _parts(cells: Texts) -> tuple[Texts, list[FloatArray]]:
-    """Return the dates of the cells, and hour, minute, second, its part, 12 hours, pm, offset [s]."""
+    """Return dates, hours, minutes, seconds, fractions, 12-hour and pm flags, and UTC offsets [s]."""
     nothing = (None,) * 9
     found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
     read = np.array(

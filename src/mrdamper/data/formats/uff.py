@@ -1,6 +1,6 @@
 """Universal files (.unv, .uff), data sets 58 and 58b, read by pyuff: one function of time is one channel.
 
-Channels of one name belong to recordings one after the other. Spectra, complex values and other data sets are
+Channels with the same name belong to successive recordings. Spectra, complex values and other data sets are
 ignored.
 """
 
@@ -23,7 +23,7 @@ from mrdamper.quantities import to_si
 _BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
 _DATA_SET = 58
 _TIME_RESPONSE = 1
-_REAL = (2, 4)  # single and double precision
+_REAL = (2, 4)  # Single and double precision.
 _QUANTITIES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 13: "force"}
 
 
@@ -39,7 +39,7 @@ class _Channel:
 
 
 def is_uff(head: bytes) -> bool:
-    """Return True if the first bytes are those of a universal file."""
+    """Return True if the first bytes are the start of a universal file."""
     return _BEGINS.match(head) is not None
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import GOES_ON, Texts
-from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
+from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Texts
+from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 
 MISSING_RATIO_MAX = 0.01
 _SLOW = frozenset({"temperature", "command"})
@@ -83,7 +83,7 @@ def _continues(before: Piece, after: Piece) -> bool:
     if len(before.time) < 2 or not len(after.time) or before.channels.keys() != after.channels.keys():
         return False
     usual = float(np.median(np.diff(before.time)))
-    if not 0.0 < float(after.time[0] - before.time[-1]) < GOES_ON * usual:
+    if not 0.0 < float(after.time[0] - before.time[-1]) < CONTINUATION_MAX_STEPS * usual:
         return False
     if before.told != after.told:
         return False
@@ -218,7 +218,7 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
         yield piece
         return
     usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * usual) + 1
+    gaps = np.flatnonzero(steps > GAP_MIN_STEPS * usual) + 1
     edges = [0, *gaps.tolist(), len(piece.time)]
     if not len(gaps) or min(np.diff(edges)) < LEAST_SAMPLES or changes_of_pace(steps, len(gaps)) is not None:
         yield piece

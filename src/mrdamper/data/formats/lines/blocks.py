@@ -1,7 +1,7 @@
-"""Blocks of rows in a text: samples that stand one below the other with lines of words between or below them.
+"""Blocks of rows in a text: consecutive samples with lines of words between or below them.
 
-A line of words ends a block; what stands between two blocks is the header of the next one, and what stands
-below the last one is a trailer. A cell among numbers that is none is neither: it stays an error of its line.
+A line of words ends a block. The lines between two blocks are the header of the second block, and the
+lines below the last block are a trailer. A single invalid cell among numbers remains an error of its line.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ _Kind = Literal["blank", "row", "words", "perhaps words"]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Where rows lie in a text, and the lines above them."""
+    """The position of rows in a text, and the lines above them."""
 
     start: int  # bytes
     stop: int
-    first_line: int  # lines of the text before the first row
+    first_line: int  # Lines of the text before the first row.
     rows: int
     above: tuple[str, ...]
     first_row: str
 
 
 class _Scan:
-    """Takes the lines of a text one by one."""
+    """Split the lines of a text into blocks."""
 
     def __init__(self, delimiter: str) -> None:
         self.blocks: list[Block] = []
-        self.above: list[str] = []  # lines of words since the last block
+        self.above: list[str] = []  # Lines of words since the last block.
         self._delimiter = delimiter
-        self._numeric: list[int] = []  # cells of the present block that hold numbers
-        self._waiting: list[tuple[str, int]] = []  # lines that may be words, each with the byte after it
+        self._numeric: list[int] = []  # Cells of the current block with numbers.
+        self._waiting: list[tuple[str, int]] = []  # Lines that may be words, with the next byte.
         self._open: Block | None = None
 
     def take(self, line: str, start: int, stop: int, number: int) -> None:
@@ -86,7 +86,7 @@ class _Scan:
 def find_blocks(
     content: bytes, start: int, first_line: int, delimiter: str, encoding: str
 ) -> tuple[list[Block], int]:
-    """Return the blocks from byte ``start`` on, and how many lines of words stand below the last one."""
+    """Return the blocks from byte ``start`` on, and the number of lines of words below the last block."""
     scan = _Scan(delimiter)
     at = start
     for number, raw in enumerate(content[start:].splitlines(keepends=True), first_line):
@@ -98,5 +98,5 @@ def find_blocks(
 
 
 def _is_value(cell: str) -> bool:
-    """Tell whether a cell is a number, a time, or says that there is none."""
+    """Return True if a cell is a number, a time, or the mark of a missing value."""
     return not cell or cell in MISSING_MARKS or count_numbers([cell]) > 0 or is_time(cell)

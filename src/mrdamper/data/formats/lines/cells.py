@@ -14,7 +14,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import MISSING_MARKS, Layout, Texts
 from mrdamper.data.formats.timestamps import Timestamps
 
-_AROUND = ' \t"'  # Blanks and quotation marks around a cell are no part of its text.
+_AROUND = ' \t"'  # Blanks and quotation marks around a cell are not part of its text.
 _MISSING = frozenset({"", *MISSING_MARKS})
 _NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 
@@ -59,7 +59,7 @@ class Cells:
     ----------
     texts : cells, None if empty
     numbers : NaN if a cell is no number
-    lines : line of each cell in the file
+    lines : line of each cell in the file, from 1
     """
 
     def __init__(self, texts: Texts, numbers: Sequence[float | None], lines: Sequence[int]) -> None:
@@ -71,7 +71,7 @@ class Cells:
 
     @property
     def mostly_text(self) -> bool:
-        """True if more than half of the filled cells are no numbers."""
+        """True if more than half of the filled cells are not numbers."""
         return self.bad > 0.5 * self.filled
 
     def numbers(self) -> FloatArray:
@@ -83,7 +83,7 @@ class Cells:
         return list(self._texts)
 
     def first_bad(self) -> tuple[int, str]:
-        """Return the line of the first cell that is no number, and the cell."""
+        """Return the line of the first cell that is not a number, and the cell."""
         k = self._is_wrong.index(True)
         return self._lines[k], f"{self._texts[k]}"[:40]
 

@@ -1,6 +1,6 @@
-"""Encodings of texts: UTF-8, UTF-16, else an East Asian one, Windows-1251 or -1252 where it may well be that.
+"""Encodings of texts: UTF-8, UTF-16, East Asian encodings, Windows-1251 and Windows-1252.
 
-A wrong one spoils words alone: numbers and the units that decide are ASCII in every one of them.
+A wrong choice damages only words: numbers and their units are ASCII in each of these encodings.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ READ_AS = {
 """What is told of a text in an encoding other than UTF-8."""
 
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
-_NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 leaves out;
-_NO_CYRILLIC = b"\x98"  # the one that Windows-1251 does
+_NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # Bytes that Windows-1252 does not define.
+_NO_CYRILLIC = b"\x98"  # The byte that Windows-1251 does not define.
 _WORDS = re.compile(rb"[A-Za-z\x80-\xff]{3,}")
-_CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")  # of its letters alone
-_FEWEST_WORDS = 2
+_CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")
+_WORDS_MIN = 2
 _EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
-_MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
+_NON_ASCII_RATIO_MAX = 0.05  # A text of numbers has few letters beyond ASCII.
 _MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def utf16_of(head: bytes) -> str:
-    """Return the name of the UTF-16 that the first bytes are in, with or without a mark; "" for others."""
+    """Return the name of the UTF-16 variant of the first bytes, with or without a mark; "" if not UTF-16."""
     if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
         return ""
     if head.startswith(_MARKS):
@@ -47,14 +47,14 @@ def utf16_of(head: bytes) -> str:
     half = len(head) // 2
     first, second = head[0::2].count(0), head[1::2].count(0)
     for name, high, low in (("utf-16-le", second, first), ("utf-16-be", first, second)):
-        if half > 8 and high > 0.9 * half and low < 0.3 * half:  # every other byte is zero
+        if half > 8 and high > 0.9 * half and low < 0.3 * half:  # Every second byte is zero.
             return name
     return ""
 
 
 @dataclass(frozen=True, slots=True)
 class TextInMemory:
-    """A text that a reader made of a part of a file, such as a sheet of a workbook."""
+    """A text from a part of a file, such as a sheet of a workbook."""
 
     place: str
     content: bytes  # UTF-8
@@ -67,17 +67,17 @@ TextSource = Path | TextInMemory
 
 
 def size_of(source: TextSource) -> int:
-    """Return the bytes of a text."""
+    """Return the size of a text [bytes]."""
     return len(source.content) if isinstance(source, TextInMemory) else source.stat().st_size
 
 
 def open_text_bytes(source: TextSource) -> BinaryIO:
-    """Open a text for reading as bytes; one in UTF-16 gives those of UTF-8.
+    """Open a text for reading as bytes. UTF-16 is converted to UTF-8.
 
     Raises
     ------
     InputError
-        A text in UTF-16 is damaged, or of more than 256 MB.
+        A text in UTF-16 is damaged, or larger than 256 MB.
     """
     if isinstance(source, TextInMemory):
         return io.BytesIO(source.content)
@@ -107,7 +107,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
     Raises
     ------
     InputError
-        It is none that a text of numbers would have.
+        The encoding is not one of a text of numbers.
     """
     try:
         content.decode("utf-8")
@@ -119,7 +119,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
                 return eastern
             if _NO_CYRILLIC not in content and _is_cyrillic(content):
                 return _CYRILLIC
-            if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
+            if _NO_WINDOWS.search(content) is None and letters <= _NON_ASCII_RATIO_MAX * len(content):
                 return _WINDOWS
         raise InputError(
             place=f"{path}",
@@ -131,13 +131,13 @@ def encoding_of(path: TextSource, content: bytes) -> str:
 
 
 def _is_cyrillic(content: bytes) -> bool:
-    """Tell whether words beyond ASCII have none of its letters: those of a Latin script mix both."""
+    """Return True if words beyond ASCII contain no ASCII letters, because words in Latin script mix both."""
     words = [word for word in _WORDS.findall(content) if not word.isascii()]
-    return len(words) >= _FEWEST_WORDS and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
+    return len(words) >= _WORDS_MIN and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
 
 
 def _eastern(content: bytes) -> str:
-    """Return the East Asian encoding of a text: one in which it names a channel, else the first that fits."""
+    """Return the East Asian encoding that gives the name of a channel, else the first valid one."""
     fitting = {
         encoding: content.decode(narrow)
         for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
@@ -153,7 +153,7 @@ def _eastern(content: bytes) -> str:
 
 
 def _is_pairs_of(encoding: str, content: bytes) -> bool:
-    """Tell whether all bytes beyond ASCII are pairs of an encoding, two at least: umlauts stand alone."""
+    """Return True if all bytes beyond ASCII are pairs, at least two. Umlauts are single bytes."""
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError:

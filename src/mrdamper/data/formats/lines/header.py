@@ -1,4 +1,4 @@
-"""The first lines of a text or a sheet: delimiter, decimal sign, where rows begin, names of columns."""
+"""The first lines of a text or a sheet: delimiter, decimal sign, first row, names of columns."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?([+-]?\d[\d.,]*)[\"']?,?\s*"
 )  # "Current_A=0.5"
-_ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # of a legend: "CH1: force, N"
-_MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # stands above the samples: "Data:", "[Data]"
+_ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # A legend: "CH1: force, N".
+_MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # The line above the samples: "Data:", "[Data]".
 DELIMITERS = ("\t", ";", ",", "|", " ")
-_MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
+_NOTE_LINES_MAX, _NOTE_LENGTH_MAX = 64, 300
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Names of columns, and the lines above them, their cells separated by blanks."""
+    """Names of columns, and the lines above them with their cells separated by blanks."""
 
     names: tuple[str, ...]
     said: tuple[str, ...]
@@ -43,9 +43,9 @@ class Header:
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
-    """Return the delimiter and the first line of data: two numbers or more, and as many in the next line.
+    """Return the delimiter and the first line of data: at least two numbers, and as many in the next line.
 
-    The first of ten such lines goes before one of fewer: a table of results may stand above the samples.
+    The first of ten such lines has priority, because a short table of results may be above the samples.
     """
     found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
     for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
@@ -62,17 +62,17 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
-    """Tell whether ten rows of numbers stand one below the other: fewer are a table of results."""
+    """Return True if there are ten consecutive rows of numbers. Fewer rows are a table of results."""
     return _first_row(lines, delimiter, LEAST_ROWS) is not None
 
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
-    """Return the first of so many lines of two numbers or more; the last line of a text may stand alone.
+    """Return the first of ``wanted`` lines of at least two numbers. One line is enough at the end of a text.
 
     Lines belong together unless a cell holds a number in one and a word in the other.
     """
     rows: list[int] = []
-    words: list[bool | None] = []  # kinds of the cells of the first of these lines
+    words: list[bool | None] = []  # Kinds of the cells in the first of these lines.
     for k, line in enumerate(lines):
         if not line.strip() and wanted == LEAST_ROWS:
             continue
@@ -93,23 +93,23 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
 
 
 def _is_word(cell: str) -> bool | None:
-    """Return True for a word, False for a number, None for an empty cell and marks of a missing value."""
+    """Return True for a word, False for a number, None for an empty cell or a mark of a missing value."""
     if not cell or cell in MISSING_MARKS:
         return None
     return False if is_number(cell) else cell[:1].isalpha() or None
 
 
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
-    """Return the names of the columns above the first row, and the lines above these.
+    """Return the names of the columns above the first row, and the lines above the names.
 
-    A row of units under (or above) the names joins them as ``name [unit]``; so does a row of commands above
-    them, as ``0.5 A: name [unit]``, each from its cell to the next one that is filled.
+    A row of units under (or above) the names is added to them: ``name [unit]``. A row of commands above
+    them is added as ``0.5 A: name [unit]``. A command applies up to the next filled cell.
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
     stated = find_properties([_filled(split_line(line, delimiter)) for line in bare], bare, cells)
     if stated is not None:
-        said = _said(lines[:first], delimiter)
+        said = _nonempty_lines(lines[:first], delimiter)
         return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
@@ -124,15 +124,15 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             break
     if not rows:
         plain = tuple(f"column {k + 1}" for k in range(count))
-        said = _said(lines[:first], delimiter)
-        meant = _of_legend(plain, said)
+        said = _nonempty_lines(lines[:first], delimiter)
+        meant = _apply_legend(plain, said)
         return Header(meant, said, named=meant != plain)
     if sum(_leads(fields) for _, fields in rows) > 1:  # "Names: Time;Force", "Units: s;N"
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
     _, names = rows.pop(0)
     units: list[str] | None = None
-    for turned in (False, True):  # units stand under the names, or above them
+    for turned in (False, True):  # The units are below the names or above them.
         if rows and units is None:
             words = [text.strip("[]()") for text in (rows[0][1] if turned else names)]
             known = [text for text in words if not count_numbers([text])]
@@ -144,7 +144,8 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     settings: list[str] = []
     if units is not None:
         both = list(zip(names, units, strict=True))
-        settings = [f"{name}: {unit} s" for name, unit in both if count_numbers([unit])]  # an oscilloscope's
+        # An oscilloscope writes this.
+        settings = [f"{name}: {unit} s" for name, unit in both if count_numbers([unit])]
         names = [f"{name} [{unit}]" if unit and not count_numbers([unit]) else name for name, unit in both]
     commands = rows[0][1] if rows else []
     if sum(map(bool, commands)) > 1 and all(labels_in(cell, "current") for cell in commands if cell):
@@ -153,8 +154,11 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         for k, cell in enumerate(commands):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
-    said = (*_said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter), *settings)
-    return Header(_of_legend(tuple(names), said), said)
+    said = (
+        *_nonempty_lines([line for k, line in enumerate(lines[:first]) if k not in used], delimiter),
+        *settings,
+    )
+    return Header(_apply_legend(tuple(names), said), said)
 
 
 def _filled(cells: list[str]) -> list[str]:
@@ -167,8 +171,8 @@ def _is_empty(line: str, delimiter: str) -> bool:
     return not any(split_line(line, delimiter))
 
 
-def _of_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
-    """Return what a legend above the table (``CH1: force, N``) says of names that say nothing themselves."""
+def _apply_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of columns, replaced by entries of a legend above the table (``CH1: force, N``)."""
     entries = (_ENTRY.fullmatch(line) for line in said)
     legend = {_key(entry[1]): entry[2] for entry in entries if entry is not None}
     meant = [legend.get(_key(name), "") for name in names]
@@ -182,11 +186,11 @@ def _key(name: str) -> str:
 
 
 def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:
-    """Return the fields of a line that may name columns, as many as there are; None for any other line."""
+    """Return the fields of a line that may name all columns, None for any other line."""
     bare = _COMMENT.sub("", line)
     fields = split_line(bare, delimiter)
     if is_comment(line) and len(fields) != count:
-        fields = _listed(bare, count) or fields
+        fields = _names_in_comment(bare, count) or fields
     if delimiter == " " and len(fields) != count:
         fields = re.split(r"\s{2,}|\t", bare.strip())
         if len(fields) != count:  # "Time (s) Force (N)"
@@ -196,19 +200,19 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     return fields + [""] * (count - len(fields))
 
 
-def _listed(text: str, count: int) -> list[str]:
-    """Return the names that a comment lists, ``columns: time [s], force [N]``; empty for another."""
+def _names_in_comment(text: str, count: int) -> list[str]:
+    """Return the names in a comment ``columns: time [s], force [N]``; empty for other comments."""
     names = _LEAD.sub("", text)
     lists = (split_line(names, sign) for sign in DELIMITERS[:-1])
     return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
 
 
-def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
-    """Return the lines above a table that hold anything, cells separated by blanks."""
+def _nonempty_lines(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
+    """Return the lines above a table that are not empty, with cells separated by blanks."""
     cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
     joined = [" ".join(filter(None, fields)) for fields in cells]
-    said = [with_unit(line[:_LONGEST_LINE]) for line in joined if line]
-    return (*said, *_results(cells))[-_MOST_LINES:]
+    said = [with_unit(line[:_NOTE_LENGTH_MAX]) for line in joined if line]
+    return (*said, *_results(cells))[-_NOTE_LINES_MAX:]
 
 
 def _results(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -224,7 +228,7 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def with_unit(line: str) -> str:
-    """Return an entry ``Current_A=0.5`` with its unit behind the number, any other line as it is."""
+    """Return an entry ``Current_A=0.5`` with its unit behind the number, any other line without a change."""
     found = _SETTING.fullmatch(line)
     if found is None:
         return line
@@ -233,19 +237,19 @@ def with_unit(line: str) -> str:
 
 
 def _leads(fields: Sequence[str]) -> bool:
-    """Tell whether the first cell of a row, and no other, says what the row lists."""
+    """Return True if only the first cell of a row is a label of the row."""
     return [_LEAD.match(text) is not None for text in fields] == [True, *[False] * (len(fields) - 1)]
 
 
 def _are_units(words: Sequence[str]) -> bool:
-    """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
+    """Return True if a row has at least two units, and units in at least half of its cells."""
     filled = [word for word in words if word and word != "-"]
     known = sum(is_any_unit(word) for word in filled)
     return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
 
 
 def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
-    """Return True if a row holds units and, behind them, settings: ``Sequence,mm,N,0.0,0.005``."""
+    """Return True if a row holds units followed by settings: ``Sequence,mm,N,0.0,0.005``."""
     if numbers == len(fields):
         return False
     words = [text for text in fields if text and not count_numbers([text])]
@@ -253,12 +257,13 @@ def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
 
 
 def is_comment(line: str) -> bool:
-    """Tell whether a line begins with a comment's sign."""
-    return _COMMENT.match(line) is not None and not line.lstrip().startswith("#N")  # "#NV" is a missing value
+    """Return True if a line begins with a comment sign."""
+    # "#NV" is a missing value.
+    return _COMMENT.match(line) is not None and not line.lstrip().startswith("#N")
 
 
 def count_numbers(fields: Sequence[str]) -> int:
-    """Return how many of the fields are numbers; a date with the time of day in the first is one."""
+    """Return the number of numeric fields; a date with a time of day in the first field counts."""
     dated = bool(fields) and _DATED.fullmatch(fields[0]) is not None
     return dated + sum(map(is_number, fields))
 
@@ -275,9 +280,9 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 
 def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
-    """Return the decimal sign of the rows, "" without one; both signs are an error.
+    """Return the decimal sign of the rows, "" without one. Raise InputError if both signs are used.
 
-    The last of two signs in a cell, as in 1,234.5, is the decimal one. Two of one sign part thousands.
+    The last of two signs in a cell, as in 1,234.5, is the decimal sign. Two equal signs separate thousands.
     """
     fields = [text for line in rows for text in split_line(line, delimiter) if is_number(text)]
     signs = [[sign for sign in text if sign in ".,"] for text in fields]
@@ -298,9 +303,9 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
 
 
 def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimiter: str) -> None:
-    """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four.
+    """Raise InputError if commas may separate columns and decimals: 0,5,1,25 is two numbers or four.
 
-    A cell "1,234" in quotation marks is 1.234 or 1234 unless others show which.
+    A cell "1,234" in quotation marks is 1.234 or 1234 unless other cells decide.
     """
     if delimiter != ",":
         return

@@ -1,4 +1,4 @@
-"""Properties of channels above a table: names, units, factors and offsets, one of each per channel.
+"""Properties of channels above a table: name, unit, factor and offset of each channel.
 
 They are stated as a row for each property (``Unit;mm;N;A``), as a property with its values on the next line,
 as a table with a row for each channel, or with the number of the channel (``ch2.unit = kN``, ``[Channel2]``).
@@ -30,7 +30,7 @@ _ENTRY = re.compile(r"\W*(.*?)\s*(?:=|:|\t|;)\s*(.*?)\s*")
 
 @dataclass(frozen=True, slots=True)
 class Properties:
-    """Names of the columns with units, the factors and offsets that are stated, and the step of the time."""
+    """Names of the columns with units, the stated factors and offsets, and the time step."""
 
     names: tuple[str, ...]
     scales: Mapping[str, tuple[float, float]]  # column -> factor, offset in its unit
@@ -38,7 +38,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label names, "" for any other; ``x unit`` is that of the time axis."""
+    """Return the property that a label names, "" for other labels; ``x unit`` belongs to the time axis."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
@@ -97,7 +97,7 @@ def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> lis
 
 
 def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
-    """Yield properties of a row: its label and a value for each channel, or these on the next line."""
+    """Yield the property of each row: its label, and the values of the channels in this or the next line."""
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         name = property_of(row[0]) if row else ""
         if name and any(row[1:]):
@@ -118,7 +118,7 @@ def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]
 
 
 def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield properties whose keys, or the section that they are in, hold the number of the channel."""
+    """Yield properties with the number of the channel in their key or section."""
     found: dict[str, dict[int, str]] = {}
     section: int | None = None
     for line in lines:
@@ -139,7 +139,7 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield the labels of all rows with the cells behind them, or on the next line."""
+    """Yield the labels of all rows with the cells behind them or in the next line."""
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
             yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]
