@@ -176,7 +176,7 @@ def test_choices_travel_to_the_next_pages(page):
     page.get_by_role("button", name="Search").click()
     expect(page.get_by_text("enter the largest mass of the fins")).to_be_visible()
     mass.fill("300")
-    page.get_by_label("Length for the fins, mm").fill("30")
+    page.get_by_label("Length, mm").fill("30")
     page.get_by_role("button", name="Search").click()
     page.wait_for_selector("#use-sink", timeout=300_000)
     page.locator("table .quiet", has_text=re.compile(r"^\d+ fins?$")).first.click()
