@@ -35,7 +35,7 @@ def claims_table(summary: dict[str, Any]) -> str:
     for claim in claims:
         cells = (
             claim["row"],
-            claim["says"],
+            claim["statement"],
             _figure(claim["paper"]),
             _figure(claim["ours"]),
             claim["unit"],
