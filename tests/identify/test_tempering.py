@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import (
-    TEMPERATURES,
     Temperature,
     apply_fluid,
     scale_thinning,
@@ -83,7 +83,7 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", list(LAWS))
-@pytest.mark.parametrize("kind", [kind for kind in TEMPERATURES if kind != "none"])
+@pytest.mark.parametrize("kind", [kind for kind in get_args(Temperature) if kind != "none"])
 def test_every_law_has_temperature_template(name, kind):
     """The free parameters belong to the damper and are within their bounds. All factors are free."""
     damper, free = template(name, CAMPAIGN, temperature=kind)
@@ -111,7 +111,7 @@ def test_paper_kind_is_separable_polynomial():
     assert not damper.coefficients["breakaway_friction"].temperature_dependent
 
 
-@pytest.mark.parametrize("kind", TEMPERATURES)
+@pytest.mark.parametrize("kind", get_args(Temperature))
 def test_linear_parameters_are_jointly_linear(kind):
     """Least squares requires that the force is affine in these parameters."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature=kind)

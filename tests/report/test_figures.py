@@ -9,7 +9,7 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from mrdamper.report.figures.fit import errors_figure
-from mrdamper.report.figures.palette import colour_of, colour_of_fraction, colour_of_temperature
+from mrdamper.report.figures.palette import colour_of, colour_of_temperature
 from mrdamper.report.figures.small_multiples import Line, Row, grid, grid_figure
 from mrdamper.report.figures.style import drawing_style
 
@@ -26,7 +26,6 @@ def test_colour_scales_agree_with_matplotlib(share: float) -> None:
     for colour, name, place in (
         (colour_of(share, 1.0), "viridis", 0.08 + 0.70 * share),
         (colour_of_temperature(share, (0.0, 1.0)), "plasma", 0.05 + 0.70 * share),
-        (colour_of_fraction(2.0 * share - 1.0), "RdBu_r", share),
     ):
         levels = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
         assert levels == pytest.approx([255.0 * each for each in mpl.colormaps[name](place)[:3]], abs=2.6)

@@ -36,7 +36,7 @@ def test_example_is_read_in_si_units():
     assert drawing.gap == pytest.approx(0.001)
     assert drawing.surroundings.ambient == pytest.approx(293.15)
     assert drawing.filling.valid_K[1] == pytest.approx(403.15)
-    assert drawing.coil.resistance_at(293.15) == pytest.approx(4.2)
+    assert drawing.coil.resistance == pytest.approx(4.2)
     # the parts fill the body's length: two caps, two chambers, the piston
     inside = 2.0 * (drawing.body.cap + drawing.chamber_length) + drawing.piston.length
     assert inside == pytest.approx(drawing.body.length)

@@ -31,7 +31,6 @@ from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Rey
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 Temperature = Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"]
-TEMPERATURES: tuple[Temperature, ...] = ("auto", "none", "arrhenius", "reynolds", "vft", "paper")
 
 _VISCOUS = (
     "viscosity",

@@ -21,7 +21,7 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heat_capacity import CapacityCurve, PolynomialHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
-from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
+from mrdamper.thermal.materials import INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
 from mrdamper.thermal.stirring import PAPER_STROKE, Channel, FluidHeat, Stroke, conduct_fluid
 
 Orientation = Literal["horizontal", "vertical"]
@@ -134,10 +134,6 @@ class Coil:
         if self.conductivity is not None:
             material = replace(self.material, conductivity=self.conductivity)
             object.__setattr__(self, "material", material)
-
-    def resistance_at(self, temperature_K: float) -> float:
-        """Return the resistance [ohm] at a temperature [K]."""
-        return self.resistance * (1.0 + COPPER_PER_K * (temperature_K - REFERENCE_K))
 
 
 @dataclass(frozen=True, slots=True)

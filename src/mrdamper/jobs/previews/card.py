@@ -15,7 +15,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-_MOST_BYTES = 8_000_000
+CARD_BYTES_MAX = 8_000_000
 
 
 def card_line(path: Path) -> dict[str, object]:
@@ -27,52 +27,27 @@ def card_line(path: Path) -> dict[str, object]:
         )
     )
     try:
-        document: Any = json.loads(read_text(path, "card", _MOST_BYTES))
-        match document:
-            case {
-                "title": title,
-                "law": law,
-                "command_unit": command_unit,
-                "command_lag_s": lag_s,
-                "temperature_range_K": temperature_range,
-                "notes": notes,
-                "envelope": {
-                    "command": command,
-                    "displacement_m": displacement,
-                    "velocity_m_s": velocity,
-                    "temperature_K": temperature,
-                },
-                "evidence": {
-                    "method": method,
-                    "runs": runs,
-                    "cost": cost,
-                    "converged": converged,
-                    **evidence,
-                },
-                **card,
-            }:
-                held_out: Any = evidence.get("held_out")
-                held_out = held_out and held_out.get("median_nrmse_percent")
-            case _:
-                raise LookupError
+        card: Any = json.loads(read_text(path, "card", CARD_BYTES_MAX))
+        envelope, evidence = card["envelope"], card["evidence"]
+        held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
+        temperature = envelope["temperature_K"]
+        has_lag = card.get("actuation") is not None or card["command_lag_s"] > 0.0
         return row | {
-            "title": str(title),
-            "law": str(law),
-            "method": str(method),
-            "command_unit": str(command_unit),
-            "runs": len(runs),
-            "cost_percent": _number(cost),
-            "converged": bool(converged),
+            "title": str(card["title"]),
+            "law": str(card["law"]),
+            "method": str(evidence["method"]),
+            "command_unit": str(card["command_unit"]),
+            "runs": len(evidence["runs"]),
+            "cost_percent": _number(evidence["cost"]),
+            "converged": bool(evidence["converged"]),
             "held_out_percent": None if held_out is None else _number(held_out),
-            "tempered": temperature_range is not None,
-            "controllers": list(
-                names_for(str(law), has_lag=card.get("actuation") is not None or lag_s > 0.0)
-            ),
-            "cancelled": "cancelled" in notes,
+            "tempered": card["temperature_range_K"] is not None,
+            "controllers": list(names_for(str(card["law"]), has_lag=has_lag)),
+            "cancelled": "cancelled" in card["notes"],
             "envelope": {
-                "command": [_number(end) for end in command],
-                "displacement_mm": [1e3 * _number(end) for end in displacement],
-                "velocity_mm_s": [1e3 * _number(end) for end in velocity],
+                "command": [_number(end) for end in envelope["command"]],
+                "displacement_mm": [1e3 * _number(end) for end in envelope["displacement_m"]],
+                "velocity_mm_s": [1e3 * _number(end) for end in envelope["velocity_m_s"]],
                 "temperature_degC": None
                 if temperature is None
                 else [_number(end) - ZERO_CELSIUS_K for end in temperature],

@@ -21,7 +21,6 @@ _PLASMA = (
     "0d0887 310597 4c02a1 6600a7 7e03a8 9511a1 aa2395 bc3587 cc4778 "
     "da5a6a e66c5c f0804e f89540 fdac33 fdc527 f8df25 f0f921"
 )
-_BLUE_TO_RED = "053061 2065ab 4393c3 90c4dd d1e5f0 f7f6f6 fddbc7 f3a481 d6604d b1182b 67001f"
 
 
 def colour_of(command: float | None, highest: float) -> str:
@@ -35,11 +34,6 @@ def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
     low, high = min(levels), max(levels)
     share = 0.5 if low == high else (temperature - low) / (high - low)
     return _between(_PLASMA, 0.05 + 0.70 * share)
-
-
-def colour_of_fraction(share: float) -> str:
-    """Return the colour of a number of -1 (blue) to 1 (red)."""
-    return _between(_BLUE_TO_RED, 0.5 + 0.5 * share)
 
 
 def _between(scale: str, share: float) -> str:

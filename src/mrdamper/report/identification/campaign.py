@@ -14,7 +14,6 @@ from mrdamper.report.figures.palette import colour_of, colour_of_temperature
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
 
-PANEL_COLUMNS_MAX = 7
 LOOP_POINT_COUNT = 130  # A small panel needs no more points.
 
 

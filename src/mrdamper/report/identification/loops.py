@@ -13,8 +13,9 @@ from mrdamper.models.characteristics import pick_evenly
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.fit import Trace
 from mrdamper.report.figures.palette import MEASURED, colour_of
+from mrdamper.report.figures.runs import PANEL_COLUMNS_MAX
 from mrdamper.report.figures.small_multiples import Line, Point, Row
-from mrdamper.report.identification.campaign import PANEL_COLUMNS_MAX, Campaign, Key, Picture, command_keys
+from mrdamper.report.identification.campaign import Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
 
 OTHER_MOTION_COUNT_MAX = 4

@@ -21,8 +21,9 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity
 from mrdamper.report.figures.palette import colour_of
+from mrdamper.report.figures.runs import PANEL_COLUMNS_MAX
 from mrdamper.report.figures.small_multiples import Point, Series
-from mrdamper.report.identification.campaign import PANEL_COLUMNS_MAX, Campaign
+from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import peak_force, pick_of, sine_of
 
 CURVE_POINT_COUNT = 25

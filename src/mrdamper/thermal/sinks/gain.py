@@ -16,9 +16,6 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.surfaces import fin_uncertainty
 from mrdamper.thermal.sinks.design import HeatedDamper
 
-INTERVAL_PROBABILITY = 0.90
-"""Probability of the interval."""
-
 # Half widths of 90 % intervals, relative except for the exponent.
 GAP_EXPONENT_ERROR = 0.12  # A correlation can be wrong by this power of the ratio of two gaps.
 BODY_FILM_ERROR = 0.15
