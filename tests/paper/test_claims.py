@@ -71,7 +71,7 @@ def test_verdicts_follow_from_values():
     assert judge(140.3, 140.0, within=0.5) == "within"
     assert judge(141.0, 140.0, within=0.5) == "contradicts"
     assert judge(40.0, 62.5, less_is_better=True) == "better"
-    assert judge(70.0, 62.5, less_is_better=True) == "short"
+    assert judge(70.0, 62.5, less_is_better=True) == "worse"
     assert judge(6.0, 4.6, more_is_better=True) == "better"
     assert is_larger(0.1, 0.0) == "within"
     assert is_larger(-0.1, 0.0) == "contradicts"

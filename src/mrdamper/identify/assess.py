@@ -93,8 +93,9 @@ def _remarks(result: SearchResult, runs: Sequence[RunError], work_min: float) ->
     for estimate in result.estimates:
         if estimate.at_bound:
             bound = estimate.lower if estimate.at_bound == "lower" else estimate.upper
+            unit = "" if estimate.unit == "-" else f" {estimate.unit}"
             remarks.append(
-                f"{estimate.name} is on its {estimate.at_bound} bound ({bound:g} {estimate.unit}): the best "
+                f"{estimate.name} is on its {estimate.at_bound} bound ({bound:g}{unit}): the best "
                 "value is beyond the bound or the model's range. The other parameters were fitted with this "
                 "value."
             )

@@ -2,7 +2,7 @@
 
 Only predicted or tested values have a verdict. A value that was set, calibrated with the paper, or built
 into the virtual rig proves nothing. The verdict compares two values. It is ``within`` the stated tolerance,
-``better``, ``short`` of the value, or ``contradicts``. Contradictions of the paper with itself or with
+``better``, ``worse``, or ``contradicts``. Contradictions of the paper with itself or with
 physics are computed, too. The module ``claim_table`` has the claims.
 """
 
@@ -35,7 +35,7 @@ JUDGED: tuple[Origin, ...] = (
 )
 """Origins whose values can be wrong and have a verdict."""
 
-Verdict = Literal["within", "better", "short", "contradicts"]
+Verdict = Literal["within", "better", "worse", "contradicts"]
 
 Judge = Callable[[float, float], Verdict]
 """Function that compares the simulated value with another value."""
@@ -142,7 +142,7 @@ def judge(
     less_is_better: bool = False,
     more_is_better: bool = False,
 ) -> Verdict:
-    """Return the verdict on a value: within the tolerance, better, or short of the other value.
+    """Return the verdict on a value: within the tolerance, better, or worse than the other value.
 
     If neither larger nor smaller is better, a value outside the tolerance contradicts.
     """
@@ -150,7 +150,7 @@ def judge(
         return "within"
     if (less_is_better and ours < paper) or (more_is_better and ours > paper):
         return "better"
-    return "short" if less_is_better or more_is_better else "contradicts"
+    return "worse" if less_is_better or more_is_better else "contradicts"
 
 
 def within_tolerance(

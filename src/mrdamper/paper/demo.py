@@ -122,7 +122,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         # All controllers, those of the paper included, need a model with an explicit inverse.
         all_runs = FitData.prepare(dataset, settings=settings, hold_out=hold_out)
         control = fit_law(all_runs, CONTROL_LAW)
-        control_card = control.card(title=f"{CONTROL_LAW}, for controllers", sources=(LABEL,))
+        control_card = control.card(title=f"{CONTROL_LAW} for controllers", sources=(LABEL,))
         cold_runs = dataset.select("*_020C_*")
         cold = fit_law(FitData.prepare(cold_runs, temperature="none", settings=settings))
         cold_card = cold.card(title="fitted only at 20 degC")

@@ -28,7 +28,7 @@ _FILES = (
 _VERDICTS: Mapping[Verdict, str] = {
     "within": "within tolerance",
     "better": "better",
-    "short": "worse than the paper",
+    "worse": "worse than the paper",
     "contradicts": "in contradiction to the paper",
 }
 _EXPORTED = ("c/README.md", "damper.fmu")

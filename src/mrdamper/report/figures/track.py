@@ -47,7 +47,7 @@ def tracking_figure(traced: Traced) -> Figure:
     force.plot(time, target, color=INK, lw=1.0, ls="--")
     error.axhline(0.0, color="#888888", lw=0.6)
     intervals = {each.controller: each for each in traced.posterior}
-    entries = [("reach", "#d4d4d4", "-"), ("wanted", INK, "--")]
+    entries = [("attainable", "#d4d4d4", "-"), ("target", INK, "--")]
     for run, colour in zip(traced.runs, COLOURS, strict=False):
         if run.controller in intervals:
             ends = intervals[run.controller]
