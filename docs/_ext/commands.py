@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from inspect import cleandoc
 
@@ -46,6 +47,7 @@ def described(name: str, command: click.Command) -> str:
     ]
     for cells in filter(None, rows):
         option, meaning = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
+        meaning = re.sub(r"--[\w-]+", r"`\g<0>`", meaning)  # Two hyphens in text become a dash.
         lines.append(f"| `{option}` | {meaning} |".replace("*", r"\*"))
     return "\n".join(lines)
 
