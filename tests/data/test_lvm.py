@@ -21,7 +21,7 @@ END = "***End_of_Header***"
 def lvm(
     *, x="One", comma=False, dimension="Time", units=None, labels=CHANNELS, cuts=(), anew=False, late_s=0.0
 ):
-    """Return a text of segments that begin at the rows ``cuts``; ``anew``: with clocks that begin at zero."""
+    """Return a text of segments that begin at the rows ``cuts``; optionally each clock begins at zero."""
     sign, point = ("\t", ",") if comma else ("\t", ".")
     tags = [
         "LabVIEW Measurement", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
@@ -113,7 +113,7 @@ def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
         ),
     ],
 )
-def test_what_cannot_be_read_says_why(tmp_path, content, said):
+def test_unreadable_text_is_rejected_with_reason(tmp_path, content, said):
     (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
     with pytest.raises(InputError, match=said):
         read_run(tmp_path / "run.lvm")

@@ -1,4 +1,4 @@
-"""Where a file's rows are cut into runs, what joins them again, and what is filled in."""
+"""Division of rows into runs, joined runs, and interpolated values."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_slower_clock_is_interpolated():
     one = to_one_clock(read, names, ChannelMap(), "run.csv")
     assert one.interpolated == ("temperature",)
     assert np.allclose(one.columns["temperature"], 20.0 + fast)
-    text[1, 5] = np.nan  # a number is missing: it is no clock of its own
+    text[1, 5] = np.nan  # A missing number is not a second clock.
     torn = table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1])
     assert with_clocks(torn) is torn
 
