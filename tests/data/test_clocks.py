@@ -333,7 +333,7 @@ def test_short_group_requires_an_answer(tmp_path):
 
 @pytest.mark.parametrize("value", [0.02, 2.0, 25.0])
 def test_implausible_step_requires_a_unit(tmp_path, value):
-    """A step of 2 without a unit is not in seconds; milliseconds are not assumed."""
+    """A step of 2 without a unit cannot be in seconds, and milliseconds are not assumed."""
     path = tmp_path / "run.h5"
     write_hdf5(path, recording(), lambda each: {"dt": 1.5 * value})
     with pytest.raises(AskingError) as fault:

@@ -18,7 +18,9 @@ from tests.support.examples import examples
 STEP_s, SAMPLES_PER_CYCLE = 1e-3, 200
 AMPLITUDE_m, FORCE_N, STIFFNESS_N_m = 0.01, 900.0, 5e4
 ANGLE = 2.0 * pi / SAMPLES_PER_CYCLE
-ENERGY_J = pi * AMPLITUDE_m * FORCE_N * sin(ANGLE) / ANGLE  # Exact for trapezoids on a sampled sine.
+ENERGY_J = (
+    pi * AMPLITUDE_m * FORCE_N * sin(ANGLE) / ANGLE
+)  # Exact for the trapezoidal rule on a sampled sine.
 
 
 def sine(samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,6 +1,6 @@
 """The controllers on a Cortex-M4F and M7 under QEMU: bits, instructions, bytes; and static analysis.
 
-Readings are those of ``hard_readings``: turns, targets that cannot be, temperature ramps, sensors that fail.
+The readings of ``hard_readings`` are reversals, impossible targets, temperature ramps and sensor faults.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def test_extrapolated_fall_and_rising_viscosity_are_noted():
 
 
 def test_pole_at_its_bound_has_no_standard_error():
-    """Ln eta that is concave in T moves the pole to its bound, where the law is that of Reynolds."""
+    """If ln(eta) is concave in T, the pole moves to its bound, which is Reynolds' law."""
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
     assert math.isnan(named(study, "vft").parameters[2].standard_error)

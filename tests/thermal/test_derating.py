@@ -45,7 +45,7 @@ def derated(quantity: Quantity):
 
 
 def test_largest_current_reaches_the_limit():
-    """By the model of that very cell, built and run alone."""
+    """The reference is a separate model of the same cell."""
     found = derated("current")
     for a, ambient in enumerate(SMALL.ambient):
         share, part = found.share[0, 0, a], int(found.part[0, 0, a])
