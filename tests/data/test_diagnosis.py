@@ -72,7 +72,7 @@ def only(given_run, kind):
     ids=["sine", "slow", "fast", "chirp"],
 )
 @pytest.mark.parametrize("rest", [0.0, 1.0])
-def test_a_clean_run_has_no_finding(motion, rest):
+def test_clean_run_has_no_finding(motion, rest):
     duration = motion.duration if isinstance(motion, Chirp) else 6.0 / getattr(motion, "frequency", 1.0) + 2.0
     assert kinds(recording(motion, rest=rest, duration=duration)) == []
 
@@ -198,7 +198,7 @@ def test_clipped_displacement_is_found():
 
 @pytest.mark.parametrize("role", ["force", "displacement"])
 @pytest.mark.parametrize("first", [0, 1, 2100, 4500, 4501])
-def test_a_stuck_sensor_has_its_time(role, first):
+def test_stuck_sensor_has_its_time(role, first):
     """The location has no influence, also at the beginning and end of the run."""
 
     def stick(fields):
@@ -211,7 +211,7 @@ def test_a_stuck_sensor_has_its_time(role, first):
     assert found["stuck_sensor"].severity == "fault"
 
 
-def test_a_channel_that_never_moves_is_refused():
+def test_channel_that_never_moves_is_rejected():
     def dead(fields):
         fields["force"][:] = 3.0
 
@@ -270,7 +270,7 @@ def test_white_noise_is_separated_from_loop(noise, seed):
     assert white_noise(spoilt[:15]) == 0.0  # The resolution is unknown.
 
 
-def test_a_run_without_motion_is_refused():
+def test_run_without_motion_is_rejected():
     def rest(fields):
         fields["displacement"] = 1e-6 * np.random.default_rng(0).standard_normal(len(fields["time"]))
 

@@ -84,7 +84,7 @@ def test_interpretation_of_a_file_is_printed(tmp_path, name, words):
         ("run.xlsx", "python_calamine", "python-calamine"),
     ],
 )
-def test_a_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, module, package):
+def test_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, module, package):
     WRITERS[name](tmp_path / name)
     for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
         monkeypatch.delitem(sys.modules, loaded)

@@ -81,7 +81,7 @@ def test_later_lvm_segment_is_another_run(tmp_path, x, forgotten):
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("comma", [False, True])
-def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
+def test_run_is_read_with_its_clock(tmp_path, x, comma):
     (tmp_path / "run.lvm").write_text(lvm(x=x, comma=comma), encoding="utf-8", newline="")
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)

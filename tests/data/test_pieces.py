@@ -61,7 +61,7 @@ def test_record_is_cut_at_gaps():
 
 @pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # an even or an odd number of reversals
 @pytest.mark.parametrize("offset", [0.0, 0.02])
-def test_a_velocity_is_integrated_without_its_drift(offset, cycles):
+def test_velocity_is_integrated_without_its_drift(offset, cycles):
     """Over whole cycles: the best line through some cycles of a sine is not level."""
     time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
     velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset

@@ -36,7 +36,7 @@ def _assert_same(run, *, exactly=False):
     assert run.command_unit == "A"
 
 
-def test_a_self_describing_file_needs_no_map(tmp_path):
+def test_self_describing_file_needs_no_map(tmp_path):
     run = _read(tmp_path, _text(SELF_DESCRIBING), name="sine_2Hz_0.5A.csv")
     _assert_same(run, exactly=True)
     assert run.name == "sine_2Hz_0.5A"
@@ -145,7 +145,7 @@ LOGGER_MAP = {
 }
 
 
-def test_a_loggers_text_holds_several_tests(tmp_path):
+def test_loggers_text_holds_several_tests(tmp_path):
     (tmp_path / "ME10mm.txt").write_text(_logger_text(3))
     runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))
     assert [run.name for run in runs] == ["ME10mm_0.00A", "ME10mm_0.50A", "ME10mm_0.50A_2"]
@@ -216,7 +216,7 @@ def test_unreadable_file_is_rejected_with_reason(tmp_path, text, message):
     assert "run" in str(error.value)
 
 
-def test_a_folder_gives_its_files_once(tmp_path):
+def test_folder_gives_its_files_once(tmp_path):
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(_text(SELF_DESCRIBING))
     (tmp_path / "notes.md").write_text("not a run")

@@ -76,7 +76,7 @@ def test_smoothing_removes_only_sensor_steps(dev):
         assert prepared.dead_band_m < 5e-6
 
 
-def test_the_velocity_at_rest_is_quiet(dev):
+def test_velocity_at_rest_is_quiet(dev):
     """Below 0.2 mm/s rms before the press starts, from about 2 mm/s in raw differences at 1 kHz."""
     for run in dev.select("utfsm_sine_10mm2Hz_*", "utfsm_sine_5mm3Hz_*"):
         velocity = prepare_run(run).trajectory.velocity

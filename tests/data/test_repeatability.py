@@ -85,6 +85,6 @@ def test_drift_from_first_to_last_cycle():
 
 
 @given(delay=st.floats(-0.05, 0.05))
-def test_a_delay_of_the_force_is_found(delay):
+def test_delay_of_the_force_is_found(delay):
     prepared = _prepared(lambda t: SINE.velocity(t - delay))
     assert estimate_lag(prepared, 1.0) == pytest.approx(delay, abs=1e-5)

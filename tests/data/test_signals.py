@@ -129,7 +129,7 @@ def test_smoothed_derivatives_are_consistent():
 
 
 @pytest.mark.parametrize("spacing", [2, 7, 40])
-def test_the_splines_are_those_of_scipy(spacing):
+def test_splines_are_those_of_scipy(spacing):
     at = np.arange(spacing) / spacing
     knots = np.arange(-5.0, 7.0)
     for j in range(6):

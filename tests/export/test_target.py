@@ -99,7 +99,7 @@ def test_code_and_tables_fit(boards, shown):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
-def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
+def test_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
     """Each of the list is found, too: the list is no longer than it must be."""
     text = files("mrdamper.codegen").joinpath("misra.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))

@@ -350,6 +350,6 @@ def test_law_is_loaded_from_its_file(law_file):
         (":Raises", "RuntimeError: no licence"),
     ],
 )
-def test_invalid_law_file_is_refused(law_file, after, said):
+def test_invalid_law_file_is_rejected(law_file, after, said):
     with pytest.raises(InputError, match=said):
         load_python_law(f"{law_file}{after}")

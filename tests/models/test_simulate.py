@@ -77,14 +77,14 @@ def path(command: ArrayLike = 0.5, rate: float = 500.0):
     ],
 )
 @pytest.mark.parametrize("form", ["record", "causal"])
-def test_coefficient_outside_range_is_refused(coefficient, value, message, form):
+def test_coefficient_outside_range_is_rejected(coefficient, value, message, form):
     ill = replace(DAMPER, coefficients={**DAMPER.coefficients, coefficient: Constant(value)})
     with pytest.raises(InputError, match=message):
         simulate(ill, path(), form=form)
 
 
 @pytest.mark.parametrize("command", [0.5, np.linspace(0.0, 1.0, 501)], ids=["constant", "varying"])
-def test_valve_of_negative_gain_is_refused(command):
+def test_valve_of_negative_gain_is_rejected(command):
     """Beyond x = 1 / -position_gain the equation of the valve has no bounded solution."""
     ill = replace(SERIES, coefficients={**SERIES.coefficients, "position_gain": Constant(-200.0)})
     with pytest.raises(InputError, match=r"1 \+ position_gain x is -0\.999\d* at x = 0\.0099\d* m"):

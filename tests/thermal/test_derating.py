@@ -102,7 +102,7 @@ def test_derating_map_notes_extrapolation():
     assert "the card was identified from 0 to 1.5 A" in REPORT.page.render(run)
 
 
-def test_invalid_derating_axes_are_refused():
+def test_invalid_derating_axes_are_rejected():
     with pytest.raises(InputError, match="expected rising numbers"):
         derate(card(), BARE, DUTY, DerateOptions(ambient_degC=(20.0, 0.0)))
     cool = replace(read_drawing("paper"), seals=replace(BARE.seals, limit=320.0))

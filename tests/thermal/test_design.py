@@ -160,12 +160,12 @@ def test_vertical_damper_has_wide_gaps():
     assert all(each.sink.gap >= 0.010 - 1e-9 for each in front if each.sink and each.sink.fins > 1)
 
 
-def test_span_beyond_the_body_is_refused():
+def test_span_beyond_the_body_is_rejected():
     with pytest.raises(InputError, match="the span is 300 mm, the body's length 200 mm"):
         limits_of(DRAWING, span=0.3)
 
 
-def test_limits_below_the_lightest_sink_are_refused():
+def test_limits_below_the_lightest_sink_are_rejected():
     with pytest.raises(InputError, match=r"no sink is within them.*mass 1 g"):
         search_grid(DAMPER, limits_of(DRAWING, mass=1e-3))
 

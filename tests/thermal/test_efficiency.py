@@ -39,7 +39,7 @@ def test_efficiency_follows_both_trends_of_paper(sweeps):
         assert (np.diff([effect.finned for effect in sweep.effects]) < 0.0).all()
 
 
-def test_rise_reduction_is_what_paper_prints(sweeps):
+def test_rise_reduction_equals_paper_value(sweeps):
     """48.23 % of the rise with five fins; the network's rise is 1.4 K of 57 K lower than the elements'."""
     assert 100.0 * sweeps[1].effects[2].rise_reduction == pytest.approx(48.23, abs=2.0)
 
