@@ -218,7 +218,7 @@ def test_internal_error_has_exit_code_1(monkeypatch, capsys, folder):
 
 
 def spoiled(folder, name, change, *, every=False):
-    """Write the runs, of which ``change`` modifies the columns of the first one or of all."""
+    """Write the runs; ``change`` modifies the columns of the first run or of all runs."""
     place = folder / name
     place.mkdir()
     for number, run in enumerate(short_runs()):

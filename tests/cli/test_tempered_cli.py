@@ -159,7 +159,7 @@ def test_temperature_dependence_of_fluid_is_marked_assumed(folder, identified, t
     assert card["envelope"]["temperature_K"] is None or np.ptp(card["envelope"]["temperature_K"]) == 0.0
 
 
-# -------------------------------------------------------------------------------- what is refused
+# -------------------------------------------------------------------------------- rejected inputs
 
 
 def refused(ended: CompletedProcess[str], *parts: str) -> None:

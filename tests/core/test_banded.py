@@ -12,7 +12,7 @@ from mrdamper.core import solve_banded
 
 
 @given(st.integers(1, 60), st.integers(0, 7), st.integers(0, 2**32 - 1))
-def test_a_system_is_solved_as_by_lapack(n, width, seed):
+def test_system_is_solved_as_by_lapack(n, width, seed):
     rng = np.random.default_rng(seed)
     lower = rng.uniform(-1.0, 1.0, (width + 1, n))
     lower[0] = 2.0 * (width + 1)  # more than the row's others together

@@ -1,6 +1,6 @@
 """The universal curve of the Bouc-Wen law: quadrature, closed form, and its own equation.
 
-The reference integrates travel over w in q = -ln(1 - u), in which nothing is singular. It gives
+The reference integrates travel over w in q = -ln(1 - u), without singularities. It gives
 travel, slope and tangents to rounding, also next to w = 1, where ``scipy.special.hyp2f1`` loses digits.
 """
 

@@ -167,7 +167,7 @@ def test_varying_command_matches_the_integrator(name, tolerance):
     """The integrator agrees with rho exponential in the current.
 
     The kernel takes its mean over a sample interval: order two, 7e-6 of the peak at 1 kHz, 1.1e-4 at 250 Hz.
-    With their own steps beside it, lugre errs by 1.6e-5 at 1 kHz, spencer by 3.5e-5.
+    The errors at 1 kHz, including the internal steps, are 1.6e-5 for lugre and 3.5e-5 for spencer.
     """
     trajectory = with_command(random_drive(3))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
@@ -200,7 +200,7 @@ def test_series_valve_converges_with_order_two():
 def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
     """Of the peak force at 1 ms: lugre 5.5e-5, spencer 9.6e-5 at most (at reversals); rms 1.5e-5 and 1.6e-5.
 
-    The rms error falls by four with each halving, down to that of the table (spencer) at 1/16 ms: 7e-8.
+    The rms error falls by four with each halving, down to the error of the table (spencer) at 1/16 ms: 7e-8.
     """
     trajectory = random_drive(0, duration=1.0)
     d = damper(name, **FRICTION)
@@ -265,7 +265,7 @@ def test_sliding_bristles_follow_the_stribeck_curve(speed):
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 def test_follow_share_at_rest_is_the_fraction(share):
-    """At standstill the force goes with the yield force by this share; sliding on brings the new level."""
+    """At standstill the force follows the yield force by this fraction. Sliding restores the level."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
     v = np.where((time < 1.0) | (time > 2.0), 0.01, 0.0)
@@ -283,9 +283,9 @@ def test_follow_share_at_rest_is_the_fraction(share):
 
 
 def test_slot_creeps_linearly_to_its_yield_force():
-    """With a sharp knee force is speed over creep below the yield force, whatever that is; and that above.
+    """With a sharp knee the force is speed divided by creep below any yield force, and constant above.
 
-    Past the valve it is the square of speed over bypass.
+    Beyond the valve the force is the squared speed divided by the bypass.
     """
     for level in (200.0, 800.0):
         for speed in (5e-4, 2e-3, 0.05):
@@ -310,7 +310,7 @@ def test_slot_creeps_linearly_to_its_yield_force():
 def test_chain_converges_with_order_one(off):
     """Every term on but the corner and those at which the integrator gives up; at 1/2, 1/8 and 1/32 ms.
 
-    The cavity's gas, at rest, gives way first: 20 ms are left out.
+    The first 20 ms are ignored because the gas of the cavity is compressed first.
     """
     trajectory = random_drive(0, duration=0.6)
     d = damper("chain", **FRICTION, **dict.fromkeys(("creep", "knee", "bypass", *off), 0.0))
@@ -473,7 +473,7 @@ def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, 
 def test_bristles_are_passive_on_any_motion(rho, excess, fade, damping, size, seed):
     """Work from rest is never negative with viscosity >= static excess x bristle damping, on any motion.
 
-    The trapezium over 1/16 ms is good to 2e-3 of what the damper takes.
+    The trapezoidal rule at 1/16 ms has an error of 2e-3 of the dissipated work.
     """
     path = random_drive(seed, size=size, rate=16000.0, duration=0.5)
     values = {"rho": rho, "static_excess": excess, "fade_velocity": fade, "bristle_damping": damping}
@@ -524,7 +524,7 @@ def test_lugre_without_excess_and_damping_is_dahl(rate):
 
 
 def test_spencer_with_rigid_dashpot_is_bouc_wen():
-    """What is left at 1e12 N s/m is where in a step the motion turned (1e-5 of the peak at 1 ms)."""
+    """The error at 1e12 N s/m is the position of the reversal within a step (1e-5 of the peak at 1 ms)."""
     trajectory = random_drive(5)
     inner = {"viscosity": 2500.0, "stiffness": 5600.0}
     # The inner spring is unstretched where the run starts.
@@ -567,7 +567,7 @@ def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rm
     """The rig's own program at 20 kHz in textbook coefficients; the kernel at 1 kHz, on the 3 kN damper.
 
     Largest and rms error, of the peak force and of the spread: 1e-4 and 3e-5; 6e-4 and 2e-4; 2.2e-3 and 7e-4.
-    The loop is steep (yield displacement 21 um): where in a millisecond it turned is what is lost.
+    The loop is steep (yield displacement 21 um), so the error is the reversal time within a millisecond.
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (
@@ -611,9 +611,9 @@ def test_rigid_series_law_is_its_valve(rigid):
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
     found = simulate(damper("series-valve", **rigid), trajectory)
-    # Behind a rigid spring the step yields the mean velocity over its last 0.3 ms, not the last: order one,
-    # and visible (100 N) where the valve changes sign within a step. Off the reversals 6e-3 of the peak,
-    # 1e-3 in the middle of the strokes.
+    # The step behind a rigid spring uses the mean velocity of its last 0.3 ms, which has order one.
+    # The error is 100 N if the valve changes sign within a step, 6e-3 of the peak away from reversals,
+    # and 1e-3 in the middle of the strokes.
     moving = np.abs(trajectory.velocity) > 1e-2
     moving[:5] = False  # the spring starts unstretched
     assert np.abs(found - expected)[moving].max() < 1e-2 * np.abs(expected).max()
@@ -782,7 +782,7 @@ def _level() -> Iterator[None]:
 @pytest.mark.usefixtures("_level")
 @every_law
 def test_instruction_sets_give_the_same_bits(name):
-    """No contraction, no re-association: a card computed on one machine is that of another."""
+    """No contraction, no re-association: all machines compute the same card."""
     trajectory = random_drive(2)
     d = damper(name, **FRICTION)
     values = coefficients_of(d)

@@ -21,14 +21,14 @@ def compile_with(compiler: Path, *arguments: str | Path) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("optimised", ["-O1", "-O3"])
-def test_the_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
+def test_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
     source = CORE / "kernel" / "kernel.c"
     compile_with(tool("gcc"), "-std=c99", optimised, *WARNINGS, "-c", source, "-o", tmp_path / "kernel.o")
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("file", ["module.c", "single.c"])
-def test_the_binding_compiles_without_a_warning(tool, tmp_path, file):
+def test_binding_compiles_without_a_warning(tool, tmp_path, file):
     include = sysconfig.get_paths()["include"]
     source = CORE / "binding" / file
     compile_with(

@@ -31,7 +31,7 @@ def in_rig_units(run: RigRun = RUN) -> dict[str, np.ndarray]:
 
 
 def titled(run: RigRun = RUN) -> dict[str, np.ndarray]:
-    """Return the channels under headers that speak for themselves."""
+    """Return the channels under headers with name and unit."""
     return {f"{role}_{UNITS[role]}": values for role, values in in_rig_units(run).items()}
 
 
@@ -96,7 +96,7 @@ def write_mat73(path: Path) -> None:
 
 
 def save_mat73(path: Path, variables: Mapping[str, Any]) -> None:
-    """Save as MATLAB does with -v7.3: HDF5 behind a head, arrays of structures and cells as references."""
+    """Save as MATLAB -v7.3: HDF5 after a header, arrays of structures and cells as references."""
     import h5py
 
     with h5py.File(path, "w", userblock_size=512) as file:

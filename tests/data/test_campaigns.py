@@ -63,7 +63,7 @@ def test_matching_names_are_not_reported():
 
 
 def test_noisy_sine_keeps_its_frequency():
-    """Noise of 5 % of the amplitude passes the middle, and any other level, many times a stroke."""
+    """Noise of 5 % of the amplitude crosses each level many times in a stroke."""
     run = run_of("sine_2.1Hz")
     noise = 5e-4 * np.random.default_rng(4).standard_normal(len(run))
     (finding,) = find_against_names([replace(run, displacement=run.displacement + noise)])
@@ -121,7 +121,7 @@ def test_implausible_damper_names_the_channel(role, factor):
     ids=["command", "stroke", "frequency", "temperature"],
 )
 def test_two_dampers_are_found_by_force_range(alike):
-    """Force ranges 15 % apart; commands 20 mA, strokes and frequencies 3 %, temperatures 3 K at most."""
+    """Force ranges differ by 15 %; currents by 20 mA, strokes and frequencies by 3 %, temperatures by 3 K."""
     first = run_of("first") if alike(0.0).temperature is None else warm(run_of("first"), 20.0)
 
     def told(share, gain):
@@ -179,7 +179,7 @@ def test_scaled_copy_is_found(gain, said):
 
 
 def delayed(frequency, delay_s, *, stroke_m=0.02, name="run", current=0.0):
-    """Return a sine whose force passes its middle so much after each reversal."""
+    """Return a sine whose force crosses its middle ``delay_s`` after each reversal."""
     time = np.arange(round(4.6 / frequency * 2000.0)) / 2000.0
     phase = 2.0 * np.pi * frequency * time + 0.3
     force = 1e3 * np.cos(phase - 2.0 * np.pi * frequency * delay_s)
@@ -201,21 +201,21 @@ def lag_of(runs):
 @pytest.mark.parametrize(
     ("delays", "told"),
     [  # frequency [Hz]: delay [ms]
-        ({2.0: 40.0}, None),  # at one frequency compliance may be that late,
+        ({2.0: 40.0}, None),  # One frequency does not separate delay from compliance.
         ({2.0: -1.9}, None),
-        ({2.0: -2.1}, -2.1),  # and nothing is early
-        ({2.0: -60.0}, -60.0),  # to a quarter of a stroke, 62.5 ms
+        ({2.0: -2.1}, -2.1),  # No mechanism makes the force early.
+        ({2.0: -60.0}, -60.0),  # The limit is a quarter of a stroke, 62.5 ms.
         ({2.0: -65.0}, None),
         ({1.0: 10.4, 2.0: 10.4}, 10.4),
         ({1.0: 9.6, 2.0: 9.6}, None),
-        ({1.0: 40.0, 2.0: 20.0}, None),  # a share of the stroke
+        ({1.0: 40.0, 2.0: 20.0}, None),  # The delay is a fraction of the period.
         ({1.0: 52.0, 2.0: 32.0}, 12.0),
-        ({1.0: 35.0, 2.0: 15.0}, None),  # early as a share, -5 ms, and not as a square, 8.3 ms
-        ({1.0: 20.0, 2.0: 5.0}, None),  # viscosity
-        ({1.0: 15.0, 2.0: 0.0}, -5.0),  # and an early force
+        ({1.0: 35.0, 2.0: 15.0}, None),  # A linear fit gives -5 ms, a quadratic fit 8.3 ms.
+        ({1.0: 20.0, 2.0: 5.0}, None),  # Viscosity explains this delay.
+        ({1.0: 15.0, 2.0: 0.0}, -5.0),  # The force is early in addition to viscosity.
         ({1.0: 17.5, 2.0: 2.5}, -2.5),
         ({1.0: 18.5, 2.0: 3.5}, None),
-        ({1.0: 12.0, 1.29: 12.0}, None),  # two frequencies that are one
+        ({1.0: 12.0, 1.29: 12.0}, None),  # The frequencies are too close.
         ({1.0: 12.0, 1.31: 12.0}, 12.0),
     ],
 )
@@ -224,7 +224,7 @@ def test_delay_is_extrapolated_to_zero_period(delays, told):
         delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
         for k, (f, ms) in enumerate(delays.items())
     ]
-    larger = delayed(2.0, 0.03, name="larger", current=1.0)  # at another command
+    larger = delayed(2.0, 0.03, name="larger", current=1.0)  # The current differs.
     found = lag_of([larger, *runs])
     expected = [] if told is None else [("force_late" if told > 0.0 else "force_early", told, runs[0].name)]
     assert [(kind, pytest.approx(size, abs=0.012), run) for kind, size, run in found] == expected
@@ -237,7 +237,7 @@ def test_delay_is_extrapolated_to_zero_period(delays, told):
 
 
 def test_delays_are_compared_at_equal_strokes():
-    """Of strokes 3 % apart or less; elsewhere the share of the stroke is another."""
+    """Strokes may differ by 3 % because the delay as a fraction of the period depends on the stroke."""
     runs = [delayed(1.0, 0.030), delayed(2.0, 0.0202, stroke_m=0.0205), delayed(2.0, 0.060, stroke_m=0.0213)]
     ((kind, size, _),) = lag_of(runs)
     assert (kind, size) == ("force_late", pytest.approx(10.4, rel=1e-3))

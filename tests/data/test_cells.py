@@ -1,4 +1,4 @@
-"""Cells of a text: what is between its delimiters, and the numbers in them."""
+"""Cells of a text: delimiters, quotes and numbers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read(rows, delimiter, decimal, count, end="\n"):
     st.integers(2, 4),
     st.sampled_from(["\n", "\r\n"]),
 )
-def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, count, end):
+def test_text_is_split_at_delimiters(rows, delimiter, decimal, count, end):
     rows = [[cell.replace(delimiter, "") for cell in row] for row in rows]
     kept = [row for row in rows if any(cell.strip(' \t"') for cell in row[:count])]
     for k, cells in enumerate(read(rows, delimiter, decimal, count, end)):

@@ -1,4 +1,4 @@
-"""Channel maps: what they say, and what is said about a map that makes no sense."""
+"""Channel maps: their meaning, and the messages about invalid maps."""
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_unit_converts_to_si():
 
 
 def test_gain_with_unit_of_role_is_rejected():
-    """Is it 2 kN per kN, or 2 N per kN? Nobody guesses."""
+    """The gain is ambiguous: 2 kN per kN or 2 N per kN."""
     with pytest.raises(
         InputError, match=r"channel\.force: a gain stands beside 'kN', which is a unit of force"
     ):
@@ -99,7 +99,7 @@ def test_column_found_by_name_pattern_index():
     assert Channel("force", unit="N").find(names, "f") is None
 
 
-def test_a_whole_map():
+def test_complete_map_is_read():
     text = """
         [channel.force]
         name = "CHANNEL1"
@@ -155,6 +155,6 @@ def test_a_whole_map():
         ({"segments": {"split": "Resume", "current_A": []}}, r"current_A is \[\]; expected a list with"),
     ],
 )
-def test_a_map_without_sense_is_refused(given, message):
+def test_invalid_map_is_rejected(given, message):
     with pytest.raises(InputError, match=message):
         ChannelMap.from_dict(given, "map")

@@ -1,4 +1,4 @@
-"""Channels on clocks of their own: each format states starts and rates in its own way."""
+"""Channels with separate clocks: each format stores starts and rates differently."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ Channels = Mapping[str, Channel]
 
 
 def recording(late_s: float = 0.0, force_step_s: float = 0.002, seconds: float = 4.0) -> dict[str, Channel]:
-    """Return channels of one damper; the force begins later, and may have a rate of its own."""
+    """Return channels of one damper; the force begins later and may have another rate."""
     time = np.asarray(0.002 * np.arange(round(seconds / 0.002)))
     later = np.asarray(late_s + force_step_s * np.arange(round(seconds / force_step_s)))
     return {
@@ -102,7 +102,7 @@ def tdms_start(path: Path, channels: Channels) -> None:
 
 
 def tdms_offset(path: Path, channels: Channels) -> None:
-    """Write offsets from a moment that only the force states."""
+    """Write offsets from a start time that only the force has."""
 
     def state(each: Channel) -> dict[str, Any]:
         began = {"wf_start_time": STARTED.replace(tzinfo=None)} if each.unit == "N" else {}
@@ -203,7 +203,7 @@ def labview_times(path: Path, channels: Channels) -> None:
 
 
 def time_series(channels: Channels) -> dict[str, Any]:
-    """Return a structure with times for each channel, as those of MATLAB's time series."""
+    """Return a structure with times for each channel, as in MATLAB's time series."""
     return {
         f"channel_{k}": {"Name": name, "Time": each.time, "Data": each.values, "Unit": each.unit}
         for k, (name, each) in enumerate(channels.items())
@@ -251,7 +251,7 @@ def mdf(path: Path, channels: Channels) -> None:
 
 
 def columns_apart(path: Path, channels: Channels) -> None:
-    """Write each channel behind a time of its own, that of the force in milliseconds."""
+    """Write each channel after its own time column; the time of the force is in milliseconds."""
     head, columns = [], []
     for name, each in channels.items():
         unit, factor = ("ms", 1e3) if name == "Force" else ("s", 1.0)
@@ -294,7 +294,7 @@ def test_channels_keep_their_own_clock(tmp_path, write, late_s, force_step_s):
     write(path, recording(late_s, force_step_s))
     is_reported = late_s > (
         0.01 if write in {mdf, columns_apart} else 0.0
-    )  # A logger's jitter is no finding.
+    )  # Jitter of a logger is not reported.
     assert_on_one_clock(path, late_s, is_reported=is_reported)
 
 
@@ -318,7 +318,7 @@ def test_channels_without_common_time_are_rejected(tmp_path, write):
         read_run(path)
 
 
-def test_late_group_needs_an_answer(tmp_path):
+def test_short_group_requires_an_answer(tmp_path):
     """A group of a logger that covers half of the record lacks samples: the user decides on the rest."""
     path = tmp_path / "run.mf4"
     mdf(path, recording(2.0))
@@ -332,8 +332,8 @@ def test_late_group_needs_an_answer(tmp_path):
 
 
 @pytest.mark.parametrize("value", [0.02, 2.0, 25.0])
-def test_implausible_step_without_unit_is_asked(tmp_path, value):
-    """A step of 2 without a unit is not in seconds; milliseconds are not assumed."""
+def test_implausible_step_requires_a_unit(tmp_path, value):
+    """A step of 2 without a unit cannot be in seconds, and milliseconds are not assumed."""
     path = tmp_path / "run.h5"
     write_hdf5(path, recording(), lambda each: {"dt": 1.5 * value})
     with pytest.raises(AskingError) as fault:

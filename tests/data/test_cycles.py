@@ -18,7 +18,9 @@ from tests.support.examples import examples
 STEP_s, SAMPLES_PER_CYCLE = 1e-3, 200
 AMPLITUDE_m, FORCE_N, STIFFNESS_N_m = 0.01, 900.0, 5e4
 ANGLE = 2.0 * pi / SAMPLES_PER_CYCLE
-ENERGY_J = pi * AMPLITUDE_m * FORCE_N * sin(ANGLE) / ANGLE  # Exact for trapezoids on a sampled sine.
+ENERGY_J = (
+    pi * AMPLITUDE_m * FORCE_N * sin(ANGLE) / ANGLE
+)  # Exact for the trapezoidal rule on a sampled sine.
 
 
 def sine(samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -51,10 +53,10 @@ def test_sampled_sine_dissipates_closed_form_energy() -> None:
 def test_no_cycle_crosses_a_break() -> None:
     """Invalid numbers, a time that falls and a gap each break the record in one cycle."""
     time, x, force = sine(10_001)
-    force[1_000] = np.nan  # In the cycle from 950 on.
-    x[3_000] = 1e12  # In the cycle from 2950 on.
-    time[5_000:] -= 3.0  # In the cycle from 4950 on.
-    time[8_000:] += 7.0  # In the cycle from 7950 on.
+    force[1_000] = np.nan  # The cycle starts at sample 950.
+    x[3_000] = 1e12  # The cycle starts at sample 2950.
+    time[5_000:] -= 3.0  # The cycle starts at sample 4950.
+    time[8_000:] += 7.0  # The cycle starts at sample 7950.
     record = count(time, x, force)
     assert record.breaks == 4
     assert not {950, 2_950, 4_950, 7_950} & set(record.figures.row.tolist())

@@ -1,4 +1,4 @@
-"""Findings on runs that are spoilt in a known way; clean runs, virtual and real, have none that is false."""
+"""Findings on runs with known faults; clean runs, virtual and real, have no false finding."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def size_of(finding: Finding) -> float:
 
 
 def only(given_run, kind):
-    """Return the one finding there is, which must be of this kind."""
+    """Return the only finding after a check of its kind."""
     (finding,) = diagnose(given_run)
     assert finding.kind == kind
     assert finding.run == "run"
@@ -72,7 +72,7 @@ def only(given_run, kind):
     ids=["sine", "slow", "fast", "chirp"],
 )
 @pytest.mark.parametrize("rest", [0.0, 1.0])
-def test_a_clean_run_has_no_finding(motion, rest):
+def test_clean_run_has_no_finding(motion, rest):
     duration = motion.duration if isinstance(motion, Chirp) else 6.0 / getattr(motion, "frequency", 1.0) + 2.0
     assert kinds(recording(motion, rest=rest, duration=duration)) == []
 
@@ -85,7 +85,7 @@ def test_a_clean_run_has_no_finding(motion, rest):
     seed=st.integers(0, 1000),
 )
 def test_quantised_noisy_sine_has_no_fault(amplitude, frequency, quantum, grain, seed):
-    """Coarse converters stand still at the turns of a sine: neither clipped nor stuck."""
+    """Coarse converters are constant at reversals of a sine: this is neither clipped nor stuck."""
 
     def coarse(fields):
         if grain:
@@ -118,8 +118,8 @@ def test_virtual_rig_has_only_known_findings():
 
 
 @pytest.mark.system
-def test_real_runs_show_what_their_laboratories_know(real_data):
-    """What is known of these rigs (none is clipped, stuck, swapped or delayed), and nothing else.
+def test_real_runs_have_only_known_findings(real_data):
+    """Real runs have only the known properties of their rigs; no channel is clipped, stuck or delayed.
 
     UTFSM: offset of 24 to 58 N, the 25 mm 0.25 Hz run at 1 A grows by 6 %, the force at 0 A falls. UTFPR: gas
     preload of 100 to 140 N, the mean position drifts by up to 3.5 mm, repeatability 2 to 12 %.
@@ -174,7 +174,7 @@ def test_duplicated_and_reversed_times_are_counted(places):
     assert finding.from_s == pytest.approx(2.999)
 
 
-def test_a_change_of_rate_is_told():
+def test_change_of_rate_is_reported():
     def slower(fields):
         fields["time"][2500:] = fields["time"][2499] + 2e-3 * np.arange(1, len(fields["time"]) - 2499)
 
@@ -198,8 +198,8 @@ def test_clipped_displacement_is_found():
 
 @pytest.mark.parametrize("role", ["force", "displacement"])
 @pytest.mark.parametrize("first", [0, 1, 2100, 4500, 4501])
-def test_a_stuck_sensor_has_its_time(role, first):
-    """Wherever it is: at the very beginning and end, too."""
+def test_stuck_sensor_has_its_time(role, first):
+    """The location has no influence, also at the beginning and end of the run."""
 
     def stick(fields):
         fields[role][first : first + 500] = fields[role][first]
@@ -211,7 +211,7 @@ def test_a_stuck_sensor_has_its_time(role, first):
     assert found["stuck_sensor"].severity == "fault"
 
 
-def test_a_channel_that_never_moves_is_refused():
+def test_channel_that_never_moves_is_rejected():
     def dead(fields):
         fields["force"][:] = 3.0
 
@@ -263,14 +263,14 @@ def test_coarse_slow_motion_is_not_stuck():
 
 @given(noise=st.floats(0.5, 200.0), seed=st.integers(0, 99))
 @examples(20)
-def test_white_noise_is_told_from_the_loop(noise, seed):
+def test_white_noise_is_separated_from_loop(noise, seed):
     run = make_run(rate_Hz=1000.0)
     spoilt = run.force + noise * np.random.default_rng(seed).standard_normal(len(run))
     assert white_noise(spoilt) == pytest.approx(noise, rel=0.15)
-    assert white_noise(spoilt[:15]) == 0.0  # nothing can be said
+    assert white_noise(spoilt[:15]) == 0.0  # The resolution is unknown.
 
 
-def test_a_run_without_motion_is_refused():
+def test_run_without_motion_is_rejected():
     def rest(fields):
         fields["displacement"] = 1e-6 * np.random.default_rng(0).standard_normal(len(fields["time"]))
 
@@ -292,7 +292,7 @@ channel_values = st.sampled_from(
     data=st.data(),
 )
 def test_diagnosis_agrees_with_validation_of_runs(n, data):
-    """No array makes it fail; what the record refuses is a fault, and what has no fault is no refusal."""
+    """The diagnosis accepts any array and reports a fault exactly if validation rejects the run."""
     seed = data.draw(st.integers(0, 10_000))
     rng = np.random.default_rng(seed)
     time = np.arange(n) / 100.0
@@ -362,7 +362,7 @@ def test_repeated_findings_are_listed_once():
 @pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],
                          ids=["lost", "doubled"])  # fmt: skip
 def test_lost_samples_are_phase_jumps(rows):
-    """The time goes on evenly; displacement and force do not."""
+    """The time is uniform; displacement and force jump."""
     sound = recording()
     cut = {
         name: np.concatenate([getattr(sound, name)[part] for part in rows])
@@ -383,8 +383,8 @@ class Fault(NamedTuple):
     kind: str
     spoil: Callable[[dict[str, Any], float], Any]
     injected: float
-    size: Callable[[float], float]  # Of the finding, from the injected size.
-    tolerance: float  # Relative.
+    size: Callable[[float], float]  # Converts the injected size to the reported size.
+    tolerance: float  # Relative tolerance [-].
     span_s: tuple[float, float] | None = None
 
 
@@ -431,10 +431,10 @@ def white(fields):
 
 
 SPREAD_N, SPAN_N = float(np.std(make_run().force)), float(np.ptp(recording(noise=0.0).force))
-STROKE_m, PERIOD = 0.020, 500  # samples
+STROKE_m, PERIOD = 0.020, 500  # [samples]
 ROUNDING = np.sqrt(12.0)
-CYCLES = (0.375, 4.875)  # nine, from reversal to reversal
-ALL_BUT_ONE = float(np.sqrt(9.0 / 8.0 * 80.0 / 81.0))  # of nine, five are below; their mean is known
+CYCLES = (0.375, 4.875)  # Nine cycles between reversals.
+ALL_BUT_ONE = float(np.sqrt(9.0 / 8.0 * 80.0 / 81.0))  # Standard deviation of nine alternating signs.
 
 
 def the_same(size):
@@ -480,14 +480,14 @@ def test_finding_reports_the_injected_size(name):
     assert fault.span_s is None or (found.from_s, found.to_s) == pytest.approx(fault.span_s, abs=1e-9)
 
 
-# ------------------------------------------------------------------------------------------ what is the same
+# ----------------------------------------------------------------------------------------- invariance
 
 
 class Twin(NamedTuple):
-    """A change of a record that is the same test in other units."""
+    """A change of units or scale that must not change the findings."""
 
     changed: Callable[[Recording], Recording]
-    factors: dict[str, float]  # of a finding's size, by its unit; places go with "s"
+    factors: dict[str, float]  # Scale factor of a finding by unit; times use "s".
     begins_s: float = 0.0
 
 
@@ -498,7 +498,7 @@ def scaled(**gains):
     )
 
 
-TWINS = {  # powers of two: not one digit is rounded otherwise
+TWINS = {  # Powers of two scale exactly.
     "a force four times as large": Twin(scaled(force=4.0), {"N": 4.0}),
     "a motion of half the size": Twin(scaled(displacement=0.5, velocity=0.5), {"m": 0.5}),
     "twice as slow": Twin(scaled(time=2.0, velocity=0.5), {"s": 2.0, "ms": 2.0}),

@@ -1,4 +1,4 @@
-"""Every format of a rig gives the same run, says how it was understood, and what it lacks."""
+"""Every file format gives the same run; the report lists its interpretation and missing data."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_folder_of_all_formats_is_read(tmp_path):
         ("run.xlsx", "Excel file, 3 header lines, part 'Data'"),
     ],
 )
-def test_how_a_file_was_understood_is_told(tmp_path, name, words):
+def test_interpretation_of_a_file_is_printed(tmp_path, name, words):
     WRITERS[name](tmp_path / name)
     file = read_file(tmp_path / name)
     assert file.layout.in_words() == words
@@ -84,7 +84,7 @@ def test_how_a_file_was_understood_is_told(tmp_path, name, words):
         ("run.xlsx", "python_calamine", "python-calamine"),
     ],
 )
-def test_a_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, module, package):
+def test_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, module, package):
     WRITERS[name](tmp_path / name)
     for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
         monkeypatch.delitem(sys.modules, loaded)
@@ -214,10 +214,10 @@ def test_invalid_mdf_samples_are_nan(tmp_path):
 
 
 def test_impossible_mdf_sample_count_is_rejected(tmp_path):
-    """Damaged counts of some kB once made gigabytes of zeros, and took most of a minute."""
+    """A damaged sample count must not allocate gigabytes of zeros."""
     WRITERS["run.mf4"](tmp_path / "run.mf4")
     content = bytearray((tmp_path / "run.mf4").read_bytes())
-    count = content.index(b"##CG") + 80  # after the head of the block, its six links and its number
+    count = content.index(b"##CG") + 80  # Skip head, six links and number of the block.
     assert int.from_bytes(content[count : count + 8], "little") == len(RUN)
     content[count : count + 8] = (1 << 26).to_bytes(8, "little")
     (tmp_path / "run.mf4").write_bytes(content)
@@ -227,7 +227,7 @@ def test_impossible_mdf_sample_count_is_rejected(tmp_path):
 
 @pytest.mark.parametrize(("version", "nested"), [("3.30", False), ("4.10", False), ("4.10", True)])
 def test_mdf_formula_is_not_executed(tmp_path, monkeypatch, version, nested):
-    """The library would give its text to an evaluator, which is Python's own in the end."""
+    """The library would pass the text of the formula to Python's ``eval``."""
     from asammdf import MDF, Signal
     from asammdf.blocks import v2_v3_blocks, v4_blocks
 

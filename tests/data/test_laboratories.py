@@ -1,4 +1,4 @@
-"""Files as laboratories write them, in layouts and languages of their own: what is read, what is asked.
+"""Files in layouts and languages of laboratories: values that are read, questions that are printed.
 
 Every folder is made here, from one motion at three currents; the true values are known.
 """
@@ -51,7 +51,7 @@ def rows(
 
 
 def assert_read(runs: Dataset, *, unit: str = "A", warm: float | None = None) -> None:
-    """Assert that each true run is among those that were read, once, at its command."""
+    """Assert that each true run was read exactly once with its current."""
     assert len(runs) == len(RUNS)
     for true in RUNS:
         (run,) = (each for each in runs if abs(float(np.median(each.command)) - true.command[0]) < 1e-3)
@@ -82,7 +82,7 @@ def french(folder: Path) -> None:
 
 
 def japanese(folder: Path) -> None:
-    """Write Shift JIS, the columns in another order, the current measured beside its set point."""
+    """Write Shift JIS, the columns in another order, the current measured next to its set point."""
     for k, run in enumerate(RUNS):
         lines = ["試験,減衰器", "電流指令[A],荷重[N],変位[mm],時間[s],電流[A]"]
         table = zip(run.force, 1e3 * run.displacement, run.time, run.command, strict=True)
@@ -99,14 +99,14 @@ def blocks(folder: Path) -> None:
 
 
 def comments(folder: Path) -> None:
-    """Write one text whose runs are parted by comments, in times that begin anew."""
+    """Write one text whose runs are separated by comments; each time begins at zero."""
     text = "# t [s], stroke [mm], load [N]\n"
     text += "".join(f"# coil {i} A\n{rows(run, sign=',')}" for run, i in zip(RUNS, CURRENTS, strict=True))
     (folder / "log.csv").write_text(text, encoding="utf-8")
 
 
 def wide(folder: Path) -> None:
-    """Write one force for each current, which stands in a row above the names; missing values as dashes."""
+    """Write one force for each current, given in a row above the names; missing values as dashes."""
     lines = ["Damper 7;;;;", ";;0 A;0,75 A;1,5 A", "Zeit;Weg;Kraft;Kraft;Kraft", "s;mm;N;N;N"]
     for k in range(N):
         cells = [RUNS[0].time[k], 1e3 * RUNS[0].displacement[k], *(run.force[k] for run in RUNS)]
@@ -209,7 +209,7 @@ def structure_with_its_rate(folder: Path) -> None:
 
 
 def korean(folder: Path) -> None:
-    """Write in the code page of Korea, the seconds as a word, two temperatures of which one is the oil's."""
+    """Write in the code page of Korea: seconds as a word, and two temperatures, one for the oil."""
     names = "시간(초),변위(mm),하중(N),전류(A),오일 온도(℃),하우징 온도(℃)\n"
     for k, run in enumerate(RUNS):
         warm = np.full(N, 40.0)
@@ -233,7 +233,7 @@ def pounds_and_clamp(folder: Path) -> None:
 
 
 def oscilloscope(folder: Path) -> None:
-    """Write numbers of samples, whose step stands in the row of units; current and oil in the file's name."""
+    """Write sample numbers, with the time step in the row of units; current and oil in the file's name."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         lines = ["X,CH1,CH2,Start,Increment", "Sequence,mm,N,0.000000e+00,5.000000e-03"]
         table = zip(1e3 * run.displacement, run.force, strict=True)
@@ -242,7 +242,7 @@ def oscilloscope(folder: Path) -> None:
 
 
 def loop_counter(folder: Path) -> None:
-    """Write a controller's milliseconds behind its greeting, beside a time that begins anew each cycle."""
+    """Write a header, a controller's milliseconds, and a time that restarts in each cycle."""
     for k, run in enumerate(RUNS):
         columns = (1e3 * run.time, run.time % 0.5, 1e3 * run.displacement, run.force, 1e3 * run.command)
         table = [",".join(number(value) for value in row) for row in zip(*columns, strict=True)]
@@ -259,7 +259,7 @@ def results_above(folder: Path) -> None:
 
 
 def names_and_units_listed(folder: Path) -> None:
-    """Write names and units of the columns behind words that say so, and a mark above the samples."""
+    """Write names and units of the columns after labels, and a mark above the samples."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         head = f"Current: {current} A\nNames: Time;Stroke;Force\nUnits: s;mm;N\nData:\n"
         (folder / f"run_{k}.asc").write_text(head + rows(run), encoding="ascii")
@@ -284,7 +284,7 @@ def coarse_time(folder: Path) -> None:
 
 
 def objects(folder: Path) -> None:
-    """Write JSON: rows, one to a line; signals with their names and units; a note beside them."""
+    """Write JSON: rows, one to a line; signals with their names and units; and a note."""
     first, *others = RUNS
     table = zip(first.time, 1e3 * first.displacement, first.force, first.command, strict=True)
     lines = [json.dumps(dict(zip(("t_s", "x_mm", "F_N", "I_A"), row, strict=True))) for row in table]
@@ -359,7 +359,7 @@ def universal(folder: Path) -> None:
 
 
 def indexed(folder: Path) -> None:
-    """Write numbered runs, a list of them with current and temperature, and a table of results beside."""
+    """Write numbered runs, a list of them with current and temperature, and a table of results."""
     for k, run in enumerate(RUNS):
         text = "time_s;displacement_mm;force_N\n" + rows(run)
         (folder / f"run_{k}.csv").write_text(text, encoding="utf-8")
@@ -388,7 +388,7 @@ def slow_clock(folder: Path) -> None:
 
 
 def legend(folder: Path) -> None:
-    """Write channels by number, what they are in lines above, and settings with their units in the names."""
+    """Write channels by number with a legend above, and settings with their units in the names."""
     for k, run in enumerate(RUNS):
         head = f"[Setup]\nCoil_current_A={run.command[0]}\nOilTemp_C=40\nFs_Hz=200\n[Channels]\n"
         head += "CH0: LVDT displacement, mm\nCH1: load cell force, N\n[Data]\nCH0;CH1\n"
@@ -435,7 +435,7 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     LABORATORIES,
     ids=lambda write: write.__name__,
 )
-def test_a_laboratory_is_read_without_a_map(tmp_path, write):
+def test_laboratory_file_is_read_without_map(tmp_path, write):
     write(tmp_path)
     assert_read(read_runs(tmp_path), warm=LABORATORIES[write])
 
@@ -501,12 +501,12 @@ def test_inferred_values_have_their_source(tmp_path):
     files = read_files([tmp_path])
     said = {each.value: each.source for _, file in files.files for each in file.inferred}
     assert said == {current: f"folder 'próba {1e3 * current:.0f} mA'" for current in CURRENTS}
-    assert len({run.name for run in files.runs}) == 3  # though each file is called seria.csv
+    assert len({run.name for run in files.runs}) == 3  # Each file is called seria.csv.
     (_, file), *_ = files.files
     assert [column.source for column in file.columns] == ["header", "unit alone", "header"]
 
 
-# ------------------------------------------------------------------------------------------- asking
+# ------------------------------------------------------------------------------------------- questions
 
 COLUMNS = "t [s];x [mm];F [N];I [A]"
 
@@ -547,7 +547,7 @@ def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> 
         ("t [ms];x [mm];F [N];I [A]", "Sample rate: 200 Hz\n", {"time.unit"}),
     ],
 )
-def test_unknown_quantities_are_asked(tmp_path, header, above, asked):
+def test_unknown_quantities_give_questions(tmp_path, header, above, asked):
     with pytest.raises(InputError) as fault:
         read_file(one(tmp_path, header, above))
     questions = getattr(fault.value, "questions", ())
@@ -597,7 +597,7 @@ def test_optional_column_without_unit_is_skipped(tmp_path, name):
 )
 @pytest.mark.parametrize("header", ["i_cmd", "coil_current", "Current [A]"])
 def test_constant_that_contradicts_a_column_is_rejected(tmp_path, name, answers, header):
-    """A varying current in the file is not fitted as a constant one, whoever states it."""
+    """A varying current in the file is not fitted as a constant one."""
     if header == "Current [A]" and answers != ["voltage.value=5"]:
         return
     run = RUNS[1]
@@ -614,7 +614,7 @@ def test_constant_that_contradicts_a_column_is_rejected(tmp_path, name, answers,
     assert np.allclose(recording.command, ramp, atol=1e-4)
 
 
-def test_name_that_contradicts_current_is_asked(tmp_path):
+def test_contradictory_name_gives_question(tmp_path):
     with pytest.raises(AskingError, match=r"says 2 A, and the current measured is 0\.75 A") as fault:
         read_file(one(tmp_path, COLUMNS, name="sine_2A.csv"))
     assert fault.value.questions[0].candidates == ("2 A", "0.75 A")
@@ -707,7 +707,7 @@ def test_sampling_rate_is_not_motion_frequency(rate):
 
 
 def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
-    """Return a run at a frequency, its force after the motion by a share of the period and a delay."""
+    """Return a run whose force lags the motion by a fraction of the period plus a delay."""
     turn = 2.0 * np.pi * frequency
     time = np.asarray(np.arange(800) * 0.0025, dtype=np.float64)
     lag = 0.01 / frequency + delay_s
@@ -724,7 +724,7 @@ def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
 @given(delay=st.floats(-0.02, 0.025))
 def test_two_frequencies_separate_delay_from_compliance(delay):
     kinds = {finding.kind: finding for finding in compare([later(RUNS[0], delay, f) for f in (1.0, 3.0)])}
-    sure = delay + 0.0025  # what is left were the share of the period one of its square
+    sure = delay + 0.0025  # Delay if compliance scales with the squared period.
     if abs(delay - 0.010) < 0.001 or abs(sure + 0.002) < 0.001:
         return
     assert set(kinds) == ({"force_late"} if delay > 0.010 else {"force_early"} if sure < -0.002 else set())
@@ -734,7 +734,7 @@ def test_two_frequencies_separate_delay_from_compliance(delay):
 
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
 def test_sound_dampers_are_not_early(spring_N_m, friction_N):
-    """Nothing is between the channels: a bristle of 400 N/mm, a viscous force that thins, a gas spring."""
+    """The channels have no delay: bristle of 400 N/mm, shear-thinning viscous force, gas spring."""
     runs = []
     for amplitude, frequency in itertools.product((0.005, 0.010), (0.5, 1.0, 2.0)):
         time = np.arange(0.0, 4.0 / frequency, 1e-4 / frequency)

@@ -1,4 +1,4 @@
-"""One table in every spelling of a format: bytes or text, either order of bytes, any encoding, any sign."""
+"""One table in each variant of a format: binary or text, byte orders, encodings, comment signs."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_universal_text_and_binary_files_agree(tmp_path, precise, even, order):
     path.write_bytes(content)
     assert is_uff(content[:20])
     table = read_uff(path, FileOptions())
-    force = next(name for name in table.names if "force" in name.lower())  # by its code: it has no name
+    force = next(name for name in table.names if "force" in name.lower())  # It has no name.
     clock = next(name for name in table.names if name != force)
     np.testing.assert_allclose(table.columns[force], VALUES if order else FULL, rtol=1e-6)
     np.testing.assert_allclose(table.columns[clock], TIMES, rtol=1e-9)

@@ -1,4 +1,4 @@
-"""How much is read, and from how many lines, letters and names on something is what it seems."""
+"""Limits of format detection: numbers of rows, lines, letters and names."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from mrdamper.data.formats.lines.header import (
     [
         ([], (",", None)),
         (["1"], (",", None)),
-        (["1;2"], (";", 0)),  # a row that stands alone is the last line
+        (["1;2"], (";", 0)),  # A single row must be the last line.
         (["1;2", "words"], (",", None)),
         (["1;words"], (",", None)),
         (["t;F", "1;2", "3;4", "words"], (";", 1)),
         (["1;2", "", "3;4"], (";", 2)),
         (["1;2", "3;4"], (";", 0)),
         (["t;F", "1;2", "# 3;4", "5;6", "7;8"], (";", 3)),
-        (["s;1;2", "1;2;3", "4;5;6"], (";", 1)),  # a row of numbers behind a word is no sample
+        (["s;1;2", "1;2;3", "4;5;6"], (";", 1)),  # A row that begins with a word is no sample.
         (["s;1;2", "N;2;3"], (";", 0)),
         (["word;1;2", "word;2;3"], (";", 0)),
-        (["s;mm;1;2", "a;b;2;3", "a;b;4;5"], (";", 1)),  # units, and settings behind them
-        (["1,2,3,4"] * 3 + [""] + ["1;2", ""] * 10, (";", 4)),  # ten rows go before three longer ones
+        (["s;mm;1;2", "a;b;2;3", "a;b;4;5"], (";", 1)),  # Units, then settings.
+        (["1,2,3,4"] * 3 + [""] + ["1;2", ""] * 10, (";", 4)),  # Ten short rows count.
         (["1,2,3,4"] * 3 + [""] + ["1;2", ""] * 9, (",", 0)),
         (["1 2;3 4"] * 12, (" ", 0)),  # its fields are "1 2" and "3 4", or two numbers and "2;3"
         (["1|2,3|4"] * 2, ("|", 0)),
@@ -71,7 +71,7 @@ def test_rows_begin_at_the_numbers(lines, found):
         ([";;"], "1;2;3", ("column 1", "column 2", "column 3"), ()),
     ],
 )  # fmt: skip
-def test_what_stands_above_the_rows_names_them(above, row, names, said):
+def test_lines_above_rows_name_the_columns(above, row, names, said):
     found = read_header([*above, *[row] * 12], len(above), " " if ";" not in row else ";")
     assert (found.names, found.said) == (names, said)
     assert found.named == (names[0] != "column 1")
@@ -100,12 +100,12 @@ def blocks_of(lines, delimiter=";"):
         (["1;2", "end", "of it"], [(1, 2, 1, ())], 2),
         (["1;2", "# note", "3;4"], [(1, 2, 1, ()), (3, 4, 1, ("# note",))], 0),
         (["1;2", "t;F", "s;N", "3;4", "5;6"], [(1, 2, 1, ()), (4, 6, 2, ("t;F", "s;N"))], 0),
-        (["1;2", "bad;4", "5;6", "7;8"], [(1, 5, 4, ())], 0),  # a cell that is none among numbers
+        (["1;2", "bad;4", "5;6", "7;8"], [(1, 5, 4, ())], 0),  # One cell is not a number.
         (["1;2", "bad;4", "worse;5", "7;8"], [(1, 5, 4, ())], 0),
         (["1;2", "3;bad", "5;6"], [(1, 4, 3, ())], 0),
-        (["1;2", "mean;4", "sum;5"], [(1, 2, 1, ())], 2),  # below the rows
+        (["1;2", "mean;4", "sum;5"], [(1, 2, 1, ())], 2),  # Results follow the samples.
         (["1;2", "mean;4", "words", "1;2"], [(1, 2, 1, ()), (4, 5, 1, ("mean;4", "words"))], 0),
-        (["1;2", "-;-", "NA;4", "5;6"], [(1, 5, 4, ())], 0),  # no value
+        (["1;2", "-;-", "NA;4", "5;6"], [(1, 5, 4, ())], 0),  # Missing values.
         (["1;2", "words;-", "5;6"], [(1, 2, 1, ()), (3, 4, 1, ("words;-",))], 0),
         (["1;2", "words", "name;5;6", "-;7;8", "9;1"],
          [(1, 2, 1, ()), (4, 6, 2, ("words", "name;5;6"))], 0),
@@ -133,5 +133,5 @@ def test_lines_of_words_separate_blocks(lines, blocks, trailer):
         (("a/r/t", "a/r/F", "b/r/t", "b/r/F", "b/s/t", "b/s/F"), ("a", "b")),
     ],
 )
-def test_groups_are_alike_by_two_names(paths, groups):
+def test_groups_with_two_equal_names_match(paths, groups):
     assert recordings_in([tuple(path.split("/")) for path in paths]) == groups

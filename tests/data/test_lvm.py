@@ -21,7 +21,7 @@ END = "***End_of_Header***"
 def lvm(
     *, x="One", comma=False, dimension="Time", units=None, labels=CHANNELS, cuts=(), anew=False, late_s=0.0
 ):
-    """Return a text of segments that begin at the rows ``cuts``; ``anew``: with clocks that begin at zero."""
+    """Return a text of segments that begin at the rows ``cuts``; optionally each clock begins at zero."""
     sign, point = ("\t", ",") if comma else ("\t", ".")
     tags = [
         "LabVIEW Measurement", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
@@ -81,7 +81,7 @@ def test_later_lvm_segment_is_another_run(tmp_path, x, forgotten):
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("comma", [False, True])
-def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
+def test_run_is_read_with_its_clock(tmp_path, x, comma):
     (tmp_path / "run.lvm").write_text(lvm(x=x, comma=comma), encoding="utf-8", newline="")
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)
@@ -113,7 +113,7 @@ def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
         ),
     ],
 )
-def test_what_cannot_be_read_says_why(tmp_path, content, said):
+def test_unreadable_text_is_rejected_with_reason(tmp_path, content, said):
     (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
     with pytest.raises(InputError, match=said):
         read_run(tmp_path / "run.lvm")

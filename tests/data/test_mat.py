@@ -35,7 +35,7 @@ def structures(names, rows):
 
 
 def dspace(count=3):
-    """Return what a recording of dSPACE's is: X the time, Y the signals."""
+    """Return a dSPACE recording: X is the time, Y are the signals."""
     fields = ("Name", "Type", "Data", "Unit", "XIndex", "Raster")
     rows = [(name, 4, values, unit, 1, "HostService") for name, (values, unit) in SIGNALS.items()]
     x = structures(fields, [("Time", 4, TIME, "s", 0, "HostService")])

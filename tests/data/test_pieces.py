@@ -1,4 +1,4 @@
-"""Where a file's rows are cut into runs, what joins them again, and what is filled in."""
+"""Division of rows into runs, joined runs, and interpolated values."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_record_is_cut_at_gaps():
 
 @pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # an even or an odd number of reversals
 @pytest.mark.parametrize("offset", [0.0, 0.02])
-def test_a_velocity_is_integrated_without_its_drift(offset, cycles):
+def test_velocity_is_integrated_without_its_drift(offset, cycles):
     """Over whole cycles: the best line through some cycles of a sine is not level."""
     time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
     velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset
@@ -80,7 +80,7 @@ def test_slower_clock_is_interpolated():
     one = to_one_clock(read, names, ChannelMap(), "run.csv")
     assert one.interpolated == ("temperature",)
     assert np.allclose(one.columns["temperature"], 20.0 + fast)
-    text[1, 5] = np.nan  # a number is missing: it is no clock of its own
+    text[1, 5] = np.nan  # A missing number is not a second clock.
     torn = table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1])
     assert with_clocks(torn) is torn
 

@@ -29,7 +29,7 @@ def test_clean_run_keeps_its_motion():
     assert set(path.command) == {0.5}
 
 
-def test_the_force_is_as_measured():
+def test_force_is_as_measured():
     run = make_run(SINE, **NOISY)
     assert np.array_equal(prepare_run(run).force, run.force)
     tared = prepare_run(run, Preparation(force_offset_N=40.0))
@@ -67,7 +67,7 @@ def test_score_begins_after_half_a_period(rest):
     assert prepared.scored_from * 1e-3 == pytest.approx(expected, abs=3e-3)
 
 
-def test_the_period_is_measured():
+def test_period_is_measured():
     assert prepare_run(make_run(SINE, **NOISY)).period_s == pytest.approx(0.5, rel=1e-3)
     chirp = prepare_run(make_run(Chirp(0.002, 1.0, 15.0, 10.0), duration=10.0))
     assert chirp.period_s is None
@@ -183,7 +183,7 @@ def test_decimation_keeps_samples_and_min_rate(rate):
         Preparation(cutoff_Hz=math.inf, from_s=1.0, to_s=2.0, force_offset_N=-3.0, thermocouple_lag_s=4.0),
     ],
 )
-def test_a_preparation_survives_json(preparation):
+def test_preparation_survives_json(preparation):
     text = json.dumps(preparation.to_dict(), allow_nan=False)
     assert Preparation.from_dict(json.loads(text)) == preparation
     assert Preparation.from_dict(MappingProxyType(preparation.to_dict())) == preparation

@@ -1,4 +1,4 @@
-"""The same run in every format and spelling reads the same; what cannot be read says so."""
+"""Each format and spelling gives the same run; unreadable files give a message."""
 
 import numpy as np
 import polars as pl
@@ -36,7 +36,7 @@ def _assert_same(run, *, exactly=False):
     assert run.command_unit == "A"
 
 
-def test_a_self_describing_file_needs_no_map(tmp_path):
+def test_self_describing_file_needs_no_map(tmp_path):
     run = _read(tmp_path, _text(SELF_DESCRIBING), name="sine_2Hz_0.5A.csv")
     _assert_same(run, exactly=True)
     assert run.name == "sine_2Hz_0.5A"
@@ -145,7 +145,7 @@ LOGGER_MAP = {
 }
 
 
-def test_a_loggers_text_holds_several_tests(tmp_path):
+def test_loggers_text_holds_several_tests(tmp_path):
     (tmp_path / "ME10mm.txt").write_text(_logger_text(3))
     runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))
     assert [run.name for run in runs] == ["ME10mm_0.00A", "ME10mm_0.50A", "ME10mm_0.50A_2"]
@@ -166,7 +166,7 @@ def test_events_and_commands_must_be_as_many(tmp_path):
 
 
 def test_map_completes_the_headers(tmp_path):
-    """The map needs to say only what the header does not."""
+    """The map is required only for quantities that the header lacks."""
     text = _text("time_s,CH1,Force,current_A", scales=(1.0, 1e3, 1.0, 1.0))
     channels = ChannelMap.from_dict(
         {"channel": {"displacement": {"name": "CH1", "unit": "mm"}, "force": {"unit": "N"}}}
@@ -182,7 +182,7 @@ def test_columns_without_header_have_an_index(tmp_path):
 
 
 def test_sensor_volts_are_not_the_quantity(tmp_path):
-    """Loggers write both; the unit tells which is the channel, and a sensor's voltage is no command."""
+    """The unit separates the channel from its sensor's voltage, which is no command."""
     rows = np.array(ROWS).tolist()
     lines = "\n".join(f"{t!r},{f / 198.4!r},{f!r},{x * 104.0!r},{1e3 * x!r}" for t, x, f, _ in rows)
     text = f"Time (s),Force (V),Force (N),Displacement (V),Displacement (mm)\n{lines}\n"
@@ -210,13 +210,13 @@ def test_sensor_volts_are_not_the_quantity(tmp_path):
         (_text(SELF_DESCRIBING) + "2.005,,3.0,0.5\n", r"displacement is nan at sample 401"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read_says_why(tmp_path, text, message):
+def test_unreadable_file_is_rejected_with_reason(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         _read(tmp_path, text)
     assert "run" in str(error.value)
 
 
-def test_a_folder_gives_its_files_once(tmp_path):
+def test_folder_gives_its_files_once(tmp_path):
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(_text(SELF_DESCRIBING))
     (tmp_path / "notes.md").write_text("not a run")
@@ -228,7 +228,7 @@ def test_a_folder_gives_its_files_once(tmp_path):
         read_run(tmp_path)
 
 
-def test_paths_that_lead_nowhere_are_told(tmp_path):
+def test_missing_paths_are_reported(tmp_path):
     with pytest.raises(InputError, match=r"missing\.csv: no such file or folder"):
         read_runs(tmp_path / "missing.csv")
     with pytest.raises(InputError, match="the pattern matches no file"):

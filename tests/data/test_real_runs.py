@@ -1,4 +1,4 @@
-"""The laboratories' own files: raw and trimmed agree, and are prepared as their rigs deserve."""
+"""The laboratories' own files: raw and trimmed agree; the preparation matches the noise of each rig."""
 
 from pathlib import Path
 
@@ -65,7 +65,7 @@ def test_motion_label_does_not_depend_on_current(dev):
 
 
 def test_smoothing_removes_only_sensor_steps(dev):
-    """What is taken from the displacement is white: its steps of 3 um and 1.5 to 2.3 um rms of noise."""
+    """The removed part of the displacement is white: 3 um resolution and 1.5 to 2.3 um rms of noise."""
     for run in dev.select("utfsm_*"):
         prepared = prepare_run(run)
         taken = run.displacement - prepared.trajectory.displacement
@@ -76,14 +76,14 @@ def test_smoothing_removes_only_sensor_steps(dev):
         assert prepared.dead_band_m < 5e-6
 
 
-def test_the_velocity_at_rest_is_quiet(dev):
+def test_velocity_at_rest_is_quiet(dev):
     """Below 0.2 mm/s rms before the press starts, from about 2 mm/s in raw differences at 1 kHz."""
     for run in dev.select("utfsm_sine_10mm2Hz_*", "utfsm_sine_5mm3Hz_*"):
         velocity = prepare_run(run).trajectory.velocity
         assert np.std(velocity[:80]) < 0.2e-3
 
 
-def test_repeatability_is_that_of_the_rigs(dev):
+def test_repeatability_matches_the_rigs(dev):
     """UTFSM about 0.5 to 4 % (the 25 mm 0.25 Hz 1 A run grows by 6 %), UTFPR about 1 to 12 %."""
     for pattern, low, high in (("utfsm_sine_*", 0.5, 4.2), ("utfpr_*", 1.0, 12.0)):
         for run in dev.select(pattern):

@@ -1,4 +1,4 @@
-"""What a measured run must be, and what is said when it is not."""
+"""Validation of measured runs, and its messages."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_valid_run_is_not_changed():
         ("force", lambda f: 1e4 * f, r"force is 1e\+07 N at sample \d+ .* expected -1e\+06 to 1e\+06 N"),
     ],
 )
-def test_fault_has_place_and_remedy(field, change, message):
+def test_fault_has_location_and_remedy(field, change, message):
     with pytest.raises(InputError, match=message):
         RigRun(**_with(field, change))
 
@@ -79,7 +79,7 @@ def test_celsius_as_kelvin_is_rejected():
         make_run(changed={"temperature": np.full(5001, 25.0)})
 
 
-def test_all_faults_are_told_at_once():
+def test_all_faults_are_reported_together():
     fields = _with("force", lambda f: 0 * f)
     fields |= {"displacement": 1e3 * fields["displacement"], "temperature": np.full(5001, 20.0)}
     with pytest.raises(InputError) as error:

@@ -21,7 +21,7 @@ def _prepared(force, motion=SINE, duration=10.0, **how):
 
 @given(dashpot=st.floats(100.0, 1e4), spring=st.floats(-1e4, 1e4), preload=st.floats(-500.0, 500.0))
 def test_dashpot_dissipates_closed_form_energy(dashpot, spring, preload):
-    """Springs and preloads give back what they take."""
+    """Springs and preloads return their stored energy."""
     force = lambda t: dashpot * SINE.velocity(t) + spring * SINE.displacement(t) + preload  # noqa: E731
     found = cycles(_prepared(force))
     assert len(found) == 9
@@ -85,6 +85,6 @@ def test_drift_from_first_to_last_cycle():
 
 
 @given(delay=st.floats(-0.05, 0.05))
-def test_a_delay_of_the_force_is_found(delay):
+def test_delay_of_the_force_is_found(delay):
     prepared = _prepared(lambda t: SINE.velocity(t - delay))
     assert estimate_lag(prepared, 1.0) == pytest.approx(delay, abs=1e-5)

@@ -1,4 +1,4 @@
-"""Rheometer tables: headers in the ways laboratories write them, one message for what is missing."""
+"""Rheometer tables: headers of laboratories, and one message for missing columns."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ PLAIN = FileOptions()
 
 
 def same(found: np.ndarray, expected: np.ndarray) -> bool:
-    """Tell whether numbers are the same but for the rounding of a factor."""
+    """Return True if the values are equal within the rounding of a factor."""
     return found.shape == expected.shape and np.allclose(
         found, expected, rtol=1e-15, atol=1e-14, equal_nan=True
     )
@@ -111,9 +111,9 @@ def test_hdf5_compounds_and_matrices_give_columns(tmp_path):
     with h5py.File(path, "w") as file:
         file["a record"] = record
         file["matrix"] = np.arange(3.0 * ROWS).reshape(ROWS, 3)
-        file["wide"] = np.ones((65, 66))  # no table of channels
+        file["wide"] = np.ones((65, 66))  # The matrix is too wide to be a table.
         named = file.create_dataset("two", data=np.arange(2.0 * ROWS).reshape(2, ROWS))
-        named.attrs["labels"] = ["1", "2"]  # which name nothing
+        named.attrs["labels"] = ["1", "2"]  # Numbers do not name columns.
         named.attrs["unit"] = "N"
     columns = {"t": record["t"], "n": record["n"]}
     columns |= {f"column {k + 1} of matrix": np.arange(3.0 * ROWS)[k::3] for k in range(3)}

@@ -129,7 +129,7 @@ def test_smoothed_derivatives_are_consistent():
 
 
 @pytest.mark.parametrize("spacing", [2, 7, 40])
-def test_the_splines_are_those_of_scipy(spacing):
+def test_splines_are_those_of_scipy(spacing):
     at = np.arange(spacing) / spacing
     knots = np.arange(-5.0, 7.0)
     for j in range(6):
@@ -179,7 +179,7 @@ def test_other_motions_have_their_labels():
     assert again.label.endswith(" 0.5 Hz")
     assert again.period_s == pytest.approx(2.0)
     assert again.half_period_s == pytest.approx(1.0)
-    tones = np.arange(3.0, 9.01, 0.05)  # of one speed each: 90 % lies between 3.3 and 8.7 Hz
+    tones = np.arange(3.0, 9.01, 0.05)  # Equal speeds: 90 % is between 3.3 and 8.7 Hz.
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, len(tones))
     speed = np.cos(2.0 * np.pi * np.outer(t[:-1], tones) + phases).sum(axis=1)
     assert velocity_band(speed + 7.0, step) == pytest.approx((3.3, 8.7), abs=0.051)

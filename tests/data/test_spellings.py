@@ -1,4 +1,4 @@
-"""Headers, blocks and limits of texts and waveforms, written here from their parts and taken apart again."""
+"""Headers, blocks and limits of texts and waveforms, generated from their parts and parsed again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TITLES = ["Report", "MR-7", "Operator:", "(third)"]
 
 @dataclass(frozen=True)
 class Text:
-    """The lines of a text, and what they say."""
+    """The lines of a text, and the expected result."""
 
     lines: list[str]
     delimiter: str

@@ -20,7 +20,7 @@ def noise(count: int, size: float, seed: int = 0) -> FloatArray:
 
 
 def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> FloatArray:
-    """Return what a first-order sensor shows, settled at first: exact for a piecewise linear truth."""
+    """Return the reading of a first-order sensor in equilibrium at the start: exact if piecewise linear."""
     shown = np.empty_like(true)
     shown[0] = true[0]
     decay = np.exp(-step / lag)
@@ -32,7 +32,7 @@ def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> Floa
 
 @given(level=st.floats(250.0, 420.0), size=st.floats(0.0, 1.0), seed=st.integers(0, 99))
 def test_noisy_constant_temperature_is_its_mean(level, size, seed):
-    """Its mean: as far from the truth as the mean of so many samples, and the same at every one."""
+    """The result is constant, and its error is the standard error of the mean."""
     time = times(20.0)
     found = condition_temperature(level + noise(len(time), size, seed), 1 / 200.0)
     assert len(found) == len(time)
@@ -42,7 +42,7 @@ def test_noisy_constant_temperature_is_its_mean(level, size, seed):
 
 @pytest.mark.parametrize("step", [0.1, 1.0], ids=["short", "long"])
 def test_noise_alone_is_no_drift(step):
-    """Forty samples of 5 K noise have a slope of several kelvin by chance, believed in 1 % of runs."""
+    """Forty samples of 5 K noise have a slope of several kelvin by chance; 1 % of runs may keep it."""
     runs = [condition_temperature(300.0 + noise(40, 5.0, seed), step) for seed in range(1000)]
     assert sum(np.ptp(run) > 0.0 for run in runs) <= 10
 
@@ -65,11 +65,11 @@ def test_flattening_curve_is_followed():
     found = condition_temperature(true + noise(len(time), 0.3), 1 / 200.0)
     assert np.abs(found - true).max() < 0.3
     straight = np.polyval(np.polyfit(time, true, 1), time)
-    assert np.abs(straight - true).max() > 2.0  # what a line would have cost
+    assert np.abs(straight - true).max() > 2.0  # A straight line fits worse.
 
 
 def test_warming_and_cooling_is_not_constant():
-    """Its straight line is level: the means of its eighths tell."""
+    """The straight line has no slope, but the means of its eighths differ."""
     time = times(60.0)
     true = 300.0 + 10.0 * np.sin(np.pi * time / 60.0)
     found = condition_temperature(true + noise(len(time), 0.3), 1 / 200.0)

@@ -74,7 +74,7 @@ def test_blocks_join_where_they_were_cut(form, size):
 @pytest.mark.parametrize(
     "cell", ["", "12", "10:15", "25:00:00", "10:61:00", "10:15:02 o'clock", "2026-02-30 1:00:00"]
 )
-def test_what_is_no_time_is_no_number(cell):
+def test_invalid_time_is_not_a_number(cell):
     assert np.isnan(seconds(cell)).all()
 
 
@@ -104,7 +104,7 @@ def test_times_of_day_give_the_run(tmp_path, header):
 
 
 def test_map_rate_precedes_times_of_day(tmp_path):
-    """Clocks of one second, as many programs write them beside samples of milliseconds."""
+    """Clocks of one second, as many programs write them next to samples of milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
     (run,) = read_run(file, tmp_path / "map.toml")
@@ -131,6 +131,6 @@ def test_workbook_times_count_from_the_first(tmp_path, kind):
     book.save(tmp_path / "run.xlsx")
     table = read_table(tmp_path / "run.xlsx")
     assert table.stamps == {"Logged"}
-    assert np.allclose(table.columns["Logged"], 0.25 * np.arange(40), atol=1.1e-3)  # what a workbook keeps
+    assert np.allclose(table.columns["Logged"], 0.25 * np.arange(40), atol=1.1e-3)  # Workbooks store 1 ms.
     (run,) = read_run(tmp_path / "run.xlsx")
     assert run.time[-1] == pytest.approx(9.75, abs=2e-3)

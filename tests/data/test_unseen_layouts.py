@@ -299,14 +299,14 @@ def test_settings_state_each_run(tmp_path):
     assert sorted(float(run.command[0]) for run in runs) == [i for i in CURRENTS for _ in range(2)]
 
 
-def test_document_that_contradicts_name_is_asked(tmp_path):
+def test_contradictory_document_gives_question(tmp_path):
     write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
     write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
     with pytest.raises(AskingError, match=r"0\.5 A and 1\.5 A"):
         read_runs(tmp_path)
 
 
-def test_factor_that_may_be_applied_is_asked(tmp_path):
+def test_ambiguous_factor_gives_question(tmp_path):
     """Samples with decimals may be raw or scaled: only an answer decides."""
     run = RUNS[1]
     head = "Channel name;Time;Stroke;Load;Coil\nUnit;s;mm;N;A\nScale factor;1;0.5;1;1\n"

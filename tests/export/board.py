@@ -1,10 +1,10 @@
 """A controller's C, built for this machine or a bare Cortex-M under QEMU, and stepped through given readings.
 
 QEMU counts instructions (``-icount``): the figures repeat exactly, and they are not cycles. Code and readings
-are those of a target without a system: own start-up, own linker script, no library but memory copies.
+belong to a target without operating system: own start-up and linker script, no library except memory copies.
 
-What is compiled are the kernel's own files and the generated tables (``c_tables``) as one file, as an export
-is: the compiler then sees that the numbers are constant, and leaves out what they switch off.
+The kernel's own files and the generated tables (``c_tables``) are compiled as one file, like an export.
+The compiler then sees constant numbers and removes unused branches.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class Sizes:
 def on_board(
     controller: ForceController, rows: FloatArray, board: Board, *, flags: tuple[str, ...] = ("-O2",)
 ) -> Replay:
-    """Return what a bare processor makes of the rows (as ``ForceController.run`` takes them), in float."""
+    """Return the results of a bare processor (rows as ``ForceController.run`` takes them), in float."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, rows, place, single=True)

@@ -1,4 +1,4 @@
-"""Controllers and readings for the tests on a microcontroller: what a step finds hard.
+"""Controllers and difficult readings for the tests on a microcontroller.
 
 A motion that turns again and again, targets that no current gives, temperature over the whole range and past
 it, sensors that fail.
@@ -72,7 +72,7 @@ def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int =
 
     A random motion of up to some 0.3 m/s that now and then rests, shakes or jumps; a target in its direction
     that is too large for a fifth of the time, and against it for another; temperature ramps through the whole
-    range; stretches in which a sensor gives nothing, infinity, or stands still.
+    range; intervals with a NaN, infinite or constant sensor reading.
     """
     rng, h = np.random.default_rng(seed), controller.period_s
     t = h * np.arange(samples)

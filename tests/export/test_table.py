@@ -59,7 +59,7 @@ def test_force_is_at_mid_stroke_of_sine(made, i, j, k):
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 0), (5, 8)])
-def test_the_branches_are_those_of_the_fastest_sine(made, i, j):
+def test_branches_are_those_of_the_fastest_sine(made, i, j):
     v, force = sine(DAMPERS["bouc-wen"], FASTEST, float(made.command[j]), float(made.temperature[i]))
     half = len(v) // 2
     downwards, upwards = slice(0, half + 1), slice(half, None)
@@ -77,7 +77,7 @@ def test_two_hysteresis_branches_meet_at_ends(made):
     assert (made.falling[..., inside] - made.rising[..., inside]).max() > 100.0
 
 
-def test_a_damper_without_memory_has_one():
+def test_damper_without_memory_has_one():
     """The force of Bingham's law without stiffness, mass and friction depends only on velocity."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": Constant(1500.0),
@@ -120,7 +120,7 @@ def test_file_has_header_and_every_point(made):
 
 
 @pytest.mark.system
-def test_a_command_in_volts_has_its_column():
+def test_command_in_volts_has_its_column():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()
 
@@ -135,7 +135,7 @@ def test_law_without_real_time_form_has_map():
     assert made.pick[0, -1, -1] == pytest.approx(650.0, rel=1e-6)
 
 
-def test_a_card_without_motion_is_refused():
+def test_card_without_motion_is_rejected():
     still = OperatingEnvelope(ENVELOPE.command, (0.0, 0.0), (0.0, 0.0), ENVELOPE.temperature)
     with pytest.raises(InputError, match=r"the card's data cover 0 m and 0 m/s; expected a motion"):
         force_map(replace(card_of(DOUBLE), envelope=still))

@@ -1,6 +1,6 @@
 """The controllers on a Cortex-M4F and M7 under QEMU: bits, instructions, bytes; and static analysis.
 
-Readings are those of ``hard_readings``: turns, targets that cannot be, temperature ramps, sensors that fail.
+The readings of ``hard_readings`` are reversals, impossible targets, temperature ramps and sensor faults.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def test_code_and_tables_fit(boards, shown):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
-def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
+def test_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
     """Each of the list is found, too: the list is no longer than it must be."""
     text = files("mrdamper.codegen").joinpath("misra.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))

@@ -110,7 +110,7 @@ def test_missing_area_is_sum_of_times(rise, fall, second, delay):
 def test_lag_matches_adaptive_integrator():
     """The equation a' = (c - a)/lag, lag by |c| > |a|, under a command that swings through zero.
 
-    The lag is chosen once per sample: what is left falls with the step.
+    The lag is chosen once per sample, so the error falls with the step.
     """
     rise, fall, omega = 0.02, 0.05, 2.0 * math.pi * 3.0
 
@@ -177,13 +177,13 @@ def test_hysteresis_in_saturated_iron_follows_flux():
     """A fall from 5 A to 1 A is complete because it exceeds the half width; a fall to 4 A counts half."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.applied(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
-    fall = 5.0 / 6.0 - 4.0 / 5.0  # of the flux, less than twice the half width
+    fall = 5.0 / 6.0 - 4.0 / 5.0  # The change of flux is less than twice the half width.
     back = 5.0 / 6.0 - 4.5 / 5.5
     np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
 
 
 def test_flux_lags_in_saturated_iron():
-    """From 0 to 4 A and back it is that of two equal lags, 1 - (1 + t/tau) exp(-t/tau), to 1e-5."""
+    """From 0 to 4 A and back, two equal lags give 1 - (1 + t/tau) exp(-t/tau), to 1e-5."""
     tau, bend, step = 0.008, 1.5, 2e-5
     actuation = Actuation(tau, tau, tau, saturation=bend)
     time = step * np.arange(3000)

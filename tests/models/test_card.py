@@ -290,7 +290,7 @@ def test_card_is_immutable():
         ("command_lag_s",),
     ],
 )
-def test_edited_card_is_refused(place):
+def test_edited_card_is_rejected(place):
     """A change of one number in the ninth digit changes the hash."""
     changed = json.loads(json.dumps(DOCUMENT))
     inside = changed
@@ -308,7 +308,7 @@ def test_hash_ignores_notes_layout_and_spelling():
 
 
 @pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1, None, "4"])
-def test_other_schema_version_is_refused(version):
+def test_other_schema_version_is_rejected(version):
     with pytest.raises(InputError, match=rf"schema_version is .*expected {SCHEMA_VERSION}, the only version"):
         card_from_json(document("schema_version", value=version))
 
@@ -384,7 +384,7 @@ def test_other_schema_version_is_refused(version):
         ([1, 2], "a card is a table {...} with schema_version; found list"),
     ],
 )
-def test_invalid_card_is_refused_by_place(damaged, said, tmp_path):
+def test_invalid_card_is_rejected_with_location(damaged, said, tmp_path):
     path = tmp_path / "card.json"
     path.write_text(json.dumps(damaged), encoding="utf-8")
     with pytest.raises(InputError) as caught:
@@ -413,7 +413,7 @@ def test_card_with_any_value_never_crashes(data, valid):
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.5, 0.999])
-def test_truncated_file_is_refused_with_line(fraction, tmp_path):
+def test_truncated_file_is_rejected_with_line(fraction, tmp_path):
     path = tmp_path / "card.json"
     write_card(CARD, path)
     text = path.read_text(encoding="utf-8")
@@ -433,14 +433,14 @@ def test_truncated_file_is_refused_with_line(fraction, tmp_path):
         (b"null", "a card is a table"),
     ],
 )
-def test_other_file_is_refused(content, said, tmp_path):
+def test_other_file_is_rejected(content, said, tmp_path):
     path = tmp_path / "card.json"
     path.write_bytes(content)
     with pytest.raises(InputError, match=said):
         read_card(path)
 
 
-def test_missing_file_or_folder_is_refused(tmp_path):
+def test_missing_file_or_folder_is_rejected(tmp_path):
     with pytest.raises(InputError, match=r"gone\.json: cannot read the card: No such file"):
         read_card(tmp_path / "gone.json")
     with pytest.raises(InputError, match="cannot write: No such file or directory; choose another folder"):
@@ -520,7 +520,7 @@ def test_coefficients_are_clipped_outside_the_envelope():
         ),
     ],
 )
-def test_card_that_cannot_be_written_is_refused(make, said):
+def test_card_that_cannot_be_written_is_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()
 

@@ -44,14 +44,14 @@ def test_samples_are_read_for_their_card_only(tmp_path):
 
 
 @pytest.mark.parametrize("values", [np.ones((3, 1)), np.ones(2), np.empty((0, 2)), np.array([[1.0, np.nan]])])
-def test_samples_with_invalid_values_are_refused(tmp_path, values):
+def test_samples_with_invalid_values_are_rejected(tmp_path, values):
     write_draws(CardDraws(NAMES, values), CARD.damper, tmp_path / DRAWS_FILE)
     with pytest.raises(InputError, match="values have shape"):
         read_draws(tmp_path, CARD.damper)
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"no archive"])
-def test_other_file_is_refused(tmp_path, content):
+def test_other_file_is_rejected(tmp_path, content):
     (tmp_path / DRAWS_FILE).write_bytes(content)
     with pytest.raises(InputError, match="no posterior samples of this card"):
         read_draws(tmp_path, CARD.damper)

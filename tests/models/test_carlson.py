@@ -24,7 +24,7 @@ fractions = st.floats(0.02, 0.6)
 fields = st.floats(1.0, 1e7)  # A/m
 
 
-def test_the_magnetic_constant_is_that_of_codata():
+def test_magnetic_constant_is_that_of_codata():
     assert pytest.approx(constants.mu_0, rel=1e-9) == MU_0
 
 
@@ -43,7 +43,7 @@ def test_fluid_with_32_percent_iron_saturates():
     assert float(Carlson(saturation_stress(0.32)).stress(1e7)) == pytest.approx(47.9e3, rel=2e-3)
 
 
-def test_the_papers_fields_are_these_field_strengths():
+def test_papers_fields_are_these_field_strengths():
     """100, 200, 400 and 600 mT at 32 % iron, worked by hand: 12.7, 27.5, 66.8, 129.6 kA/m."""
     strengths = field_strength([0.1, 0.2, 0.4, 0.6], 0.32)
     np.testing.assert_allclose(strengths, [12.7e3, 27.5e3, 66.8e3, 129.6e3], rtol=4e-3)
@@ -93,7 +93,7 @@ def test_stress_is_proportional_in_weak_field(saturation):
 
 
 @pytest.mark.parametrize("fraction", [0.0, -0.1, 0.7, 32.0, float("nan")])
-def test_a_fraction_that_is_none_is_refused(fraction):
+def test_invalid_fraction_is_rejected(fraction):
     with pytest.raises(InputError, match=r"volume fraction of iron.*32 % by volume is 0\.32"):
         checked_fraction(fraction)
 
@@ -106,7 +106,7 @@ def test_a_fraction_that_is_none_is_refused(fraction):
         (lambda: Carlson(4e4, -1.0), "field_scale_A_m is -1 A/m"),
     ],
 )
-def test_a_yield_stress_law_has_positive_numbers(make, said):
+def test_yield_stress_law_has_positive_numbers(make, said):
     with pytest.raises(InputError, match=said):
         make()
 

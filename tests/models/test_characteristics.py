@@ -116,7 +116,7 @@ def test_gas_force_shifts_both_branches_equally():
 
 
 @pytest.mark.parametrize(("speeds", "amplitude"), [([0.1, 0.0], 0.01), ([0.1], math.nan)])
-def test_pick_without_motion_is_refused(speeds, amplitude):
+def test_pick_without_motion_is_rejected(speeds, amplitude):
     with pytest.raises(InputError, match="expected positive, finite numbers"):
         peak_velocity_pick(bingham(), speeds, amplitude=amplitude, command=0.0)
 

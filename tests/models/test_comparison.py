@@ -177,11 +177,11 @@ def test_other_test_temperature_is_noted_without_model():
         (warm_damper(), replace(ENVELOPE, temperature=(413.0, 420.0)), "temperature is 293.1 to 393.1"),
     ],
 )
-def test_cards_without_common_envelope_are_refused(first, second, said):
+def test_cards_without_common_envelope_are_rejected(first, second, said):
     with pytest.raises(InputError, match=re.escape(said)):
         compared(a_card(first, WARM), a_card(a_damper(), second))
 
 
-def test_cards_in_other_units_are_refused():
+def test_cards_in_other_units_are_rejected():
     with pytest.raises(InputError, match="the command of first is in A and that of second in V"):
         compared(a_card(a_damper()), a_card(replace(a_damper(), command_unit="V")))

@@ -149,7 +149,7 @@ def test_damper_is_immutable_and_pickles():
         (lambda: OperatingEnvelope((0.0, 1.0), ONE_END, (0.0, 1.0)), "two finite numbers"),
     ],
 )
-def test_invalid_damper_is_refused_by_name(make, said):
+def test_invalid_damper_is_rejected_by_name(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
@@ -222,7 +222,7 @@ def test_coefficient_outside_range_when_warm_is_named():
     fading.check(ENVELOPE)  # no temperature is known there: at 20 degC
 
 
-def test_pole_inside_temperatures_is_refused():
+def test_pole_inside_temperatures_is_rejected():
     frozen = warm(held=None, viscosity=TemperatureDependent(Constant(600.0), Vft(50.0, 280.0)))
     (said,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
     assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"

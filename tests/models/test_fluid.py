@@ -127,12 +127,12 @@ def test_fluid_is_silent_inside_its_range():
 
 
 @pytest.mark.parametrize("kelvin", [25.0, -10.0, 1000.0, math.nan])
-def test_celsius_in_place_of_kelvin_is_refused(kelvin):
+def test_celsius_instead_of_kelvin_is_rejected(kelvin):
     with pytest.raises(EnvelopeError, match=r"expected 223 to 453 K\. Temperatures are in kelvin"):
         PAPER.viscosity(kelvin)
 
 
-def test_law_without_a_positive_value_is_refused():
+def test_law_without_a_positive_value_is_rejected():
     """A slope of 0.7 % per kelvin leaves no yield stress at 163 degC."""
     steep = replace(PAPER, yield_factor=Linear(7e-3))
     with pytest.raises(EnvelopeError, match="linear law of the yield stress has no value at 170 degC"):
@@ -161,7 +161,7 @@ def test_field_and_flux_density_are_equivalent():
         ({"viscosity_factor": Vft(700.0, 250.0)}, "viscosity: its vft law is not positive"),
     ],
 )
-def test_impossible_fluid_is_refused(changes, said):
+def test_impossible_fluid_is_rejected(changes, said):
     with pytest.raises(InputError, match=said):
         replace(PAPER, **changes)
 
@@ -253,12 +253,12 @@ SHORT = 'like = "paper"\n'
         (SHORT + "[properties]\ndensity_kg_m3 = -1", "density_kg_m3 is -1; expected a positive number"),
     ],
 )
-def test_invalid_file_is_refused_by_place(text, said):
+def test_invalid_file_is_rejected_with_location(text, said):
     with pytest.raises(InputError, match=said) as caught:
         fluid_from_toml(text, "mine.toml")
     assert str(caught.value).startswith("mine.toml: ")
 
 
-def test_missing_file_is_refused_with_presets():
+def test_missing_file_is_rejected_with_presets():
     with pytest.raises(InputError, match=r"a preset \(paper, lord-mrf-132dg\) or a file"):
         find_fluid("nowhere.toml")

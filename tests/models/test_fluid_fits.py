@@ -104,7 +104,7 @@ def test_extrapolated_fall_and_rising_viscosity_are_noted():
 
 
 def test_pole_at_its_bound_has_no_standard_error():
-    """Ln eta that is concave in T moves the pole to its bound, where the law is that of Reynolds."""
+    """If ln(eta) is concave in T, the pole moves to its bound, which is Reynolds' law."""
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
     assert math.isnan(named(study, "vft").parameters[2].standard_error)
@@ -122,7 +122,7 @@ def test_pole_at_its_bound_has_no_standard_error():
         ([293.15, 313.15, 333.15], [0.1, math.inf, 0.04], "the value at 40 degC is inf"),
     ],
 )
-def test_viscosity_table_without_a_law_is_refused(kelvin, viscosity, said):
+def test_viscosity_table_without_a_law_is_rejected(kelvin, viscosity, said):
     with pytest.raises(InputError, match=said):
         fit_viscosity(np.array(kelvin), np.array(viscosity))
 
@@ -178,6 +178,6 @@ def test_weak_fields_extrapolate_the_saturation():
         ([0.0, 0.0, 0.0], [293.15, 313.15, 333.15], [1.0, 1.0, 1.0], r"0 temperature\(s\)"),
     ],
 )
-def test_yield_stress_table_without_a_law_is_refused(field, kelvin, stress, said):
+def test_yield_stress_table_without_a_law_is_rejected(field, kelvin, stress, said):
     with pytest.raises(InputError, match=said):
         fit_yield_stress(np.array(field), np.array(kelvin), np.array(stress))

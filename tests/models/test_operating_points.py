@@ -1,4 +1,4 @@
-"""Coefficients at many sets of numbers at once are those of a damper with each set."""
+"""Coefficients of many sets of numbers in one call equal separate dampers with each set."""
 
 from __future__ import annotations
 

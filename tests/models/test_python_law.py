@@ -29,7 +29,7 @@ def test_turn_survives_rounding_of_straight_slope():
     assert turns_of((0.0, 1.0, 0.0, 0.0)) == []
 
 
-def test_a_cubic_motion_is_its_own_interpolant():
+def test_cubic_motion_is_its_own_interpolant():
     """Whatever the step: x = 1 - 2 t + 3 t^2 - t^3 in seconds."""
     time = 0.25 * np.arange(5.0)
     motion = np.polynomial.Polynomial([1.0, -2.0, 3.0, -1.0])

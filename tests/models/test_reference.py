@@ -29,7 +29,7 @@ THREE_TONES = Harmonics((4e-3, 2e-3, 1e-3), (2.0, 5.3, 11.0), (0.0, 1.0, 2.0))
 UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)  # inner loops, reversals in between
 SINE = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.5)  # two periods
 
-SOUND = {  # each law with coefficients like those of a real damper, odd in the motion
+SOUND = {  # Laws that are odd in the motion, with realistic coefficients.
     "bouc-wen": {"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0, "kappa": -0.9, "n": 1.3},
     "dahl": {"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0},
     "bouc-wen-saturating": {
@@ -287,7 +287,7 @@ def test_unnormalised_bouc_wen_equals_normalised():
 
 
 def test_saturated_state_stays_bounded():
-    """With kappa = 1 the bound is a fixed point, unstable to what is past it: rounding must not run away."""
+    """With kappa = 1 the bound is a fixed point, unstable beyond it: rounding errors must not grow."""
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
     for rho, n in ((14937.16, 2.0), (18267.97, 2.0), (22325.85, 2.0), (534.04, 20.0), (860.9, 20.0)):
         values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": 1.0, "n": n}
@@ -350,6 +350,6 @@ def test_law_is_loaded_from_its_file(law_file):
         (":Raises", "RuntimeError: no licence"),
     ],
 )
-def test_invalid_law_file_is_refused(law_file, after, said):
+def test_invalid_law_file_is_rejected(law_file, after, said):
     with pytest.raises(InputError, match=said):
         load_python_law(f"{law_file}{after}")

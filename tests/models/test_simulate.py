@@ -77,14 +77,14 @@ def path(command: ArrayLike = 0.5, rate: float = 500.0):
     ],
 )
 @pytest.mark.parametrize("form", ["record", "causal"])
-def test_coefficient_outside_range_is_refused(coefficient, value, message, form):
+def test_coefficient_outside_range_is_rejected(coefficient, value, message, form):
     ill = replace(DAMPER, coefficients={**DAMPER.coefficients, coefficient: Constant(value)})
     with pytest.raises(InputError, match=message):
         simulate(ill, path(), form=form)
 
 
 @pytest.mark.parametrize("command", [0.5, np.linspace(0.0, 1.0, 501)], ids=["constant", "varying"])
-def test_valve_of_negative_gain_is_refused(command):
+def test_valve_of_negative_gain_is_rejected(command):
     """Beyond x = 1 / -position_gain the equation of the valve has no bounded solution."""
     ill = replace(SERIES, coefficients={**SERIES.coefficients, "position_gain": Constant(-200.0)})
     with pytest.raises(InputError, match=r"1 \+ position_gain x is -0\.999\d* at x = 0\.0099\d* m"):
@@ -116,7 +116,7 @@ def test_command_step_follows_first_order_lag():
     step, lag = 1e-3, 0.02
     command = np.concatenate([np.zeros(10), np.ones(200)])
     applied, _ = core.first_order_lag(command, step, lag)
-    # Over the sample in which the command ramps from 0 to 1: 1 - (lag/h)(1 - exp(-h/lag)).
+    # The command ramps from 0 to 1 during one sample: 1 - (lag/h)(1 - exp(-h/lag)).
     reached = 1.0 - lag / step * -np.expm1(-step / lag)
     expected = 1.0 - (1.0 - reached) * np.exp(-step / lag * np.arange(200))
     np.testing.assert_allclose(applied[10:], expected, atol=1e-14)
@@ -164,7 +164,7 @@ FACTOR_OF: dict[str, TemperatureFactor] = {
 
 
 def warm_damper(name: str, **changed) -> Damper:
-    """Return a law's damper in which all that can follow temperature does, with nothing at a bound."""
+    """Return a damper with all temperature dependences; no value is at a bound."""
     forms = dict(REFERENCE_DAMPERS[name].coefficients)
     forms |= {key: Constant(value) for key, value in FRICTION.items()}
     if name == "chain":
@@ -178,7 +178,7 @@ def warm_damper(name: str, **changed) -> Damper:
             forms[key] = TemperatureDependent(form, FACTOR_OF[key])
     forms["offset"] = Bipolynomial((40.0, -0.1, 5.0, 0.02), 1)
     if "n" in forms:
-        forms["n"] = Constant(1.47)  # at 1.5 the kernel's table changes its cells: a jump of 1e-7, no tangent
+        forms["n"] = Constant(1.47)  # The kernel's table has a step of 1e-7 at n = 1.5.
     return Damper(LAWS[name], {**forms, **changed})
 
 
@@ -365,7 +365,7 @@ def test_actuated_force_is_closed_form():
         {"yield_force": Polynomial((0.0, 1000.0)), "yield_velocity": Constant(0.01)},
         actuation=Actuation(tau, tau, tau, late),
     )
-    # The command is a ramp over one sample: its step lies in the middle of it.
+    # The command is a ramp over one sample, equivalent to a step in the middle of the sample.
     since = np.maximum(run.time - 0.20025 - late, 0.0) / tau
     expected = 1000.0 * (1.0 - (1.0 + since) * np.exp(-since)) * np.tanh(run.velocity / 0.01)
     np.testing.assert_allclose(simulate(damper, run), expected, atol=0.1)

@@ -77,6 +77,6 @@ def test_vft_is_infinite_below_its_pole():
         (lambda: PolynomialFactor((1.0, math.nan)), "expected one or more finite numbers"),
     ],
 )
-def test_invalid_factor_parameter_is_refused(make, said):
+def test_invalid_factor_parameter_is_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()

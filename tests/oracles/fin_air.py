@@ -1,7 +1,7 @@
-"""Air between annular fins by finite volumes (``fin_air.c``): the laws of ``annular_fins`` are held to it.
+"""Air between annular fins by finite volumes (``fin_air.c``): a reference for ``annular_fins``.
 
-``python -m tests.oracles.fin_air 0 3 5 10`` prints what it finds in still air (0 m/s) at gaps of 3, 5 and
-10 mm, with what the grid leaves open, and what the laws say; a gap takes half a minute. ``TUBE/OUTER`` in
+``python -m tests.oracles.fin_air 0 3 5 10`` prints computed films in still air (0 m/s) at gaps of 3, 5 and
+10 mm, the grid error, and the correlations; a gap takes half a minute. ``TUBE/OUTER`` in
 millimetres after the speed (``0 30/90 3``) are other fins.
 """
 
@@ -45,7 +45,7 @@ class FinAir:
     sides: float
     floor: float
     rim: float
-    drift: float  # between the means over the last two quarters of the time, of the largest film's part [-]
+    drift: float  # Relative difference of the means over the last two quarters of the time [-].
     mean: float  # area mean of sides and floor; for a bare tube its coefficient
     doubt: float = math.nan  # relative error of ``mean`` by the grid [-]
 
@@ -93,7 +93,7 @@ def compute_fin_air(
     deep, finned = 0.5 * gap / (half * fine), outer > tube
     fin = max(round(0.5 * thickness * half / (0.5 * gap)), 1) * fine if finned else 0
     radii = _radii(0.5 * tube, 0.5 * max(outer, tube), fine)
-    # of the artificial compressibility: some times the flow's speed
+    # Artificial speed of sound: a multiple of the flow speed.
     sound, fast = (3.0 * wind, 1.5 * wind) if wind > 0.0 else (0.8, 0.4)
     least, arc = float(np.diff(radii).min()), 0.5 * tube * math.pi / (_AROUND * fine)
     step = 0.8 / (sound * math.hypot(1.0 / deep, 1.0 / least, 1.0 / arc) + fast * (0.5 / least + 1.0 / arc))

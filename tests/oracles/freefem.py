@@ -1,8 +1,8 @@
 """The problem of the finite elements as a FreeFem++ script: the same mesh, its own assembly and steps.
 
 Fully nonlinear: films interpolated in their tables at the surface's temperature, radiation, sources at the
-running temperature. Time goes by Alexander's two-stage SDIRK method (L-stable, order 2) with a fixed-point
-iteration in each stage, not by our ROS2.
+running temperature. The time steps use Alexander's two-stage SDIRK method (L-stable, order 2) with a
+fixed-point iteration in each stage, not our ROS2.
 
 ``python -m tests.oracles.freefem 20`` (or ``10 20``: from the tenth on) prints how far the reduced model that
 ``heat`` uses is from FreeFem++ on drawn bodies (odd seeds, which no constant was set by).

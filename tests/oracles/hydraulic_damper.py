@@ -1,7 +1,7 @@
-"""The hydraulic damper once more: its equations as rates, integrated by SciPy's BDF.
+"""The hydraulic damper as a reference: its equations as rates, integrated by SciPy's BDF.
 
-Nothing is shared with the rig's C but the parameters. All 22 states are integrated as they stand in
-``docs/hydraulic_rig.md``; what is implicit there (wall stress of a flow, pressure of a chamber with gas) is
+Nothing is shared with the rig's C but the parameters. All 22 states are integrated as in
+``docs/hydraulic_rig.md``. Implicit equations (wall stress of a flow, pressure of a chamber with gas) are
 solved by root finding.
 """
 

@@ -1,6 +1,6 @@
 """Three numbers of the paper's drawing by its three temperatures (``python -m tests.oracles.paper_drawing``).
 
-To be run again when a film law or the model changes; the drawing holds what it prints.
+Run it again if a film law or the model changes; the geometry file contains the printed values.
 """
 
 from __future__ import annotations

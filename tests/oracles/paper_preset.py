@@ -1,7 +1,7 @@
-"""How the preset ``paper`` was found: a damper that loses its force with warmth as the paper's does.
+"""Solve for the preset ``paper``: its force falls with temperature as for the paper's damper.
 
-Only the paper's thermal figures are asked of it: peak force on its thermal motion, and the share of it that
-is lost at two temperatures. The preset stores the numbers; a test finds them again.
+The conditions are the paper's thermal values: peak force in its thermal motion, and the relative loss of
+force at two temperatures. The preset stores the numbers; a test finds them again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrdamper.virtual_rig.plant import STEP_S, simulate
 __all__ = ["CLAIMED_LOSSES", "CLAIMED_PEAK_N", "THERMAL_MOTION", "peak_force", "solve_thermal_claims"]
 
 THERMAL_MOTION = Sine(15e-3, 1.0)
-CLAIMED_PEAK_N = 1300.0  # at 20 C and 2 A
+CLAIMED_PEAK_N = 1300.0  # Peak at 20 degC and 2 A.
 CLAIMED_LOSSES: tuple[tuple[float, float], ...] = ((76.9, 0.157), (129.9, 0.259))  # degC, share lost
 _CURRENT_A = 2.0
 
@@ -38,8 +38,8 @@ def peak_force(
 def solve_thermal_claims(start: LumpedDamper | None = None) -> LumpedDamper:
     """Return ``start`` (else the preset ``paper``) with yield force, viscous force and loss solved for.
 
-    Three numbers against three claims, by Powell's hybrid method. The loss of the yield force and that of the
-    friction are kept equal.
+    Three numbers against three claims, by Powell's hybrid method. The relative losses of the yield
+    force and the friction are kept equal.
 
     Raises
     ------

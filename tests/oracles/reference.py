@@ -1,6 +1,6 @@
 """Reference of the kernel: every hysteresis law integrated directly, Bouc-Wen in closed form.
 
-The kernel is tested against this. The equations stand here as one writes them on paper; the integrator is the
+The kernel is tested against this. The equations are written in their textbook form; the integrator is the
 one that runs users' laws in Python (``mrdamper.models.python_law``). The closed form shares nothing with it:
 it inverts the hypergeometric function along each monotone stretch of motion.
 """
@@ -25,7 +25,9 @@ _VISCOUS_SPEED = 0.1  # [m/s], where the viscosity is viscous force over speed
 
 Values = Mapping[str, float]
 State = Sequence[float]
-Equation = Callable[[float, float, float, Values], float]  # of state, displacement, velocity, coefficients
+Equation = Callable[
+    [float, float, float, Values], float
+]  # Arguments: state, displacement, velocity, coefficients.
 
 
 def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: float = 1e-10) -> FloatArray:

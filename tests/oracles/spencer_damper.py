@@ -8,7 +8,7 @@
 The voltage u is constant in every run, so its first-order lag does not appear. The integration shares nothing
 with ``core`` and ``models``, whose law ``spencer`` is tested against it.
 
-The constants are those of the 3 kN prototype of Spencer, Dyke, Sain & Carlson (1997), quoted from memory.
+The constants belong to the 3 kN prototype of Spencer, Dyke, Sain & Carlson (1997), quoted from memory.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Motion
 
 REST_s = 0.3  # Time at rest before the motion.
-SOFT_START_s = 0.25  # Time in which the amplitude reaches its full value.
+SOFT_START_s = 0.25  # Ramp time of the amplitude [s].
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Every write of a job fails once, for lack of room, permission or memory: no half-written output remains.
+"""Each write of a job fails once (no space, permission or memory): no half-written output remains.
 
 Failures are injected by an audit hook, so that any opening, making or moving of a file below the watched
 folder fails, in whichever library it is.

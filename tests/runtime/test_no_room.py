@@ -69,7 +69,7 @@ def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name:
 
 @pytest.mark.parametrize("name", ["rig", pytest.param("fit", marks=pytest.mark.nightly), "export c"])
 def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
-    """The same command completes when there is more room."""
+    """The same command completes after space has been freed."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:
         (small / "ballast").write_bytes(bytes(36_000))
         assert run(nursery, name, small / "out") == 3

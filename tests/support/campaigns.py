@@ -35,8 +35,8 @@ SHORT = SpencerCampaign(
     duration_s=2.6,
 )
 
-# The motions of the paper's heating and hysteresis tests. A random motion would change the loss of peak force
-# by half a percentage point (docs/thermal.md).
+# The motions of the paper's heating and hysteresis tests.
+# Random motion would change the loss of peak force by half a percentage point (docs/thermal.md).
 HEATING_CAMPAIGN = Campaign(
     motions=("sine15mm1Hz", "sine5mm1Hz"),
     currents_A=(0.0, 1.0, 2.0),
@@ -81,7 +81,7 @@ def fields_of_run(
 
 
 def make_run(motion: Motion = SINE, changed: Mapping[str, Any] | None = None, **how: Any) -> RigRun:
-    """Return a run; ``changed`` replaces fields, ``how`` goes to ``fields_of_run``."""
+    """Return a run; ``changed`` replaces fields, ``how`` is passed to ``fields_of_run``."""
     fields = fields_of_run(motion, **how)
     return RigRun(**{**fields, **(changed or {})})
 

@@ -1,4 +1,4 @@
-"""How many examples a property test draws."""
+"""Number of examples of property tests."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from hypothesis import settings
 
 __all__ = ["examples"]
 
-_USUAL = 25  # of the profile "usual", tests/conftest.py
+_USUAL = 25  # Value of the profile "usual" in tests/conftest.py.
 
 
 def examples(count: int) -> settings:
-    """Return settings that draw ``count`` examples in ``make test``, and twenty times as many at night.
+    """Return settings with ``count`` examples, and twenty times as many in nightly tests.
 
-    For a test whose one example costs much; the others draw as many as the profile says.
+    These settings are for tests with slow examples. Other tests use the number of the profile.
     """
     return settings(max_examples=count * settings().max_examples // _USUAL)

@@ -25,9 +25,9 @@ from mrdamper.virtual_rig.plant import PRESETS
 
 DRAWING = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 
-# The motions of the paper's heating and hysteresis tests. With random motion among them the law takes the
-# slow rise of the rig's yield force for a viscous force that grows with current, some 20 N of 1300 at 15 mm
-# and 1 Hz, and the loss of peak force comes out half a point too large (docs/thermal.md).
+# The motions of the paper's heating and hysteresis tests. A random motion would make the law represent the
+# slow rise of the yield force as a viscous force that grows with current. The loss of peak force
+# would be half a percentage point too large (docs/thermal.md).
 CAMPAIGN = Campaign(
     motions=("sine15mm1Hz", "sine5mm1Hz"),
     currents_A=(0.0, 1.0, 2.0),

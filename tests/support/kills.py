@@ -1,8 +1,8 @@
-"""Ending commands in the middle, and looking at what they leave behind.
+"""Kill running commands and examine the remaining files and processes.
 
 ``Nursery`` is a process that has loaded the program once and forks a child for each command, so that a kill
-finds the child at its work and not at its imports. Everything that a command starts carries a mark in its
-environment, by which what outlives it is found.
+hits the work of the child and not its imports. All processes of a command have a mark in their
+environment, so that remaining processes are detected.
 """
 
 from __future__ import annotations
@@ -223,9 +223,9 @@ def orphans(mark: str, but: int = 0, patience_s: float = 10.0) -> list[int]:
 
 
 def written(out: Path) -> dict[str, str] | None:
-    """Return what a command wrote, by name, without CPU figures and dates; None when there is nothing.
+    """Return the output files by name, without CPU times and dates; None if there are no files.
 
-    What a sweep goes on from is no output of it: with two workers its lines come in any order.
+    The progress file of a sweep is ignored because with two workers the order of its lines varies.
     """
     found = {
         path.relative_to(out).as_posix(): _plain(path)
@@ -249,7 +249,7 @@ def rows(path: Path) -> int:
 
 
 def has_more(path: Path, count: int) -> Callable[[], bool]:
-    """Return whether a file has more lines than that, to be asked again and again."""
+    """Return a predicate that is true if a file has more lines."""
     return lambda: rows(path) > count
 
 

@@ -1,8 +1,8 @@
 """Present speed of this machine, so that a budget of processor time is comparable between machines.
 
 A budget is written in seconds of a reference: a quiet core on which a piece of work takes ``REFERENCE_S``.
-Shared machines are slower, and at some moments much slower; a time is told in units of what the same piece of
-work takes beside it.
+Shared machines are slower, sometimes much slower. A time is divided by the present time of the same piece of
+work.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ def taken(job: Callable[[], object]) -> float:
 
 
 def within_reach(asked: float) -> float:
-    """Return the bound on a span of the clock: the one asked, or ten times it where neighbours hold us up.
+    """Return the limit of a wall-clock time; multiply it by ten on a shared machine.
 
-    ``MRDAMPER_QUIET`` says that nothing else runs here (`make release-check` sets it).
+    If ``MRDAMPER_QUIET`` is set, no other program is running (`make release-check` sets it).
     """
     return asked if os.environ.get("MRDAMPER_QUIET") else 10.0 * asked
 
 
 def _work() -> float:
-    """Do what most of the package's time goes into: small arrays, calls, attributes, strings."""
+    """Run typical work of the package: small arrays, calls, attributes, strings."""
     values = np.linspace(0.0, 1.0, 200)
     total, seen = 0.0, {}
     for k in range(1500):

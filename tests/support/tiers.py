@@ -1,4 +1,4 @@
-"""Which of a list of cases run with every change, and which at night."""
+"""Selection of cases for fast and nightly tests."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ import pytest
 
 
 def one_by_day(cases: Iterable[Any], day: int = 1) -> list[Any]:
-    """Return the cases for ``parametrize``: the first ``day`` of them as they are, the others nightly."""
+    """Return the cases for ``parametrize``: the first ``day`` are fast tests, the others nightly tests."""
     given = list(cases)
     return [*given[:day], *(pytest.param(case, marks=pytest.mark.nightly) for case in given[day:])]

@@ -39,7 +39,7 @@ def windy(gap: float, speed: float = 2.0) -> float:
 def test_narrow_gaps_have_developed_flow(ratio):
     """All air that potential flow takes through the ring leaves as warm as the fins."""
     inner = 1.0 / ratio
-    # pressure p(r) sin(theta), buoyancy sin(theta): none at the rim, none of the flow into the tube
+    # Pressure p(r) sin(theta), buoyancy sin(theta); the pressure is zero at the rim, the flow at the tube.
     ring = solve_bvp(
         lambda r, p: np.vstack([p[1], p[0] / r**2 - p[1] / r]),
         lambda at_tube, at_rim: np.array([1.0 - at_tube[1], at_rim[0]]),
@@ -77,7 +77,7 @@ def test_best_gap_agrees_with_published_rules(speed, low, high):
 
 
 def test_interpolated_films_agree_with_direct_ones():
-    """The forced film is computed at a few temperatures; between them it is that of each, to 1e-6."""
+    """The forced film is computed at a few temperatures; the interpolation error is below 1e-6."""
     sink = HeatSink(fins=8, width=0.02, thickness=1e-3, pitch=4e-3, film_multiplier=1.3)
     drawing = replace(DRAWING, sink=sink, surroundings=replace(DRAWING.surroundings, air_speed=1.5))
     kelvin = np.linspace(240.0, 460.0, 100)

@@ -163,13 +163,13 @@ def test_residual_variance_counts_autocorrelation():
         lambda t: 20.0 - 0.05 * t,  # cools under load
     ],
 )
-def test_curve_of_no_damper_is_refused(course):
+def test_curve_of_no_damper_is_rejected(course):
     time = np.arange(0.0, 120.0, 1.5)
     with pytest.raises(ConvergenceError, match="K off it at best"):
         calibrate_drawing(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY)
 
 
-def test_curve_longer_than_the_duty_is_refused():
+def test_curve_longer_than_the_duty_is_rejected():
     time = np.linspace(0.0, 3600.0, 100)
     with pytest.raises(InputError, match="expected a curve within the duty"):
         calibrate_drawing(HeatingCurve(time, np.full(100, 300.0)), BARE, [work()], DUTY)

@@ -169,7 +169,7 @@ def test_compact_films_agree_with_the_section(model: CompactModel):
 
 
 def test_compact_gains_are_steady_kalman_gains(model: CompactModel):
-    """Recursion from nothing known: states by implicit steps, and a missing heat that wanders."""
+    """The recursion starts without information: implicit steps, and a missing heat with random walk."""
     found, n = sensor_gains(model), model.states
     power, h = model.capacity[0] * 100.0 / 1800.0, UPDATE_S
     air, kinds = (model.reference, model.air_speed), range(len(model.law))
@@ -192,7 +192,7 @@ def test_compact_gains_are_steady_kalman_gains(model: CompactModel):
 
 
 def test_compact_steady_state_agrees_with_elements(model: CompactModel):
-    """What six states cut of the coil's and the gap's own steady gradients is in the feedthrough."""
+    """The feedthrough contains the steady gradients of coil and gap that six states omit."""
     found = simulate_compact(model, even(60, 70.0, 15.0), start_K=REFERENCE_K, step=1800.0)
     equation = build_field(read_drawing("paper"), size=0.02).equation
     state = steady_field(equation, Load(1.0, partial(_constant, 70.0), 15.0))

@@ -123,7 +123,7 @@ def test_fin_efficiency_has_its_closed_limits():
         (lambda: air_at([300.0, 700.0]), "film temperature is 700 K"),
     ],
 )
-def test_correlation_outside_its_range_is_refused(ask, said):
+def test_correlation_outside_its_range_is_rejected(ask, said):
     with pytest.raises(EnvelopeError, match=said):
         ask()
 

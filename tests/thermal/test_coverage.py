@@ -1,8 +1,8 @@
-"""How often intervals of 90 % hold: the time to a limit, and what a sink gains, on drawn bodies.
+"""Coverage of 90 % intervals on random bodies: time to a limit, and benefit of a heat sink.
 
-``python -m tests.thermal.test_coverage 40 5`` prints both over so many bodies and draws of each (odd seeds,
-which no constant was set by). The truth of a time is the reduced model of a damper that is off its drawing in
-what the interval believes: power, capacity, losses, the fluid's and the coil's conduction.
+``python -m tests.thermal.test_coverage 40 5`` prints both for 40 bodies and 5 samples of each (odd seeds,
+which set no constant). The reference time is computed by the reduced model of a damper with perturbed power,
+capacity, losses, and conduction of fluid and coil.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from mrdamper.thermal.sinks.gain import gain_band
 from mrdamper.thermal.temperature_rise import simulate_rise
 from tests.thermal.bodies import HALF_HOUR_S, HeatedBody, draw_body, odd_bodies
 
-_REACHED = 0.7  # of the time: where the body as drawn is at the limit that is asked for
+_REACHED = 0.7  # Time fraction at which the nominal body reaches the limit.
 _90 = 1.645  # standard deviations
 
 
@@ -43,7 +43,7 @@ def _times(factor: float, load: Load) -> Callable[[FloatArray], FloatArray]:
 
 
 def off_its_drawing(body: HeatedBody, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Return the course of the gap's hottest point of a damper off its drawing [s], [K]."""
+    """Return time [s] and hottest gap temperature [K] of a damper with perturbed parameters."""
 
     def factor(spread: float) -> float:
         return math.exp(spread * rng.standard_normal())
@@ -131,7 +131,7 @@ def hold_gains(seed: int, draws: int) -> list[bool]:
 
 @pytest.mark.release
 def test_intervals_have_their_stated_coverage():
-    """By the counts' own scatter: some 240 draws of each."""
+    """The tolerance is the standard error of about 240 samples each."""
     times = [each for seed in odd_bodies(40) for each in hold_times(seed, 6)]
     gains = [each for seed in odd_bodies(20) for each in hold_gains(seed, 20)]
     for held in (times, gains):

@@ -45,7 +45,7 @@ def derated(quantity: Quantity):
 
 
 def test_largest_current_reaches_the_limit():
-    """By the model of that very cell, built and run alone."""
+    """The reference is a separate model of the same cell."""
     found = derated("current")
     for a, ambient in enumerate(SMALL.ambient):
         share, part = found.share[0, 0, a], int(found.part[0, 0, a])
@@ -102,7 +102,7 @@ def test_derating_map_notes_extrapolation():
     assert "the card was identified from 0 to 1.5 A" in REPORT.page.render(run)
 
 
-def test_invalid_derating_axes_are_refused():
+def test_invalid_derating_axes_are_rejected():
     with pytest.raises(InputError, match="expected rising numbers"):
         derate(card(), BARE, DUTY, DerateOptions(ambient_degC=(20.0, 0.0)))
     cool = replace(read_drawing("paper"), seals=replace(BARE.seals, limit=320.0))

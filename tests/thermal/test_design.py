@@ -1,4 +1,4 @@
-"""Search of heat sinks: Pareto front, limits, and a sink better than that of the paper."""
+"""Search of heat sinks: Pareto front, limits, and a sink better than the one in the paper."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_freefem_confirms_the_gain(found, tool, tmp_path):
         (tmp_path / name).mkdir()
         model = build_field(DRAWING.with_sink(sink), size=0.02)
         ends.append(run_freefem(write_freefem(model, DAMPER.loads[0], tmp_path / name, step=300.0)).fluid[-1])
-    assert ends[0] - ends[1] >= 8.0  # as by zone network and by our elements
+    assert ends[0] - ends[1] >= 8.0  # Zone network and finite elements agree.
 
 
 def test_found_sinks_are_within_the_limits(found):
@@ -160,12 +160,12 @@ def test_vertical_damper_has_wide_gaps():
     assert all(each.sink.gap >= 0.010 - 1e-9 for each in front if each.sink and each.sink.fins > 1)
 
 
-def test_span_beyond_the_body_is_refused():
+def test_span_beyond_the_body_is_rejected():
     with pytest.raises(InputError, match="the span is 300 mm, the body's length 200 mm"):
         limits_of(DRAWING, span=0.3)
 
 
-def test_limits_below_the_lightest_sink_are_refused():
+def test_limits_below_the_lightest_sink_are_rejected():
     with pytest.raises(InputError, match=r"no sink is within them.*mass 1 g"):
         search_grid(DAMPER, limits_of(DRAWING, mass=1e-3))
 
@@ -182,7 +182,7 @@ def test_gain_interval_contains_the_gain(reference):
 
 
 def test_dirt_and_tolerance_narrow_the_gap():
-    """Narrow fins lose what wide gaps hardly notice; a closed one is refused, the least gap follows."""
+    """Narrow gaps lose more than wide gaps. A closed gap is rejected. The min gap follows."""
     dirty = replace(DRAWING, manufacture=Manufacture(tolerance=0.4e-3, fouling=0.8e-3))
     lost = []
     for sink in (SINK, replace(SINK, fins=12, thickness=1e-3, pitch=7e-3)):

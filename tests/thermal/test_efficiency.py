@@ -30,7 +30,7 @@ def sweeps():
 
 
 def test_efficiency_follows_both_trends_of_paper(sweeps):
-    """Its maxima are at 23 mm and at four fins, although the temperature falls all the way."""
+    """The maxima are at 23 mm and four fins, although the temperature falls monotonically."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]
     assert [effect.sink.fins for effect in fins.effects] == [3, 4, 5]
@@ -39,13 +39,13 @@ def test_efficiency_follows_both_trends_of_paper(sweeps):
         assert (np.diff([effect.finned for effect in sweep.effects]) < 0.0).all()
 
 
-def test_rise_reduction_is_what_paper_prints(sweeps):
+def test_rise_reduction_equals_paper_value(sweeps):
     """48.23 % of the rise with five fins; the network's rise is 1.4 K of 57 K lower than the elements'."""
     assert 100.0 * sweeps[1].effects[2].rise_reduction == pytest.approx(48.23, abs=2.0)
 
 
 def test_maximum_needs_the_raised_film_coefficient():
-    """With the correlation as it is the efficiency rises all the way: the reading is no proof."""
+    """With the original correlation the efficiency rises monotonically."""
     for sweep in paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS):
         assert (np.diff(sweep.efficiency) > 0.0).all()
 

@@ -39,7 +39,7 @@ def constant(watts: float):
 
 
 def fading(kelvin):
-    """Power that falls with warmth, as an MR damper's does."""
+    """Power that falls with temperature, as in an MR damper."""
     return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - AMBIENT)
 
 
@@ -73,7 +73,7 @@ def test_field_rises_by_power_without_losses():
     course = simulate_field(model.equation, [Load(600.0, constant(80.0), 0.0)])
     rise = course.stored[-1] / section.heat_capacity
     assert rise == pytest.approx(80.0 * 600.0 / section.heat_capacity, rel=1e-9)
-    # after the start every place warms at the same rate, P/C
+    # All locations warm at the same rate P/C after the start.
     slope = np.diff(course.fluid[-2:]) / np.diff(course.time[-2:])
     assert slope == pytest.approx(80.0 / section.heat_capacity, rel=1e-3)
 
@@ -272,13 +272,13 @@ def test_minute_steps_err_below_50_millikelvin():
     truth = simulate_field(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
     for name in ("fluid", "coil", "wall"):
         at_the_same = np.interp(course.time, truth.time, of(truth, name))
-        late = course.time >= 60.0  # before, the fine run's own points are too far apart to interpolate
+        late = course.time >= 60.0  # Earlier points of the fine run are too sparse.
         assert np.abs(of(course, name) - at_the_same)[late].max() < 50e-3
 
 
 @pytest.mark.system
 def test_field_steps_converge_with_second_order():
-    """From a smooth start: equal steps, halved twice, at a time when nothing is steady."""
+    """Equal steps from a smooth start are halved twice, at a time of transient temperatures."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
     ends = [
@@ -318,7 +318,7 @@ def test_insulated_damper_has_no_steady_state():
 
 
 def test_mesh_keeps_volumes_at_any_size():
-    """Whatever the mesh, its volumes by region and its areas by surface are the section's."""
+    """Volumes of regions and areas of surfaces equal the values of the section, for any mesh."""
     section = section_of(DRAWING)
     counts = []
     for size, levels in ((0.05, 0), (0.02, 0), (0.02, 2)):

@@ -1,6 +1,6 @@
-"""What steps and filters take for derivatives are derivatives: each against differences of the rate itself.
+"""Derivatives of steps and filters against finite differences of the rate.
 
-A step of ROS2 is of second order whatever stands for the Jacobian, so that no course tells a wrong one.
+A step of ROS2 has second order with any Jacobian, so a simulation does not reveal a wrong one.
 """
 
 from __future__ import annotations

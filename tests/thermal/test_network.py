@@ -78,7 +78,7 @@ def test_network_rises_by_power_without_losses():
         heated = simulate_network(network, [Load(600.0, constant(90.0))])
         mean = heated.temperature[-1] @ network.capacity / network.total_capacity
         assert mean - AMBIENT == pytest.approx(90.0 * 600.0 / network.total_capacity, rel=1e-6)
-        # and once the inner differences have settled, every node at that rate
+        # All nodes warm at the same rate after the internal differences have settled.
         late = simulate_network(network, [Load(1800.0, constant(90.0))])
         rate = (late.temperature[-1] - late.temperature[-2]) / (late.time[-1] - late.time[-2])
         assert rate == pytest.approx(90.0 / network.total_capacity, rel=1e-6)
@@ -124,7 +124,7 @@ def shell(inner: float, outer: float, conductivity: float, length: float) -> flo
 def heated(inner: float, outer: float, conductivity: float, length: float, *, cooled_outside: bool) -> float:
     """Return the resistance from the mean of an evenly heated annulus to its one cooled face [K/W].
 
-    What has gone in on the tight side of a radius passes it; the mean is by area.
+    The heat generated on the insulated side of a radius flows through it. The mean is weighted by area.
     """
     radius = np.linspace(inner, outer, 4001)
     passing = radius**2 - inner**2 if cooled_outside else outer**2 - radius**2
@@ -288,7 +288,7 @@ def test_minute_steps_err_below_ten_millikelvin():
         assert np.abs(coarse.fluid - seen).max() < 0.01
 
 
-# ------------------------------------------------------------------------------------------ what it is like
+# ------------------------------------------------------------------------------------------ properties
 
 
 def test_through_rod_network_is_symmetric():
@@ -314,4 +314,4 @@ def test_network_capacity_equals_masses_by_hand():
 # --------------------------------------------------------------------------------------------------- stops
 
 
-# ------------------------------------------------------------------------------------ what a network must be
+# ------------------------------------------------------------------------------------ invalid networks

@@ -1,6 +1,6 @@
 """The paper's heating figures, with the power of the virtual rig's preset ``paper`` and one parameter file.
 
-What the paper says of one and the same run contradicts itself at places; those contradictions are tests, too.
+Some statements of the paper about the same run contradict each other. Tests document the contradictions.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def test_paper_reduction_refers_to_the_rise(work):
 
 
 def test_five_millimetre_label_contradicts_the_temperature(work):
-    """At 5 mm the same damper stays below what the paper quotes WITH fins: the runs are those of 15 mm."""
+    """At 5 mm the damper stays below the quoted temperature WITH fins, so the runs have 15 mm."""
     small = rig_work(Sine(5e-3, 1.0))
     assert rise(small, BARE, 30.0).fluid_degC[-1] == pytest.approx(75.0, abs=1.0)
     assert rise(small, FINNED, 30.0).fluid_degC[-1] == pytest.approx(49.0, abs=1.0)

@@ -57,7 +57,7 @@ def test_reduced_model_follows_forty_designs():
 
 @pytest.mark.system
 def test_reduced_model_follows_another_load():
-    """Other powers, a pause and a start at 60 degC, none of which the basis was made for.
+    """The load has other powers, a pause and a start at 60 degC, which the basis does not include.
 
     The fluid's error is largest just after a step of the power and in proportion to it.
     """

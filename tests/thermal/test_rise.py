@@ -63,7 +63,7 @@ def test_amplitude_table_has_a_segment_per_row(tmp_path):
 
 
 def test_equivalent_stroke_moves_the_same_fluid():
-    """Amplitude times frequency is the mean of all segments and rests; the amplitude goes by the path."""
+    """Amplitude times frequency is the mean of all segments and rests; the path sets the amplitude."""
     sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
     segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
     rest = replace(segments[0], path=None, duration=300.0)
@@ -109,7 +109,7 @@ def test_spring_takes_no_power():
 
 
 def test_aperiodic_motion_is_averaged():
-    """Within what half a beat in that time can make of it."""
+    """The tolerance is the effect of half a beat in the time."""
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
     exact = sum(0.5 * 3000.0 * (2.0 * math.pi * f * a) ** 2 for a, f in ((0.003, 1.0), (0.002, 1.5)))
@@ -132,7 +132,7 @@ def test_interpolated_power_agrees_with_the_loop():
 def test_card_without_temperature_keeps_its_force():
     rise = predict_rise(dry_and_viscous(dry=1000.0), BARE)
     assert "the card does not depend on temperature: its force is held constant" in rise.notes
-    assert rise.force_loss_percent is None  # not known
+    assert rise.force_loss_percent is None  # The loss is unknown.
     assert rise.mechanical_W == pytest.approx(60.0, rel=1e-3)
 
 

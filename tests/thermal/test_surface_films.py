@@ -1,7 +1,7 @@
-"""What a drawing's surfaces give off, worked out one number at a time, by ``ht`` where it has the law.
+"""Heat losses of surfaces, computed one value at a time, with ``ht`` if it has the correlation.
 
-The published equations of annular fins strip by strip, each with its own root; a groove by what its walls
-send to each other; the moving fluid by its three laws.
+The published equations of annular fins strip by strip, each with its own root; a groove by the radiation
+between its walls; the moving fluid by its three laws.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def test_films_agree_with_hand_computation(law, speed, altitude):
 def sent_back_and_forth(
     emissivities: tuple[float, float], areas: tuple[float, float], opening: float
 ) -> float:
-    """Return what of a black body's radiation leaves a groove by its opening, per area of the walls.
+    """Return the fraction of a black body's radiation that leaves a groove, per area of the walls.
 
     Walls of one mean emissivity, each seeing the others evenly: reflection after reflection.
     """
@@ -197,7 +197,7 @@ def test_groove_radiation_agrees_with_reflections(finish):
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
 def test_moving_fluid_follows_its_three_laws(amplitude, frequency, gap):
-    """Stephan's slit, penetration into what is renewed, and half of what is pushed out of the gap."""
+    """The laws are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)
     found = conduct_fluid(channel, Stroke(amplitude, frequency))
