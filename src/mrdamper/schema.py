@@ -89,9 +89,7 @@ class Option:
     flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
     label: str = ""  # label in forms; empty: derived from the name
     page: OnPage = OnPage()
-    local: bool = (
-        False  # Servers have no such field, because it can execute code.
-    )
+    local: bool = False  # Servers have no such field, because it can execute code.
     metavar: str = ""
     among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time
     default_help: str = ""  # meaning of the default None
