@@ -1,8 +1,9 @@
 """Excitations: motions and commands as values, and trajectories of a damper.
 
-A motion knows its displacement, velocity and acceleration in closed form; :func:`drive` samples one into
-a :class:`Trajectory`. Trajectories from measured runs come from ``data.prepare``. Named motions are in
-``MOTIONS``; :func:`motion_from_text` reads a name or a form such as ``sine:5mm:1Hz``.
+A motion has its displacement, velocity and acceleration in closed form. The function :func:`drive` samples a
+motion into a :class:`Trajectory`. The module ``data.prepare`` builds trajectories from measured runs. Named
+motions are in ``MOTIONS``. The function :func:`motion_from_text` reads a name or a form such as
+``sine:5mm:1Hz``.
 
 Sign convention: extension positive.
 """
@@ -31,7 +32,7 @@ ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
 
 _REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
 _FINEST_WAVENUMBER = 2.83  # the end of ISO 8608's range [cycles/m]
-_TONES = 480
+_TONE_COUNT = 480
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -303,10 +304,10 @@ class Road(_Tones):
             raise InputError(
                 place="road", found=f"seed is {self.seed!r}", expected="a whole number, zero or more"
             )
-        edges = np.geomspace(0.1 * self.corner, _FINEST_WAVENUMBER, _TONES + 1)
-        power = np.diff(np.arctan(edges / self.corner)) / self.corner  # of each band of 1 / (n^2 + corner^2)
+        edges = np.geomspace(0.1 * self.corner, _FINEST_WAVENUMBER, _TONE_COUNT + 1)
+        power = np.diff(np.arctan(edges / self.corner)) / self.corner  # integrals of 1 / (n^2 + corner^2)
         amplitudes = np.sqrt(2.0 * ROAD_ROUGHNESS[self.road_class] * _REFERENCE_WAVENUMBER**2 * power)
-        phases = np.random.default_rng(self.seed).uniform(0.0, 2 * np.pi, _TONES)
+        phases = np.random.default_rng(self.seed).uniform(0.0, 2 * np.pi, _TONE_COUNT)
         tones = (amplitudes, self.speed * np.sqrt(edges[1:] * edges[:-1]), phases)
         object.__setattr__(self, "tones", Harmonics(*(tuple(map(float, values)) for values in tones)))
 
@@ -370,7 +371,7 @@ class RandomCurrent:
         level, hold = np.random.default_rng(self.seed).uniform(size=(most, 2)).T
         levels = self.highest * np.clip(1.2 * level - 0.1, 0.0, 1.0)
         ends = np.cumsum(self.shortest * (self.longest / self.shortest) ** hold)
-        # a sample that should lie on a switch may miss it by rounding
+        # A sample at the time of a switch can be earlier because of rounding.
         current: FloatArray = levels[np.searchsorted(ends, time + 1e-9, side="right")]
         return current
 
@@ -398,8 +399,8 @@ class CurrentSteps:
         return self.hold * np.arange(1.0, len(self.levels))
 
     def current(self, t: ArrayLike) -> FloatArray:
-        """Return the commanded current [A]; at a switch it is that of the level which begins there."""
-        # a sample that should lie on a switch may miss it by rounding
+        """Return the commanded current [A]. At a switch it is the current of the new level."""
+        # A sample at the time of a switch can be earlier because of rounding.
         position = np.asarray(t, dtype=np.float64) / self.hold + 1e-9
         level = np.clip(np.floor(position), 0, len(self.levels) - 1).astype(np.intp)
         return np.asarray(self.levels, dtype=np.float64)[level]

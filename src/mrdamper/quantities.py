@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from mrdamper.arrays import FloatArray
 
 ZERO_CELSIUS_K = 273.15
-"""0 degC [K]: inside the package temperatures are kelvin; jobs and their faces speak degC."""
+"""0 degC [K]. The package uses kelvin internally. Jobs and their interfaces use degC."""
 
 REFERENCE_K = 293.15
-"""20 degC [K], where temperature factors are 1 and coil resistances are stated."""
+"""20 degC [K], the reference of temperature factors and coil resistances."""
 
 CommandUnit = Literal["A", "V"]
-"""Of a damper's command: the coil's current, or the voltage of its driver."""
+"""Unit of the command of a damper: the current of the coil, or the voltage of its driver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Quantity:
 
     role: str
     symbol: str
-    unit: str  # SI, as to_si returns it
+    unit: str  # SI unit of ``to_si``
     low: float
     high: float
     headers: tuple[str, ...]
@@ -106,7 +106,7 @@ _TABLE = (
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity for quantity in _TABLE})
 
-# How rigs spell units: lower case, without blanks, dots or parentheses. Pint's own names need no entry.
+# Spellings of units on rigs: lower case, without blanks, dots or parentheses. Names in Pint need no entry.
 _SPELLINGS: Mapping[str, str] = MappingProxyType(
     {
         "sec": "s", "secs": "s", "sek": "s", "seg": "s", "sn": "s", "second": "s", "seconds": "s",
@@ -128,8 +128,8 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "кгс": "kgf", "а": "A", "в": "V", "°с": "degC",
     }
 )  # fmt: skip
-# Spellings that are sure only where the role is known: a case that no other unit of the role has, or letters
-# that mean something else elsewhere. MS and MA stay out: they might be mega.
+# Spellings that are unique for a known role only: other cases, or letters with another meaning elsewhere.
+# MS and MA have no entry, because M can mean mega.
 _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "time": {"S": "s", "SEC": "s", "мс": "ms"},
@@ -150,8 +150,8 @@ _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "temperature": {"C": "degC", "F": "degF", "c": "degC", "f": "degF", "k": "K"},
     }
 )
-# Lines of the units that most files have, as Pint gives them (a test compares): Pint takes a while to load.
-_USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
+# Conversions of frequent units, equal to Pint (a test compares them), because Pint is slow to load.
+_FREQUENT_UNITS: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
     {
         ("time", "ms"): (1e-3, 0.0),
         ("displacement", "mm"): (1e-3, 0.0),
@@ -170,8 +170,8 @@ _USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
         ("force", "lbf"): (4.4482216152605005, 0.0),
     }
 )
-# Units that rigs write beside channels of other kinds: none of a role, told without loading Pint.
-_OF_NO_ROLE = frozenset(
+# Units of other channels on rigs. They belong to no role, and Pint is not required to recognise them.
+_UNITS_WITHOUT_ROLE = frozenset(
     {
         "-",
         "%",
@@ -228,12 +228,12 @@ _HEADER_WORDS = frozenset(word for quantity in _TABLE for word in quantity.heade
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
-_UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # longer, or of other signs, is no unit
-_POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")  # of one digit, of a name
+_UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # Longer texts and other characters are not units.
+_POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")  # a one-digit power of a name
 
 
 def find_quantity(role: str) -> Quantity:
-    """Return the quantity of a role; an unknown role is an error that names the known ones."""
+    """Return the quantity of a role; raise InputError with the known roles if it is unknown."""
     if role not in QUANTITIES:
         raise InputError(f"{role!r} is not a role of a channel", expected=f"one of: {', '.join(QUANTITIES)}")
     return QUANTITIES[role]
@@ -245,13 +245,13 @@ def to_degC(kelvin: float) -> float:
 
 
 def spell_unit(unit: str, role: str) -> str:
-    """Return the name in Pint of a unit as rigs write it (``deg_C``, ``Sec``, ``Newtons``)."""
+    """Return the Pint name of a unit in the spelling of a rig (``deg_C``, ``Sec``, ``Newtons``)."""
     text = unit.strip()
     if text[:1] + text[-1:] in {"[]", "()"}:
         text = text[1:-1].strip()
-    sure = _SPELLINGS_OF_ROLE.get(role, {}).get(text)
-    if sure is not None:
-        return sure
+    spelling = _SPELLINGS_OF_ROLE.get(role, {}).get(text)
+    if spelling is not None:
+        return spelling
     bare = re.sub(r"[\s·*^]", "", text).lower()
     return _SPELLINGS.get(bare, text)
 
@@ -262,24 +262,24 @@ def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
     Raises
     ------
     InputError
-        The unit is not known, or is not one of the role.
+        If the unit is unknown or does not belong to the role.
     """
     import numpy as np
 
     array = np.asarray(values, dtype=np.float64)
     quantity = find_quantity(role)
     spelled = spell_unit(unit, role)
-    if spelled == quantity.unit:  # without loading Pint
+    if spelled == quantity.unit:  # Pint is not required.
         return array
     scale, zero = _line_to_si(spelled, role, unit)
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size
+    with np.errstate(over="ignore", invalid="ignore"):  # The range checks reject values that overflow.
         return array * scale if zero == 0.0 else array * scale + zero
 
 
 @cache
 def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
-    """Return (scale, zero) of the straight line from a unit to the role's SI unit."""
-    usual = _USUAL.get((role, spelled))
+    """Return (scale, zero) of the linear conversion from a unit to the SI unit of the role."""
+    usual = _FREQUENT_UNITS.get((role, spelled))
     if usual is not None:
         return usual
     quantity = QUANTITIES[role]
@@ -290,7 +290,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     refusal = InputError(
         f"unit {found[:40]!r} is not a unit of {role}{stored}", expected=f"one of: {choices}"
     )
-    unbounded = re.search(r"\*\*|\^", _POWER.sub("", spelled))  # Pint works N**9**9**9 out, for hours
+    unbounded = re.search(r"\*\*|\^", _POWER.sub("", spelled))  # Pint evaluates N**9**9**9 for hours.
     if not _UNIT.fullmatch(spelled) or unbounded or _ROLE_OF.get(spelled, role) != role:
         raise refusal
     import tokenize
@@ -302,7 +302,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         zero, one = (
             float(pint.application_registry.Quantity(x, unit).to(quantity.unit).magnitude) for x in (0.0, 1.0)
         )
-    # what Pint's parser lets through on a garbled unit is part of what it has to say
+    # The parser of Pint raises any of these on invalid units.
     except (
         *(pint.errors.PintError, tokenize.TokenError, SyntaxError, RecursionError, MemoryError),
         *(AssertionError, ArithmeticError, AttributeError, LookupError, ValueError, TypeError),
@@ -315,30 +315,30 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
 
 @cache
 def roles_of_unit(unit: str) -> tuple[str, ...]:
-    """Return the roles that a unit is of: one as a rule, none of a word that is no unit of a channel."""
-    if not unit or unit.strip("[]() ").lower() in _OF_NO_ROLE:
+    """Return the roles of a unit, typically one. The result is empty if a word is not a unit of a channel."""
+    if not unit or unit.strip("[]() ").lower() in _UNITS_WITHOUT_ROLE:
         return ()
-    sure = tuple(role for role in QUANTITIES if _is_usual(spell_unit(unit, role), role))
-    if sure:
-        return sure
+    roles_without_pint = tuple(role for role in QUANTITIES if _is_frequent(spell_unit(unit, role), role))
+    if roles_without_pint:
+        return roles_without_pint
     bare = unit.strip("[]() ")
     named = _HEADER_WORDS.intersection((bare.lower(), *re.split(r"[\s_.-]", bare.lower(), maxsplit=1)[:1]))
-    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # time_s, force: no need to ask Pint
+    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # time_s, force: not a unit
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
 
 
 def is_any_unit(word: str) -> bool:
-    """Return True for a unit of a role, or of another quantity that rigs and rheometers measure."""
+    """Return True for a unit of a role or of another quantity of rigs and rheometers."""
     bare = re.sub(r"[\s.·⋅*^]", "", word.strip("[]() ")).lower()
-    return bool(roles_of_unit(word)) or bare in _OF_NO_ROLE
+    return bool(roles_of_unit(word)) or bare in _UNITS_WITHOUT_ROLE
 
 
-def _is_usual(spelled: str, role: str) -> bool:
-    return spelled == QUANTITIES[role].unit or (role, spelled) in _USUAL
+def _is_frequent(spelled: str, role: str) -> bool:
+    return spelled == QUANTITIES[role].unit or (role, spelled) in _FREQUENT_UNITS
 
 
 def is_unit(word: str, roles: Iterable[str] = QUANTITIES) -> bool:
-    """Tell whether a word is the spelling of a unit of a role, of any unless told (a row under a header)."""
+    """Return True if a word is a unit of one of the roles (all roles by default)."""
     for role in roles:
         try:
             to_si(0.0, word, role)

@@ -1,8 +1,8 @@
-"""Records declared once: read from TOML, JSON, options and requests, checked, written back, described.
+"""Records: one declaration to read, check, write and describe TOML, JSON, options and requests.
 
-A record is a frozen dataclass. A field's type says what kind of value it takes (``float``, ``int``, ``bool``,
-``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``); an
-``Option`` adds unit, range, help and, where the file's key is not the field's name, the key::
+A record is a frozen dataclass. The type of a field defines its values (``float``, ``int``, ``bool``,
+``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``). An
+``Option`` adds unit, range and help, and the key in files if it differs from the name of the field::
 
     @dataclass(frozen=True, kw_only=True)
     class Body:
@@ -12,15 +12,15 @@ A record is a frozen dataclass. A field's type says what kind of value it takes 
     body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06, ...): SI inside
     table = write_record(body)                                      # {"length_mm": 60.0, ...}
 
-A field with a ``key`` holds SI (kelvin) and its file holds ``unit``; a field without one holds what the file
-holds. A table may have a short form: an ``Option`` with ``short`` says which table a bare value stands for
-(a number of which no more is known, or ``false`` for none).
+A field with a ``key`` contains a value in SI (kelvin), and its file contains the value in ``unit``. Other
+fields contain the value of the file. A table can have a short form: the function ``short`` of an ``Option``
+converts a single value (such as a number or ``false``) to a table.
 
-All faults of a document are gathered into one ``InputError``, a line each: place, key, what was found,
-what is expected; an unknown key names the nearest. Checks across fields belong into ``__post_init__``, as an
-``InputError``, which gets its place here.
+All faults of a document are reported in one ``InputError``, one line for each: place, key, found value and
+expected value. The message for an unknown key contains the nearest known key. ``__post_init__`` checks
+combinations of fields and raises an ``InputError``, which gets its place here.
 
-The checking is Pydantic's, loaded on first use: a record's own module needs none of it.
+Pydantic checks the values. It is loaded on first use, and the modules of records do not import it.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ from mrdamper.errors import InputError, MrdamperError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 Json = dict[str, Any]
-"""An object of JSON, or a table of TOML."""
+"""A JSON object or a TOML table."""
 
 Record = TypeVar("Record")
 
-_MOST_NAMES = 40  # in one message
-_LONGEST_FOUND = 60  # characters of a value in a message
-_MISTAKEN = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # units that another one is often taken for
+_SHOWN_NAMES_MAX = 40  # known names in one message
+_VALUE_LENGTH_MAX = 60  # characters of a value in a message
+_UNIT_HINTS = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # hints for typical unit errors
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
-# Of each record, once asked for.
+# Caches by type of record.
 _FIELDS: dict[type, tuple[Field, ...]] = {}
 _ADAPTERS: dict[type, Any] = {}
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
@@ -60,23 +60,23 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 class OnPage:
     """Options of a form field that do not follow from type, unit and range."""
 
-    group: str = "More"  # the heading that it stands under; empty: above all headings
-    titles: tuple[str, ...] = ()  # words for its choices, in their order
-    begins: Any = None  # what is shown at first, where that is not the default
-    offers: str = ""  # the group of names (of ``jobs.previews.choices``) that are offered
-    slider: tuple[float, float, float] | None = None  # least, most, step
-    places: tuple[str, ...] = ()  # of the work folder, whose things may be named
-    files: str = ""  # suffix of those that are inputs
-    looks: tuple[str, ...] = ()  # kinds of input that fit (``web.inputs``)
-    word: str = ""  # what one is called that is brought
-    part: str = ""  # of the drawing, that it keeps or leaves away: off and locked where there is none
+    group: str = "More"  # heading of the field; empty: above all headings
+    titles: tuple[str, ...] = ()  # labels of the choices, in their order
+    begins: Any = None  # initial value if it differs from the default
+    offers: str = ""  # group of proposed names (``jobs.previews.choices``)
+    slider: tuple[float, float, float] | None = None  # min, max, step
+    places: tuple[str, ...] = ()  # subfolders of the work folder with selectable files
+    files: str = ""  # suffix of selectable files
+    looks: tuple[str, ...] = ()  # accepted kinds of input (``web.inputs``)
+    word: str = ""  # label of an uploaded file
+    part: str = ""  # The field enables this part of the geometry file. It is locked if the part is missing.
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
     """Properties of a field beyond its type: help, unit, range, and its name in each interface.
 
-    ``least`` and ``most`` belong to the range, ``above`` and ``below`` do not; all are in ``unit``.
+    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. All are in ``unit``.
     """
 
     help: str = ""
@@ -85,24 +85,24 @@ class Option:
     most: float | None = None
     above: float | None = None
     below: float | None = None
-    key: str = ""  # of the file, where it is not the field's name; the field then holds SI
-    flag: str = ""  # of the command line, where it is not --field-name; "-" hides the field there
-    label: str = ""  # beside the field on a page; empty: made from its name
+    key: str = ""  # key in files if it differs from the name; the field is then in SI
+    flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
+    label: str = ""  # label in forms; empty: derived from the name
     page: OnPage = OnPage()
-    local: bool = False  # for the command line and Python alone: it names code, or another machine
+    local: bool = False  # Servers have no such field, because it can execute code.
     metavar: str = ""
-    among: Callable[[], Iterable[str]] | None = None  # names that are known only at run time
-    default_help: str = ""  # what a default of None means
+    among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time
+    default_help: str = ""  # meaning of the default None
     pattern: str = ""
-    expected: str = ""  # in messages, where type, unit and range do not say enough
+    expected: str = ""  # expected value in messages; empty: derived from type, unit and range
     most_items: int | None = None
     least_items: int | None = None
-    short: Callable[[Any], Any] | None = None  # the table (or None) that a value which is none stands for
+    short: Callable[[Any], Any] | None = None  # converts a single value to a table (or None)
 
     __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
 
     def __iter__(self) -> Iterator[object]:
-        """Yield the constraints as Pydantic takes them."""
+        """Yield the constraints for Pydantic."""
         import annotated_types as kinds
 
         pairs = (
@@ -128,7 +128,7 @@ class Option:
     @property
     def remedy(self) -> str:
         """Return the typical cause of a wrong name or value for messages; empty if there is none."""
-        return _MISTAKEN.get(self.unit, "")
+        return _UNIT_HINTS.get(self.unit, "")
 
     @property
     def range_words(self) -> str:
@@ -137,10 +137,10 @@ class Option:
             *(("above {:g}", self.above), ("at least {:g}", self.least)),
             *(("below {:g}", self.below), ("at most {:g}", self.most)),
         )
-        said = [form.format(limit) for form, limit in ends if limit is not None]
+        words = [form.format(limit) for form, limit in ends if limit is not None]
         if self.least is not None and self.most is not None:
-            said = [f"{self.least:g} to {self.most:g}"]
-        return " and ".join(said)
+            words = [f"{self.least:g} to {self.most:g}"]
+        return " and ".join(words)
 
     def holds(self, value: float) -> bool:
         """Return True if a number, in file units, is finite and in the range."""
@@ -153,13 +153,13 @@ class Option:
         )
 
     def to_si(self, value: float | None) -> float | None:
-        """Return a value of the file in SI."""
+        """Return a value of a file in SI."""
         if value is None:
             return None
         return value + ZERO_CELSIUS_K if self.unit == "degC" else value * _SCALES.get(self.unit, 1.0)
 
     def from_si(self, value: float) -> float:
-        """Return a value in SI as the file has it."""
+        """Return a value in SI in the unit of the file."""
         if self.unit == "degC":
             return round(value - ZERO_CELSIUS_K, 10)
         scale = _SCALES.get(self.unit, 1.0)
@@ -172,9 +172,9 @@ class Field:
 
     name: str
     key: str
-    type: Any  # without None and without Annotated
+    type: Any  # type without None and Annotated
     optional: bool  # None is allowed
-    default: Any  # dataclasses.MISSING where there is none
+    default: Any  # dataclasses.MISSING if the field is required
     option: Option
 
     @property
@@ -186,15 +186,15 @@ class Field:
         """Return the name of the option on the command line."""
         return self.option.flag or f"--{self.name.replace('_', '-')}"
 
-    @cached_property  # looked at in each check of a record
+    @cached_property  # Each check of a record uses it.
     def item(self) -> Any:  # noqa: ANN401 - a type
-        """The type of each of many values; the type itself of a single one."""
-        return _taken_apart(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
+        """Return the type of the values in a list, or the type of a single value."""
+        return _split_annotation(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
 
     @property
     def item_option(self) -> Option:
         """Return the option of each value of a list; for a single value that of the field."""
-        return _taken_apart(get_args(self.type)[0])[1] if self.many else self.option
+        return _split_annotation(get_args(self.type)[0])[1] if self.many else self.option
 
     @cached_property
     def many(self) -> bool:
@@ -202,7 +202,7 @@ class Field:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The texts that the field accepts; empty if it accepts any text."""
+        """Return the texts that the field accepts; empty if it accepts any text."""
         item = self.item
         if get_origin(item) is Literal:
             return tuple(str(each) for each in get_args(item))
@@ -210,7 +210,7 @@ class Field:
 
     @property
     def item_words(self) -> str:
-        """What each value of a list or a table of values is expected to be."""
+        """Return the expected value of each item in a list or table."""
         if get_origin(self.type) is Mapping:
             return _WORDS.get(get_args(self.type)[1], "a table")
         return self.words.removeprefix(self._list_words) if self.many else self.words
@@ -221,15 +221,15 @@ class Field:
         if self.option.expected:
             return self.option.expected
         if self.choices:
-            said = f"one of: {', '.join(self.choices)}"
+            words = f"one of: {', '.join(self.choices)}"
         elif dataclasses.is_dataclass(self.item):
-            said = "a table"
+            words = "a table"
         else:
-            said = _WORDS.get(get_origin(self.item) or self.item, "a table")
+            words = _WORDS.get(get_origin(self.item) or self.item, "a table")
             unit = f" in {self.option.unit}" if self.option.unit else ""
             limits = f", {self.option.range_words}" if self.option.range_words else ""
-            said = f"{said}{unit}{limits}"
-        return f"{self._list_words}{said}" if self.many else said
+            words = f"{words}{unit}{limits}"
+        return f"{self._list_words}{words}" if self.many else words
 
     @property
     def _list_words(self) -> str:
@@ -238,13 +238,13 @@ class Field:
 
 
 def fields_of(record: type) -> tuple[Field, ...]:
-    """Return the fields of a record, in order; nothing but the standard library is loaded."""
+    """Return the fields of a record, in order. Pydantic is not loaded."""
     if record not in _FIELDS:
-        _FIELDS[record] = tuple(_taken_fields(record))
+        _FIELDS[record] = tuple(_read_fields(record))
     return _FIELDS[record]
 
 
-def _taken_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
+def _read_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
     # Use the names of the module: a lambda in an annotation looks there when it is called.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
@@ -253,15 +253,15 @@ def _taken_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
     for each in dataclasses.fields(record):
         if not each.init:
             continue
-        kind, option, optional = _taken_apart(hints[each.name])
+        kind, option, optional = _split_annotation(hints[each.name])
         default = each.default
         if default is dataclasses.MISSING and each.default_factory is not dataclasses.MISSING:
             default = each.default_factory()
         yield Field(each.name, option.key or each.name, kind, optional, default, option)
 
 
-def _taken_apart(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
-    """Return (type, option, None allowed) of an annotation, whichever way Annotated and None are nested."""
+def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
+    """Return (type, option, None allowed) of an annotation with Annotated and None in any order."""
     option, optional = Option(), False
     while True:
         if get_origin(hint) is Annotated:
@@ -270,7 +270,7 @@ def _taken_apart(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a typ
         elif get_origin(hint) in (Union, types.UnionType) and type(None) in get_args(hint):
             optional = True
             rest = tuple(each for each in get_args(hint) if each is not type(None))
-            hint = rest[0] if len(rest) == 1 else Union[rest]  # noqa: UP007 - made at run time
+            hint = rest[0] if len(rest) == 1 else Union[rest]  # noqa: UP007 - evaluated at run time
         else:
             return hint, option, optional
 
@@ -284,12 +284,12 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     Raises
     ------
     InputError
-        With a line for each fault: place, key, what was found, what is expected.
+        If the document has faults: one line for each with place, key, found and expected value.
     """
     from pydantic import ValidationError
 
     try:
-        text = json.dumps(_written_out(record, document), default=_plain_json)
+        text = json.dumps(_expand_short_forms(record, document), default=_plain_json)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(place=place, found="nested too deep, or not made of plain values") from error
     try:
@@ -300,13 +300,13 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     return typing.cast("Record", found)
 
 
-def _written_out(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type, and whatever a document holds
+def _expand_short_forms(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type and any value
     """Return a value of a document with short forms expanded to tables."""
     origin, parts = get_origin(kind), get_args(kind)
     if isinstance(value, Mapping) and origin is Mapping:
-        return {key: _written_out(parts[1], each) for key, each in value.items()}
+        return {key: _expand_short_forms(parts[1], each) for key, each in value.items()}
     if isinstance(value, list | tuple) and origin is tuple:
-        return [_written_out(parts[0], each) for each in value]
+        return [_expand_short_forms(parts[0], each) for each in value]
     if not (isinstance(value, Mapping) and isinstance(kind, type) and dataclasses.is_dataclass(kind)):
         return value
     found = dict(value)
@@ -314,7 +314,7 @@ def _written_out(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type, and wh
         if field.key in found:
             given, short = found[field.key], field.option.short
             given = given if short is None or isinstance(given, Mapping) else short(given)
-            found[field.key] = _written_out(field.type, given)
+            found[field.key] = _expand_short_forms(field.type, given)
     return found
 
 
@@ -337,7 +337,7 @@ def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapte
 
 
 def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
-    """Yield the dataclasses that a type is made of, itself included."""
+    """Yield the dataclasses in a type, including the type itself."""
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         yield kind
         for hint in typing.get_type_hints(kind, include_extras=True).values():
@@ -348,26 +348,26 @@ def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
 
 
 def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
-    """Return one fault of a document."""
+    """Return an error of Pydantic as an error of this package."""
     *parents, last = [part for part in fault["loc"] if isinstance(part, int | str)] or [""]
     kind, field = fault["type"], _field_at(record, fault["loc"])
-    if kind == "value_error":  # a check of the record's own
+    if kind == "value_error":  # raised in __post_init__ of the record
         own, raised = ".".join(str(part) for part in fault["loc"]), fault["ctx"]["error"]
         error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
         return (error.at_place(own) if own else error).at_place(place)
-    where = ".".join(str(part)[:_LONGEST_FOUND] for part in parents)
+    where = ".".join(str(part)[:_VALUE_LENGTH_MAX] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
         known = [each.key for each in _fields_at(record, parents)]
-        said = f"{where} has no key" if where else "unknown key"
-        error = unknown_name(f"{said} {str(last)[:_LONGEST_FOUND]!r}", str(last), known, place)
+        words = f"{where} has no key" if where else "unknown key"
+        error = unknown_name(f"{words} {str(last)[:_VALUE_LENGTH_MAX]!r}", str(last), known, place)
         meant = next((each for each in _fields_at(record, parents) if each.key in error.remedy), None)
         if meant is not None and meant.option.remedy:
             error.remedy = f"{error.remedy} {meant.option.remedy}"
             error.move_to(place)
         return error
     expected = str(fault["msg"]).removeprefix("Input should be ")
-    if field is not None:  # of many values the place is one of them
+    if field is not None:  # The location is an item if the field is a list.
         expected = field.words if last == field.key else field.item_words
     if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
         return InputError(f"{whole} is missing", place=place, expected=expected)
@@ -390,7 +390,7 @@ def _fields_at(record: Any, place: Sequence[int | str]) -> tuple[Field, ...]:  #
 
 
 def _field_at(record: type, place: Sequence[int | str]) -> Field | None:
-    """Return the innermost field on the way to a place in a document."""
+    """Return the innermost field on the path to a location in a document."""
     names = [part for part in place if isinstance(part, str)]
     for k in range(len(names), 0, -1):
         for field in _fields_at(record, names[: k - 1]):
@@ -403,30 +403,30 @@ def _field_at(record: type, place: Sequence[int | str]) -> Field | None:
 def _shown(value: object) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
-    said = repr(value)
-    return said if len(said) <= _LONGEST_FOUND else f"{said[:_LONGEST_FOUND]} ..."
+    words = repr(value)
+    return words if len(words) <= _VALUE_LENGTH_MAX else f"{words[:_VALUE_LENGTH_MAX]} ..."
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: the nearest known ones in any case, or all of them.
+    """Return the end of a message about an unknown name: the nearest known names, or all of them.
 
-    If there are very many, only the first are listed.
+    Upper and lower case are equal. A long list of names is cut.
     """
     names = {each.lower(): each for each in known}
     near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.6)
     if near:
         return f"did you mean {' or '.join(names[each] for each in near)}?"
-    shown = list(names.values())[:_MOST_NAMES]
+    shown = list(names.values())[:_SHOWN_NAMES_MAX]
     more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
     return f"expected one of: {', '.join(shown)}{more}" if names else "expected none"
 
 
 def unknown_name(found: str, name: str, known: Iterable[str], place: str | Path = "") -> InputError:
     """Return the error for an unknown name, with the nearest known names or all of them."""
-    said = did_you_mean(name, known)
-    if said.startswith("expected "):
-        return InputError(found, place=place, expected=said.removeprefix("expected "))
-    return InputError(found, place=place, remedy=said)
+    words = did_you_mean(name, known)
+    if words.startswith("expected "):
+        return InputError(found, place=place, expected=words.removeprefix("expected "))
+    return InputError(found, place=place, remedy=words)
 
 
 def check_ranges(record: object, place: str) -> None:
@@ -435,7 +435,7 @@ def check_ranges(record: object, place: str) -> None:
     Raises
     ------
     InputError
-        With a line for each field that is not finite, outside its range, or none of its choices.
+        If a field is not finite, outside its range, or not among its choices; one line for each field.
     """
     faults = []
     for field in fields_of(type(record)):
@@ -444,9 +444,9 @@ def check_ranges(record: object, place: str) -> None:
             number = isinstance(each, int | float) and not isinstance(each, bool)
             found = field.option.from_si(each) if field.option.key and number else each
             if not _fits(field, found):
-                said = field.item_words if each is not value else field.words
+                words = field.item_words if each is not value else field.words
                 found_words = f"{place}.{field.key} is {_shown(found)}"
-                faults.append(InputError(found_words, expected=said, remedy=field.option.remedy))
+                faults.append(InputError(found_words, expected=words, remedy=field.option.remedy))
     if faults:
         raise InputError(faults=faults)
 
@@ -464,7 +464,7 @@ def _fits(field: Field, value: object) -> bool:
 
 
 def write_record(record: object, *, defaults: bool = False, nulls: bool = False) -> Json:
-    """Return a record as a document that ``read_record`` takes.
+    """Return a record as a document for ``read_record``.
 
     Fields with None are omitted unless ``nulls`` (null in JSON). Fields with their default are omitted
     unless ``defaults``.
@@ -479,8 +479,8 @@ def write_record(record: object, *, defaults: bool = False, nulls: bool = False)
     return table
 
 
-def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 - whatever a field holds
-    if hasattr(type(value), "__get_pydantic_core_schema__"):  # what is read from a text is written as one
+def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 - any value of a field
+    if hasattr(type(value), "__get_pydantic_core_schema__"):  # The type is read from a text.
         return str(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return write_record(value, defaults=defaults, nulls=nulls)
@@ -492,7 +492,7 @@ def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 -
 
 
 def finite_or_none(value: float) -> float | None:
-    """Return a number as JSON can hold it: None (null) for one that is not finite."""
+    """Return a number for JSON: None (null) if it is not finite."""
     return value if math.isfinite(value) else None
 
 
@@ -541,6 +541,6 @@ def _toml_value(value: object) -> str:
     if isinstance(value, float):
         if not math.isfinite(value):
             return "nan" if math.isnan(value) else f"{value:+}"
-        short = f"{value + 0.0:.12g}"  # "-0" would be read as the whole number 0
-        return short if float(short) == value else repr(value)  # the same number is read again
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML allows no bare delete
+        short = f"{value + 0.0:.12g}"  # "-0" would be read as the integer 0
+        return short if float(short) == value else repr(value)  # The text is read as the same number.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # DEL is invalid in TOML.

@@ -1,6 +1,6 @@
 """Readers: from a rig's files to runs in SI and kelvin.
 
-Nothing is guessed. Missing information is a question, and inferred values are kept with their source.
+Readers do not guess. Missing information leads to a question, and inferred values are kept with their source.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from mrdamper.data.words.labels import Place
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
-_OF_ANY_OBJECT = frozenset({".json", ".jsonl"})  # what programs write of anything
+_GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})  # Programs write any object in these formats.
 
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """A file that cannot be read, and why: what it leaves open, where that alone is missing."""
+    """A file that is not readable, with its fault. The fault has questions if only answers are missing."""
 
     path: Path
     fault: InputError
@@ -45,42 +45,42 @@ class UnreadableFile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadFiles:
-    """Files of runs as they stand: those that could be read, and the others."""
+    """Unchecked files of runs: the readable and the unreadable ones."""
 
     files: tuple[tuple[Path, RigFile], ...]
     unreadable: tuple[UnreadableFile, ...]
-    runs: tuple[Recording, ...]  # of all files
-    beside: tuple[Finding, ...] = ()  # files of a folder that hold no run
+    runs: tuple[Recording, ...]  # the runs of all files
+    beside: tuple[Finding, ...] = ()  # findings on documents and on files without a run
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was done to the runs while reading, and which files hold none."""
+        """Return the changes that readers made to the runs, and the files without a run."""
         return (*(finding for _, file in self.files for finding in file.findings), *self.beside)
 
     @property
     def inferred(self) -> tuple[Inference, ...]:
-        """What was taken from words."""
+        """Return the values that were inferred from words."""
         return tuple(inference for _, file in self.files for inference in file.inferred)
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """What the files leave open."""
+        """Return the questions of the unreadable files."""
         return tuple(question for file in self.unreadable for question in file.questions)
 
     def fault(self) -> InputError | None:
-        """Return the faults and the questions of all files that cannot be read as one error."""
-        return ask_all([each.fault for each in self.unreadable]) if self.unreadable else None
+        """Return the faults and the questions of all unreadable files as one error."""
+        return ask_all([item.fault for item in self.unreadable]) if self.unreadable else None
 
 
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
-    """Return the runs in one file; a logger's file holds several.
+    """Return the runs in one file. A file of a data logger contains several runs.
 
-    A run has the name of its file, with its command if the file holds several.
+    A run has the name of its file, with its command if the file contains several runs.
 
     Raises
     ------
     InputError
-        The file cannot be read, a column or a unit is missing, or a run has faults.
+        If the file is not readable, a column or a unit is missing, or a run has faults.
     """
     return tuple(recording.checked() for recording in read_file(path, channels).recordings)
 
@@ -88,16 +88,17 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
 def read_file(
     path: PathLike, channels: ChannelMap | PathLike | None = None, answers: Sequence[Answer] = ()
 ) -> RigFile:
-    """Return the recordings in one file as they stand, and how the file was understood.
+    """Return the unchecked recordings in one file, and the interpretation of the file.
 
-    Without ``channels`` the map that lies beside the file holds (``map_beside``), else the headers alone.
+    If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, the
+    headers decide.
 
     Raises
     ------
     AskingError
-        The file does not say all that is needed; its questions name what.
+        If information is missing. Its questions request the information.
     InputError
-        The file cannot be read.
+        If the file is not readable.
     """
     return _read_file(Path(path), channels, answers)
 
@@ -108,7 +109,12 @@ def _read_file(
     answers: Sequence[Answer],
     stated: Sequence[Place] = (),
 ) -> RigFile:
-    """Return the recordings in one file; ``stated`` are lines of documents about it."""
+    """Return the recordings in one file.
+
+    Parameters
+    ----------
+    stated : lines of documents about the file
+    """
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
@@ -120,27 +126,27 @@ def read_each(
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
 ) -> ReadFiles:
-    """Return what frames, files, folders and glob patterns hold, frames first, each file once.
+    """Return the content of frames, files, folders and glob patterns: frames first, each file once.
 
-    A folder gives the files in it, and in the folders in it, of the formats read here. Runs of one name are
-    told apart by their folders.
+    Folders are searched with their subfolders for files of the supported formats. Runs with equal names get
+    the names of their folders.
 
     Raises
     ------
     InputError
-        A path is not there, or the channel map cannot be read.
+        If a path does not exist, or the channel map is not readable.
     """
     with TemporaryDirectory(prefix="mrdamper-") as space:
         read = _read_all(paths, channels, answers, Path(space))
         for file in read.unreadable:
-            _move_out(file.fault, space)
+            _move_to_archive(file.fault, space)
         return read
 
 
-def _move_out(fault: MrdamperError, space: str) -> None:
-    """Replace the place of an unpacked file by that in the archive."""
-    for each in fault.faults:
-        _move_out(each, space)
+def _move_to_archive(fault: MrdamperError, space: str) -> None:
+    """Replace the path of an unpacked file with its path in the archive."""
+    for item in fault.faults:
+        _move_to_archive(item, space)
     fault.move_to(fault.place.replace(f"{space}/", ""))
 
 
@@ -150,15 +156,15 @@ def _read_all(
     answers: Sequence[Answer],
     space: Path,
 ) -> ReadFiles:
-    """Return what frames and files hold; archives are unpacked below ``space``."""
+    """Return the content of frames and files; unpack archives into the folder ``space``."""
     chosen = None if channels is None else load_map(channels)
     read: list[tuple[Path, RigFile]] = []
     unreadable: list[UnreadableFile] = []
     parts = [paths] if isinstance(paths, str | Path) else list(paths)
-    frames = {Path(each.name): each for each in parts if isinstance(each, Frame)}
-    named = [each for each in parts if not isinstance(each, Frame)]
+    frames = {Path(item.name): item for item in parts if isinstance(item, Frame)}
+    named = [item for item in parts if not isinstance(item, Frame)]
     files = find_files(named, space) if named or not frames else []
-    given = {Path(each) for each in named}
+    given = {Path(item) for item in named}
     folders = {file.parent for file in files if file not in given} | {
         path for path in given if is_folder(path)
     }
@@ -173,44 +179,47 @@ def _read_all(
                 read.append((path, _read_file(path, chosen, answers, stated)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
-    joined, members = join_channel_files([each.path for each in unreadable], load_map(chosen), answers)
+    joined, members = join_channel_files([item.path for item in unreadable], load_map(chosen), answers)
     read += joined
-    unreadable = [each for each in unreadable if each.path not in members]
-    read = [_out_of(space, path, file) for path, file in _named_apart(read)]
+    unreadable = [item for item in unreadable if item.path not in members]
+    read = [_without_archive_path(space, path, file) for path, file in _with_distinct_names(read)]
     runs = tuple(recording for _, file in read for recording in file.recordings)
-    objects = {path.suffix.lower() for path, _ in read} & _OF_ANY_OBJECT
+    objects = {path.suffix.lower() for path, _ in read} & _GENERIC_SUFFIXES
     may_be_runs = bool(read) or any(
-        not isinstance(each.fault, NoRunError | NoTableError) for each in unreadable
+        not isinstance(item.fault, NoRunError | NoTableError) for item in unreadable
     )
-    beside = [
-        each
-        for each in unreadable
-        if may_be_runs and _is_beside(each, given | {*frames}, {*_OF_ANY_OBJECT} - objects)
+    ignored = [
+        item
+        for item in unreadable
+        if may_be_runs and _is_ignored(item, given | {*frames}, {*_GENERIC_SUFFIXES} - objects)
     ]
-    kept = tuple(each for each in unreadable if each not in beside)
-    told = (*(document.finding for document in documents), *map(_left_out, beside))
-    return ReadFiles(tuple(read), kept, runs, told)
+    kept = tuple(item for item in unreadable if item not in ignored)
+    folder_findings = (*(document.finding for document in documents), *map(_no_run_finding, ignored))
+    return ReadFiles(tuple(read), kept, runs, folder_findings)
 
 
-def _out_of(space: Path, path: Path, file: RigFile) -> tuple[Path, RigFile]:
-    """Return a file whose paths in an archive are not those of the unpacked one."""
+def _without_archive_path(space: Path, path: Path, file: RigFile) -> tuple[Path, RigFile]:
+    """Return a file with paths in its archive instead of paths of the unpacked file."""
     shown = path.relative_to(space) if path.is_relative_to(space) else path
-    recordings = tuple(replace(each, source=each.source.replace(f"{space}/", "")) for each in file.recordings)
+    recordings = tuple(replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings)
     return shown, replace(file, recordings=recordings)
 
 
-def _is_beside(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
-    """Tell whether a file that nobody named lies beside those of runs and is none.
+def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
+    """Return True if a file was found in a folder and contains no run.
 
-    ``foreign`` are suffixes of which no file here is a run.
+    Parameters
+    ----------
+    given : paths that the user named; these files are never ignored
+    foreign : generic suffixes without a run in any of the files
     """
     suffix = file.path.suffix.lower()
     is_unknown = suffix not in known_suffixes() and isinstance(file.fault, AskingError)
-    none = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
-    return none and file.path not in given
+    has_no_run = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
+    return has_no_run and file.path not in given
 
 
-def _left_out(file: UnreadableFile) -> Finding:
+def _no_run_finding(file: UnreadableFile) -> Finding:
     return Finding(
         kind="no_run",
         severity="note",
@@ -221,16 +230,16 @@ def _left_out(file: UnreadableFile) -> Finding:
     )
 
 
-def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
-    """Return files whose runs have names that folders tell apart."""
+def _with_distinct_names(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
+    """Return the files with unique names of the runs. Equal names get the names of their folders."""
     runs = [recording for _, file in read for recording in file.recordings]
     names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
     named = []
     for path, file in read:
         new = {recording.name: next(names) for recording in file.recordings}
-        recordings = tuple(replace(each, name=new[each.name]) for each in file.recordings)
-        findings = tuple(replace(each, run=new[each.run]) for each in file.findings)
-        inferred = tuple(replace(each, run=new[each.run]) for each in file.inferred)
+        recordings = tuple(replace(item, name=new[item.name]) for item in file.recordings)
+        findings = tuple(replace(item, run=new[item.run]) for item in file.findings)
+        inferred = tuple(replace(item, run=new[item.run]) for item in file.inferred)
         named.append((path, replace(file, recordings=recordings, findings=findings, inferred=inferred)))
     return named
 
@@ -240,14 +249,14 @@ def read_runs(
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
 ) -> Dataset:
-    """Return the runs in files, folders and glob patterns, with what was found and inferred while reading.
+    """Return the runs in files, folders and glob patterns, with findings and inferred values.
 
     Raises
     ------
     AskingError
-        Files leave questions open; it holds the faults and the questions of all of them.
+        If information is missing. It contains the faults and the questions of all files.
     InputError
-        A file cannot be read, or a run has faults.
+        If a file is not readable, or a run has faults.
     """
     read = read_each(paths, channels, answers)
     runs: list[RigRun] = []
@@ -264,16 +273,16 @@ def read_runs(
 
 
 def map_beside(file: Path) -> Path | None:
-    """Return the channel map that lies beside a file under its name and ``.channels.toml``, if one does.
+    """Return the path of the channel map next to a file, or None if it does not exist.
 
-    It is the file's own, and taken where no other map is given.
+    Its name is the name of the file with the suffix ``.channels.toml``. It is used if no other map is given.
     """
-    beside = file.with_name(f"{file.name}{MAP_SUFFIX}")
-    return beside if is_file(beside) else None
+    path = file.with_name(f"{file.name}{MAP_SUFFIX}")
+    return path if is_file(path) else None
 
 
 def load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:
-    """Return a channel map as given, from its file, or the empty one."""
+    """Return a channel map: the given one, the map in a file, or an empty map for None."""
     if channels is None:
         return ChannelMap()
     return channels if isinstance(channels, ChannelMap) else read_channel_map(channels)

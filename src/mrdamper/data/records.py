@@ -1,9 +1,10 @@
 """Records: one measured run, and a set of runs.
 
-A ``RigRun`` is what a rig wrote, in SI and kelvin, as it was measured: nothing is smoothed, shifted or
-resampled here (that is ``prepare``). It is checked when built; all faults found stand in one message.
+A ``RigRun`` contains the measured channels of a rig in SI and kelvin. The channels are not smoothed, shifted
+or resampled here (the module ``prepare`` does it). A run is checked when it is built, and one message lists
+all faults.
 
-Sign convention: extension positive, a force that resists extension is positive.
+Sign convention: extension is positive, and a force that resists extension is positive.
 """
 
 from __future__ import annotations
@@ -29,28 +30,28 @@ WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
     "test with one (a sine of 5 mm at 1 Hz, say), or leave the run out"
 )
-"""What a run without motion lacks, and the test that would have it."""
+"""Effect and remedy of a run without motion, for messages."""
 
 _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 LEAST_SAMPLES = 16
-_MOST_SHOWN = 8  # runs of a set that is printed
-_SPEED = 10.0  # faster than any damper's rig [m/s]
-_STROKE = 2.0  # longer than any damper's rig [m]
-_FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at rest
-_SWING = 0.1  # a reversal comes back by more than this share of the stroke
-_LEVEL_PARTS = 16  # of a run, whose median commands tell a level with noise from one that moves
-_BLOCK = 16  # time steps over which jitter must average out
+_SHOWN_RUNS_MAX = 8  # runs in the text form of a data set
+_SPEED_MAX_m_s = 10.0  # No damper rig is faster.
+_STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
+_VALUE_COUNT_MIN = 8  # Fewer distinct displacements are the noise of a sensor at rest.
+_REVERSAL_MIN_RATIO = 0.1  # A reversal moves back by more than this fraction of the stroke.
+_LEVEL_PART_COUNT = 16  # The median commands of these parts show a change of level despite noise.
+_BLOCK_STEP_COUNT = 16  # Jitter averages out in this number of time steps.
 FORCE_RANGE_MIN_N = 1e-6  # Numerically constant below this range.
-STROKE_MIN_m = 1e-9  # as above
-GAP_MIN_STEPS = 5.0  # a time step this many times the usual one is a gap
+STROKE_MIN_m = 1e-9  # Numerically constant below this stroke.
+GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step is a gap.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """What a file holds of one run, in SI, before anybody asked whether it can be used.
+    """The unchecked data of one run in a file, in SI.
 
-    Arrays are read-only float64, and may hold anything. ``session`` names runs that share one tare of the
-    force cell; ``source`` is the file.
+    Arrays are read-only float64 with any values. Runs with the same ``session`` share one tare of the load
+    cell. ``source`` is the path of the file.
     """
 
     name: str
@@ -74,28 +75,28 @@ class Recording:
         return len(self.time)
 
     def checked(self) -> RigRun:
-        """Return the run, if it is one; else one ``InputError`` with every fault found."""
+        """Return the run; raise one ``InputError`` with all faults if there are any."""
         return RigRun(**{field.name: getattr(self, field.name) for field in fields(self)})
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RigRun(Recording, Picture):
-    """One run of one damper on a rig, as measured: a recording without faults.
+    """One measured run of one damper on a rig: a recording without faults.
 
-    Arrays have shape (n,), the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz" (""
-    means not known yet: ``prepare_run`` finds it).
+    Arrays have shape (n,), and the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz".
+    It is empty until ``prepare_run`` finds it.
 
     Raises
     ------
     InputError
-        One message with every fault found.
+        If the run has faults. One message lists all of them.
     """
 
     motion: str = ""
 
     def __post_init__(self) -> None:
         Recording.__post_init__(self)
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
+        with np.errstate(over="ignore", invalid="ignore"):  # The range checks reject values that overflow.
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
@@ -105,27 +106,27 @@ class RigRun(Recording, Picture):
         return self
 
     def __repr__(self) -> str:
-        """Return the run in a line: its length, and what it goes through."""
-        said = [f"{self.time[-1] - self.time[0]:.3g} s at {(len(self) - 1) / np.ptp(self.time):.4g} Hz"]
+        """Return the run in one line: its duration, rate, and the ranges of its channels."""
+        parts = [f"{self.time[-1] - self.time[0]:.3g} s at {(len(self) - 1) / np.ptp(self.time):.4g} Hz"]
         for values, unit in (
             *((1e3 * self.displacement, "mm"), (self.force, "N"), (self.command, self.command_unit)),
             *(() if self.temperature is None else ((self.temperature - ZERO_CELSIUS_K, "degC"),)),
         ):
             low, high = float(values.min()), float(values.max())
-            said.append(f"{low:.3g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}")
-        return f"RigRun {self.name!r}: {', '.join(said)}"
+            parts.append(f"{low:.3g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}")
+        return f"RigRun {self.name!r}: {', '.join(parts)}"
 
     @property
     def constant_command(self) -> float | None:
-        """The command [A or V] when it keeps still, else None.
+        """Return the constant command [A or V], or None if the command changes.
 
-        A measured one keeps still while 98 % of its samples stay within 2 % of its median (or within 20 mA
-        or 20 mV) on either side: its median, then.
+        A measured command is constant if 98 % of its samples differ from its median by at most 2 % (or by
+        20 mA or 20 mV). Then its median is returned.
         """
         return steady_command(self.command)
 
     def between(self, from_s: float | None, to_s: float | None) -> RigRun:
-        """Return the samples from one time to another, both included; None: from the start, to the end."""
+        """Return the samples between two times [s], both included. None means the start or the end."""
         kept = np.ones(len(self), dtype=bool)
         if from_s is not None:
             kept &= self.time >= from_s
@@ -139,11 +140,11 @@ class RigRun(Recording, Picture):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Dataset(Picture):
-    """Runs with unique names, in the order given, and what is known of how their files were read."""
+    """Runs with unique names, in the given order, with the findings of the readers."""
 
     runs: tuple[RigRun, ...]
-    findings: tuple[Finding, ...] = ()  # of what was done while reading: gaps cut, numbers filled in, ...
-    inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words
+    findings: tuple[Finding, ...] = ()  # changes by readers, such as removed gaps and filled cells
+    inferred: tuple[Inference, ...] = ()  # commands and temperatures from words
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
@@ -159,8 +160,8 @@ class Dataset(Picture):
         return len(self.runs)
 
     def __repr__(self) -> str:
-        """Return the first runs, a line each."""
-        lines = [f"  {run!r}" for run in self.runs[:_MOST_SHOWN]]
+        """Return the first runs, one line for each."""
+        lines = [f"  {run!r}" for run in self.runs[:_SHOWN_RUNS_MAX]]
         more = len(self) - len(lines)
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
@@ -175,7 +176,7 @@ class Dataset(Picture):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 over names, units and values of all runs, whatever their order."""
+        """Return the SHA-256 hash of names, units and values of all runs, independent of their order."""
         digest = hashlib.sha256()
         for run in sorted(self.runs, key=lambda run: run.name):
             digest.update(f"{run.name}\0{run.command_unit}\0{len(run)}\0".encode())
@@ -191,7 +192,7 @@ class Dataset(Picture):
         return digest.hexdigest()
 
     def select(self, *globs: str) -> Dataset:
-        """Return the runs whose name matches any of the patterns, in the order they are kept."""
+        """Return the runs with a name that matches any of the patterns, in the order of this set."""
         for glob in globs:
             if not any(fnmatchcase(name, glob) for name in self.names):
                 raise unknown_name(f"pattern {glob!r} matches no run", glob, self.names)
@@ -210,13 +211,13 @@ class Dataset(Picture):
         return training, held_out
 
     def _part(self, runs: Iterable[RigRun]) -> Dataset:
-        """Return some of the runs, with what is known of their reading."""
+        """Return a part of the runs with the findings on them."""
         chosen = tuple(runs)
         names = {run.name for run in chosen}
         return Dataset(
             chosen,
-            tuple(each for each in self.findings if each.run in names),
-            tuple(each for each in self.inferred if each.run in names),
+            tuple(item for item in self.findings if item.run in names),
+            tuple(item for item in self.inferred if item.run in names),
         )
 
 
@@ -230,7 +231,7 @@ def accepted_runs(recordings: Iterable[Recording]) -> list[RigRun]:
 
 
 def steady_command(command: FloatArray) -> float | None:
-    """Return the command [A or V] when it keeps still as ``RigRun.constant_command`` says, else None."""
+    """Return the constant command [A or V] as defined in ``RigRun.constant_command``, or None."""
     first = float(command[0])
     if bool((command == first).all()):
         return first
@@ -239,33 +240,33 @@ def steady_command(command: FloatArray) -> float | None:
 
 
 def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
-    """Return runs with each command that is a level and noise alone replaced by its median.
+    """Return the runs with each command that is constant except for noise replaced by its median.
 
-    Noise is judged by its size beside the largest command of all the runs: a standard deviation of at most
-    8 %, about a level that does not move by more than 4 % from one sixteenth of the run to another.
+    A command is noise around a level if its standard deviation is at most 8 % of the largest command of all
+    runs, and if the medians of sixteen parts of the run differ by at most 4 % of it.
     """
     runs = tuple(runs)
     largest = max((float(np.quantile(np.abs(run.command), 0.99)) for run in runs), default=0.0)
     return tuple(
         replace(run, command=np.full(len(run), np.median(run.command)))
-        if run.constant_command is None and _only_noise(run.command, largest)
+        if run.constant_command is None and _is_only_noise(run.command, largest)
         else run
         for run in runs
     )
 
 
-def _only_noise(command: FloatArray, largest: float) -> bool:
-    levels = [float(np.median(part)) for part in np.array_split(command, _LEVEL_PARTS)]
+def _is_only_noise(command: FloatArray, largest: float) -> bool:
+    levels = [float(np.median(part)) for part in np.array_split(command, _LEVEL_PART_COUNT)]
     return float(np.std(command)) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
 
 
 def command_slack(command: float) -> float:
-    """Return by how much [A or V] a command that keeps still may be measured off: 2 %, or 20 mA (mV)."""
+    """Return the tolerance [A or V] of a constant command: 2 %, but at least 20 mA (mV)."""
     return max(0.02 * abs(command), 0.02)
 
 
 def _faults(run: RigRun) -> list[InputError]:
-    """Return every fault of a run, without the name of the run."""
+    """Return all faults of a run, without the name of the run."""
     faults: list[InputError] = []
     if not run.name:
         faults.append(InputError("has no name", remedy="Pass a name"))
@@ -295,12 +296,12 @@ def _faults(run: RigRun) -> list[InputError]:
             remedy="Record a longer run, or leave the file out",
         )
         return [*faults, fault]
-    missing = [_not_finite(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
+    missing = [_finite_fault(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
     if missing:
         return [*faults, *missing]
     faults += [
-        InputError(each.found, expected="even steps of time", remedy=each.remedy)
-        for each in find_time_faults(run.time)
+        InputError(item.found, expected="even steps of time", remedy=item.remedy)
+        for item in find_time_faults(run.time)
     ]
     if not faults:
         faults += _motion_faults(run)
@@ -319,7 +320,7 @@ def _faults(run: RigRun) -> list[InputError]:
     return faults
 
 
-def _not_finite(name: str, array: FloatArray) -> InputError:
+def _finite_fault(name: str, array: FloatArray) -> InputError:
     bad = np.flatnonzero(~np.isfinite(array))
     return InputError(
         f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples)",
@@ -329,7 +330,7 @@ def _not_finite(name: str, array: FloatArray) -> InputError:
 
 
 def find_time_faults(time: FloatArray) -> list[Finding]:
-    """Return the fault of times [s] that run backward or stand still, have gaps, or change their rate."""
+    """Return the fault of times [s] that do not increase, have gaps, or change their rate; [] if valid."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
         return []
@@ -352,8 +353,8 @@ def find_time_faults(time: FloatArray) -> list[Finding]:
             "[constant] of the channel map instead of the column",
         )
         return [finding]
-    usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP_MIN_STEPS * usual)
+    median = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP_MIN_STEPS * median)
     changed = changes_of_pace(steps, len(gaps))
     if changed is not None:
         at, before, after = changed
@@ -380,7 +381,7 @@ def find_time_faults(time: FloatArray) -> list[Finding]:
         unit="s",
         from_s=float(time[k]),
         to_s=float(time[gaps[-1] + 1]),
-        found=f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is {usual:.6g} s "
+        found=f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is {median:.6g} s "
         f"({len(gaps)} such places)",
         effect="The state of the hysteresis is lost in a gap, and the run is refused",
         remedy="Split the file at the gap, or cut it out with its cycle",
@@ -389,16 +390,19 @@ def find_time_faults(time: FloatArray) -> list[Finding]:
 
 
 def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | None:
-    """Return where the usual time step [s] changes by a quarter, from what and to what; None when never."""
-    blocks = len(steps) // _BLOCK
+    """Return the index at which the mean time step [s] changes by 25 %, and the steps before and after.
+
+    Return None if it does not change. ``gaps`` is the number of gaps in the time.
+    """
+    blocks = len(steps) // _BLOCK_STEP_COUNT
     if not blocks:
         return None
-    pace = steps[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)  # jitter and rounding average out
+    pace = steps[: blocks * _BLOCK_STEP_COUNT].reshape(blocks, _BLOCK_STEP_COUNT).mean(axis=1)
     changed = np.abs(pace / pace[:1] - 1.0) > 0.25
     if not (np.any(changed[1:] & changed[:-1]) and np.count_nonzero(changed) > gaps):
         return None
     block = int(np.flatnonzero(changed[1:] & changed[:-1])[0])
-    return block * _BLOCK, float(pace[0]), float(pace[block + 1])
+    return block * _BLOCK_STEP_COUNT, float(pace[0]), float(pace[block + 1])
 
 
 def _motion_faults(run: RigRun) -> list[InputError]:
@@ -413,20 +417,20 @@ def _motion_faults(run: RigRun) -> list[InputError]:
         ]
     speeds = np.abs(np.diff(run.displacement)) / np.diff(run.time)
     fastest = int(np.argmax(speeds))
-    if speeds[fastest] > _SPEED or stroke > _STROKE:
+    if speeds[fastest] > _SPEED_MAX_m_s or stroke > _STROKE_MAX_m:
         hint = "It looks like mm read as m: give the channel's unit as mm"
-        if stroke <= _STROKE and np.count_nonzero(speeds > _SPEED) < 0.01 * len(speeds):
+        if stroke <= _STROKE_MAX_m and np.count_nonzero(speeds > _SPEED_MAX_m_s) < 0.01 * len(speeds):
             hint = "It looks like a jump of the sensor: cut the segment out of the file"
         return [
             InputError(
                 f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
                 f"{stroke:.3g} m",
-                expected=f"at most {_SPEED:g} m/s and {_STROKE:g} m",
+                expected=f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m",
                 remedy=hint,
             )
         ]
     values = len(np.unique(run.displacement))
-    if values < _FEWEST_VALUES:
+    if values < _VALUE_COUNT_MIN:
         return [
             InputError(
                 f"displacement takes only {values} values, {stroke:.2g} m apart at most",
@@ -434,7 +438,7 @@ def _motion_faults(run: RigRun) -> list[InputError]:
                 remedy="Cut the run where the rig moves, or record a larger stroke",
             )
         ]
-    reversals = len(turning_points(run.displacement, _SWING * stroke))
+    reversals = len(turning_points(run.displacement, _REVERSAL_MIN_RATIO * stroke))
     if reversals < 2:
         return [
             InputError(
@@ -458,7 +462,7 @@ def _range_faults(role: str, array: FloatArray) -> list[InputError]:
                 f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} "
                 f"({len(outside)} such samples)",
                 expected=f"{to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC",
-                remedy=f"{_looks_like(float(array[k]))}: check the column's unit in the channel map",
+                remedy=f"{_unit_hint(float(array[k]))}: check the column's unit in the channel map",
             )
         ]
     return [
@@ -470,8 +474,8 @@ def _range_faults(role: str, array: FloatArray) -> list[InputError]:
     ]
 
 
-def _looks_like(kelvin: float) -> str:
-    """Say what a temperature that cannot be may have been."""
+def _unit_hint(kelvin: float) -> str:
+    """Return the probable wrong unit of an implausible temperature [K], for messages."""
     if kelvin < 200.0:
         return "It looks like degC given as K"
     return "It looks like K given as degC" if kelvin > 533.0 else "It looks like degF given as degC"

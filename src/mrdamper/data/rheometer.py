@@ -1,9 +1,9 @@
-"""Rheometer tables: viscosity over temperature, yield stress over field and temperature, in SI.
+"""Rheometer tables: viscosity versus temperature, yield stress versus field and temperature, in SI.
 
-A header says its quantity and its unit: ``temperature_degC``, ``viscosity_mPas``, ``field_mT`` (flux density)
-or ``field_kA_m`` (field strength), ``yield_stress_kPa``; ``Viscosity [mPa s]``, ``Temperature (degC)`` and
-``eta / Pa s`` are read alike. A unit is never guessed. The laws of the columns are fitted in
-``models.fluids.fits``.
+A header contains a quantity and its unit: ``temperature_degC``, ``viscosity_mPas``, ``field_mT`` (flux
+density) or ``field_kA_m`` (field strength), ``yield_stress_kPa``. The forms ``Viscosity [mPa s]``,
+``Temperature (degC)`` and ``eta / Pa s`` are accepted, too. A missing unit is an error. The module
+``models.fluids.fits`` fits the fluid properties.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from mrdamper.quantities import QUANTITIES, to_si
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RheometerTable:
-    """What one rheometer table holds, in SI; a quantity it does not hold is ``None``.
+    """The values of one rheometer table in SI. A missing quantity is ``None``.
 
-    ``viscosity`` is (temperature [K], viscosity [Pa s]); ``yield_stress`` (field, temperature [K],
-    stress [Pa]), the field in ``field_unit``: "T" (flux density) or "A/m" (field strength).
+    ``viscosity`` is (temperature [K], viscosity [Pa s]). ``yield_stress`` is (field, temperature [K],
+    stress [Pa]). The unit of the field is ``field_unit``: "T" (flux density) or "A/m" (field strength).
     """
 
     name: str
@@ -40,10 +40,10 @@ class RheometerTable:
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    """How a quantity is named in headers (longest word first), its units, and headers to offer."""
+    """Names of a quantity in headers (longest first), its units, and proposed headers for messages."""
 
     words: tuple[str, ...]
-    units: Mapping[str, tuple[float, str]]  # spelling without blanks, dots, strokes -> (factor, SI unit)
+    units: Mapping[str, tuple[float, str]]  # Keys have no blanks, dots and slashes. Values: factor, SI unit.
     offered: str
 
 
@@ -70,26 +70,26 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
 
 
 def read_rheometer_tables(given: Sequence[str | Path | RheometerTable]) -> list[RheometerTable]:
-    """Return the rheometer tables in files; those that are given as themselves stay."""
-    return [each if isinstance(each, RheometerTable) else read_rheometer(each) for each in given]
+    """Return the rheometer tables in files. Tables that are not paths are returned unchanged."""
+    return [item if isinstance(item, RheometerTable) else read_rheometer(item) for item in given]
 
 
 def read_rheometer(path: str | Path) -> RheometerTable:
     """Return the rheometer table in a file.
 
-    Rows that lack a cell which a law needs stay out of it, and so do viscosities in a field.
+    Rows with a missing cell and viscosities in a field are ignored.
 
     Raises
     ------
     InputError
-        A column is missing, comes twice, or has no unit of its quantity; a temperature is not plausible.
+        If a column is missing, is duplicated, or has no valid unit, or if a temperature is implausible.
     """
     file = Path(path)
     table = read_table(file)
     place = file.name
     headers = {what: header for what in _QUANTITIES if (header := _find_column(what, table.names, place))}
     found = ", ".join(map(repr, table.names))
-    for what, needed in _needed(headers):
+    for what, needed in _required_quantities(headers):
         if needed not in headers:
             raise InputError(
                 place=place, found=f"{what} but no {needed} among {found}", expected=_offer(needed)
@@ -105,14 +105,14 @@ def read_rheometer(path: str | Path) -> RheometerTable:
     notes = [f"{place}: column {name!r} is not used" for name in unused]
     viscosity = yield_stress = None
     if columns.viscosity is not None:
-        at_rest = _at_rest(columns.viscosity, columns.field, notes, place)
-        kelvin, eta = _whole_rows([columns.temperature, at_rest], "viscosity", place)
+        without_field = _viscosity_without_field(columns.viscosity, columns.field, notes, place)
+        kelvin, eta = _complete_rows([columns.temperature, without_field], "viscosity", place)
         viscosity = (kelvin, eta)
     if columns.yield_stress is not None and columns.field is not None:
         three = [columns.field, columns.temperature, columns.yield_stress]
-        field, kelvin, stress = _whole_rows(three, "yield stress", place)
+        field, kelvin, stress = _complete_rows(three, "yield stress", place)
         yield_stress = (field, kelvin, stress)
-    values = [each for each in (columns.viscosity, columns.yield_stress) if each is not None]
+    values = [item for item in (columns.viscosity, columns.yield_stress) if item is not None]
     empty = np.isnan(values).all(axis=0)
     if empty.any():
         notes.append(f"{place}: rows without a value left out: {int(np.count_nonzero(empty))}")
@@ -121,7 +121,7 @@ def read_rheometer(path: str | Path) -> RheometerTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Columns:
-    """What the columns hold, in SI; not a number where a cell is empty."""
+    """The values of the columns in SI; NaN if a cell is empty."""
 
     temperature: FloatArray
     viscosity: FloatArray | None
@@ -140,15 +140,15 @@ def _columns(table: Table, headers: Mapping[str, str], place: str) -> _Columns:
         return _to_si(table.columns[header], what, header, place)
 
     temperature, _ = column("temperature")
-    if temperature is None:  # _needed has asked for it
+    if temperature is None:  # read_rheometer has already required it.
         raise InputError(place=place, found="no temperature", expected=_offer("temperature"))
     _require_plausible(temperature, headers["temperature"], place)
     field, unit = column("field")
     return _Columns(temperature, column("viscosity")[0], column("yield stress")[0], field, unit)
 
 
-def _needed(headers: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return which quantity needs which other."""
+def _required_quantities(headers: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return the pairs of a quantity in the table and a quantity that it requires."""
     pairs = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
     return [(what, needed) for what, needed in pairs if what in headers]
 
@@ -158,7 +158,7 @@ def _offer(what: str) -> str:
 
 
 def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
-    """Return the header of a quantity; one with a unit of the quantity goes before one without."""
+    """Return the header of a quantity. A header with a valid unit has priority."""
     named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
     good = [name for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:
@@ -170,13 +170,13 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
         )
     if named and not good:
         name, unit = named[0]
-        said = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
-        raise InputError(place=place, found=said, expected=_offer(what))
+        problem = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
+        raise InputError(place=place, found=problem, expected=_offer(what))
     return good[0] if good else None
 
 
 def _unit_in(header: str, what: str) -> str | None:
-    """Return the unit that a header of a quantity ends with ("" for none), None for another quantity's."""
+    """Return the unit at the end of a header ("" if it is missing); None for another quantity."""
     for word in _QUANTITIES[what].words:
         spelled = word.replace(" ", r"[\s_]+")
         case = re.IGNORECASE if len(word) > 1 else re.NOFLAG
@@ -187,7 +187,7 @@ def _unit_in(header: str, what: str) -> str | None:
 
 
 def _factor(what: str, unit: str) -> tuple[float, str] | None:
-    """Return what leads from a unit to SI, None for no unit of the quantity."""
+    """Return the conversion factor of a unit and the SI unit; None if the unit is invalid."""
     if what == "temperature":
         try:
             to_si(0.0, unit, "temperature")
@@ -198,7 +198,7 @@ def _factor(what: str, unit: str) -> tuple[float, str] | None:
 
 
 def _to_si(raw: FloatArray, what: str, header: str, place: str) -> tuple[FloatArray, str]:
-    """Return a column in SI and its SI unit."""
+    """Return a column in SI, and its SI unit."""
     unit = _unit_in(header, what) or ""
     if what == "temperature":
         return to_si(raw, unit, "temperature"), "K"
@@ -220,8 +220,10 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
         )
 
 
-def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[str], place: str) -> FloatArray:
-    """Return the viscosities without field: those in a field are another quantity."""
+def _viscosity_without_field(
+    viscosity: FloatArray, field: FloatArray | None, notes: list[str], place: str
+) -> FloatArray:
+    """Return the viscosities with NaN for rows in a field, because these are another quantity."""
     if field is None:
         return viscosity
     in_field = np.isfinite(viscosity) & (np.nan_to_num(field) != 0.0)
@@ -231,9 +233,9 @@ def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[str], 
     return np.where(in_field, np.nan, viscosity)
 
 
-def _whole_rows(columns: Sequence[FloatArray], what: str, place: str) -> list[FloatArray]:
-    """Return the rows of columns that have every cell."""
-    whole = np.all([np.isfinite(column) for column in columns], axis=0)
-    if not whole.any():
+def _complete_rows(columns: Sequence[FloatArray], what: str, place: str) -> list[FloatArray]:
+    """Return the rows without empty cells."""
+    complete = np.all([np.isfinite(column) for column in columns], axis=0)
+    if not complete.any():
         raise InputError(place=place, found=f"no row has every cell that a {what} law needs; fill them in")
-    return [column[whole] for column in columns]
+    return [column[complete] for column in columns]

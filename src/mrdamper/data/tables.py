@@ -1,4 +1,4 @@
-"""Tables: the columns of numbers in a rig's file, before their quantities are known."""
+"""Tables: the columns of numbers in a rig's file, before quantities are assigned to them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mrdamper.data.formats.uff import is_uff, read_uff
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import require_file
 
-# The first that recognises a file reads it.
+# The first format that recognises a file reads it.
 FORMATS: tuple[Format, ...] = (
     Format("Parquet", (".parquet", ".pq"), is_parquet, read_parquet),
     Format("MAT", (".mat",), is_mat, read_mat),
@@ -53,8 +53,8 @@ _CATMAN = (
     "an HBM catman file: convert it to CSV with the Python package apread, or export it as text in catman"
 )
 
-# Files that are often given by mistake, each with a remedy.
-_OTHERS: tuple[tuple[bytes, str], ...] = (
+# Unsupported files that users often select by mistake, each with a remedy.
+_UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
     (b"7z\xbc\xaf", "a 7-Zip archive: unpack it first"),
     (b"Rar!", "a RAR archive: unpack it first"),
     (b"\xd0\xcf\x11\xe0", "an old Excel file (.xls): save it as .xlsx"),
@@ -71,37 +71,37 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
 
 
 class NoTableError(InputError):
-    """A file that is whole and holds no columns of numbers: notes beside the runs, or their settings."""
+    """A readable file without columns of numbers, such as notes or settings next to the runs."""
 
 
 def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, ...]:
-    """Return the tables in a file: its blocks, sheets, groups; one where ``options.part`` names it."""
+    """Return the tables in a file: its blocks, sheets and groups, or the one named ``options.part``."""
     chosen = options or FileOptions()
     first = read_table(path, chosen)
     others = [read_table(path, replace(chosen, part=part)) for part in first.more]
-    return tuple(table for each in (first, *others) for table in (each, *each.following))
+    return tuple(table for item in (first, *others) for table in (item, *item.following))
 
 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
-    """Return the first table in a file, its format recognised by its content.
+    """Return the first table in a file. The content of the file determines its format.
 
     Raises
     ------
     InputError
-        The file cannot be read or holds no numbers; also when a column of the table is read later.
+        If the file is not readable or contains no numbers. Columns that are read later can raise it, too.
     """
     with _reading(path):
-        known = _recognised(path)
+        known = _recognise_format(path)
     if known.read in _TEXTS:
         with _reading(path):
             table = known.read(path, options or FileOptions())
     else:
-        with _decoding(path, known.name):
+        with decoding(path, known.name):
             table = known.read(path, options or FileOptions())
         table = replace(
             table,
-            columns=_decoded(table.columns, path, known.name),
-            texts=_decoded(table.texts, path, known.name),
+            columns=_decode_on_use(table.columns, path, known.name),
+            texts=_decode_on_use(table.texts, path, known.name),
         )
     if not table.columns or table.rows < 2:
         notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
@@ -122,11 +122,11 @@ def _reading(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _decoding(path: Path, what: str) -> Iterator[None]:
-    """Turn every exception of a library that decodes a binary file into one ``InputError``.
+def decoding(path: Path, what: str) -> Iterator[None]:
+    """Convert each exception of a library that decodes a binary file into one ``InputError``.
 
-    The libraries raise unlisted exceptions on damaged bytes, and Polars panics outside ``Exception``. Their
-    texts and log messages describe their own code, so that no user is helped by them.
+    The libraries raise undocumented exceptions on damaged bytes, and a panic of Polars is not a subclass of
+    ``Exception``. Messages and logs of the libraries describe their own code. They do not help the user.
     """
     loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
     loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
@@ -150,26 +150,26 @@ def _decoding(path: Path, what: str) -> Iterator[None]:
             logger.setLevel(level)
 
 
-def _decoded(columns: Mapping[str, Value], path: Path, what: str) -> OnUse[Value]:
-    """Return columns that are read on use, with the same errors as the file."""
+def _decode_on_use(columns: Mapping[str, Value], path: Path, what: str) -> OnUse[Value]:
+    """Return columns that are decoded when they are used, with the same errors as the file."""
 
     def read(name: str) -> Value:
-        with _decoding(path, what):
+        with decoding(path, what):
             return columns[name]
 
     return OnUse({name: partial(read, name) for name in columns})
 
 
-def _recognised(path: Path) -> Format:
+def _recognise_format(path: Path) -> Format:
     if require_file(path) == 0:
         raise InputError(place=path, found="the file is empty", expected="columns of numbers")
     with path.open("rb") as stream:
         head = stream.read(4096)
     if not head.strip() and len(head) < 4096:
         raise InputError(place=path, found="the file is empty", expected="columns of numbers")
-    for start, said in _OTHERS:
+    for start, description in _UNSUPPORTED:
         if head.startswith(start):
-            raise InputError(place=path, found=f"is {said}")
+            raise InputError(place=path, found=f"is {description}")
     for known in FORMATS:
         if known.recognises(head[:512]):
             return known

@@ -1,1 +1,1 @@
-"""Identification: from prepared runs to coefficients with errors that can be believed."""
+"""Identification: from prepared runs to coefficients and their standard errors."""

@@ -28,9 +28,7 @@ from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
-from mrdamper.identify.temperature import (
-    scale_thinning,
-)
+from mrdamper.identify.temperature import scale_thinning
 from mrdamper.identify.terms import archetypes_of
 from mrdamper.identify.windows import whole_runs
 from mrdamper.models.card import Evidence, ModelCard
@@ -56,11 +54,11 @@ class Identification(FittedDamper):
 
     problem: FitProblem
     fingerprint: str
-    cpu_s: float  # of preparation and fit; from the job, of choosing and judging too
-    python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
-    actuation: ActuationFit | None = None  # from the training runs whose command steps
-    force_band: ForceBand | None = None  # of motions that were left out; None: not known
-    next_tests: tuple[str, ...] = ()  # that reduce the uncertainty of the force most, the best first
+    cpu_s: float  # preparation and fit; the job adds selection and assessment
+    python_law: str | None = None  # source of a user's own law, ``file.py:Class``
+    actuation: ActuationFit | None = None  # identified from training runs with steps of the command
+    force_band: ForceBand | None = None  # estimated by cross-validation over motions
+    next_tests: tuple[str, ...] = ()  # The test that reduces the uncertainty of the force most is first.
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -79,7 +77,7 @@ class Identification(FittedDamper):
     def card(
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
-        """Return the model card; without an assessment the plain one (no runs left out) is made."""
+        """Return the model card; without an assessment, one without held-out runs is made."""
         judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
         if self.actuation is not None:
@@ -203,7 +201,7 @@ def _for_other_motions(
 def _with_actuation(
     result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
-    """Return the fit with the actuation that the stepped runs show; a note where they show none."""
+    """Return the fit with the actuation from the runs with steps, or with a note if that failed."""
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
@@ -216,15 +214,15 @@ def _with_actuation(
 
 
 def usual_law(runs: Sequence[PreparedRun]) -> str:
-    """Return the law that is fitted when none is asked for."""
+    """Return the default law for the runs."""
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
     return "double-bouc-wen" if temperature_dependent else "series-valve"
 
 
 def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
-    """Return a law, and where it comes from (``file.py:Class``) when it is a user's own.
+    """Return a law, and its source (``file.py:Class``) if it is a user's own law.
 
-    A text that names a Python file runs that file.
+    A text with the name of a Python file executes this file.
     """
     if isinstance(law, HysteresisLaw):
         return law, None if law.python is None else _place_of(law.python)
@@ -242,7 +240,7 @@ def versions() -> dict[str, str]:
     for name in ("mrdamper", "numpy", "scipy"):
         try:
             found[name] = version(name)
-        except PackageNotFoundError:  # run from a source tree that is not installed
+        except PackageNotFoundError:  # The source tree is not installed.
             found[name] = "unknown"
     return found
 

@@ -143,7 +143,7 @@ def _without_repetitions(
 
 
 def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return a note if currents with more noise than that of a sensor are used as constant."""
+    """Return a note if currents with more noise than a sensor has are used as constant."""
     noisy = [
         run
         for run, each in zip(runs, prepared, strict=True)

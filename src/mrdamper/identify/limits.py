@@ -24,8 +24,7 @@ COMMAND_COUNT = 1001
 REPORTED_CHANGE_MIN = 1e-3
 BISECTION_COUNT = 40
 _SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # parameters of a shape, not of a size
-# Relative change of the valve force by the position gain at the end of the stroke; the force keeps its sign
-# below 1.
+# Relative change of the valve force by the position gain at the end of the stroke. Below 1, the sign is kept.
 POSITION_CHANGE_MAX = 0.99
 
 

@@ -17,11 +17,11 @@ class FitSettings:
     """
 
     method: Method = "varpro"
-    genetic_seed: int = 0  # of the random numbers of the genetic algorithm
+    genetic_seed: int = 0  # seed of the random numbers of the genetic algorithm
 
     # Samples
     rate_Hz: float = 200.0  # inside a fit; slower runs keep their own rate
-    samples_per_period: float = 200.0  # of slow motions
+    samples_per_period: float = 200.0  # limit for slow motions
 
     # Windows. A warm-up of one period leaves a force error of 0.02 % (median) and 1 % (worst) of the spread.
     window_periods: float = 1.0  # scored length, in periods of the motion
@@ -33,32 +33,32 @@ class FitSettings:
     temperature_change_K_max: float = 1.0  # A window has one temperature. It is divided if that changes more.
 
     # Differences of two windows that count as distance 1
-    size_ratio: float = 1.3  # of amplitudes or of speeds
-    position_step: float = 0.2  # of the mean position, relative to the stroke
+    size_ratio: float = 1.3  # ratio of amplitudes or speeds
+    position_step: float = 0.2  # change of the mean position, relative to the stroke
     current_step: float = 0.1  # relative to the largest current
     temperature_step_K: float = 10.0
     time_step: float = 1.0  # relative to the length of the run
 
     # Starts, on few windows
-    random_start_count: int = 3  # of a law without archetypes, each with several points
+    random_start_count: int = 3  # starts of a law without archetypes, each with several points
     screening_samples_max: int = 5_000  # simulated samples of the windows
     draws_per_parameter: int = 8  # points of each start, per searched parameter
     draw_count_max: int = 80  # points of each start
     screened_count: int = 6  # points with the smallest costs that descend
     screening_iterations_max: int = 10
-    finalist_count: int = 3  # ends of these descents that go on
+    finalist_count: int = 3  # ends of these descents that are continued
     finalist_iterations_max: int = 20
 
     # Thorough search for the chosen candidate
     thorough_count: int = 8  # points that descend
     thorough_iterations_max: int = 20
-    hop_iterations_max: int = 20  # after a perturbation of the best end
+    hop_iterations_max: int = 20  # iterations after a perturbation of the best end
     failed_hop_count_max: int = 5  # perturbations without a smaller cost that end the search
 
     # Final fit to all runs
     start_count: int = 4  # parameter sets with the smallest costs that descend
-    start_iterations_max: int = 40  # of each; the best one goes on until it converges
-    iterations_max: int = 400  # after these a fit counts as not converged
+    start_iterations_max: int = 40  # limit for each; the best one is continued until it converges
+    iterations_max: int = 400  # A fit with more iterations has not converged.
     same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative difference of costs count as one.
 
 

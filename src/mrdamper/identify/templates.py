@@ -106,7 +106,7 @@ def template(
         entries = [replace(e, form=_CAMPAIGN_FORMS.get((e.name, e.form), e.form)) for e in entries]
     on = _find_terms(law, _default_terms(law, campaign=campaign) if terms is None else terms)
     varies = any(run.run.constant_command is None for run in runs)
-    # Without changing current, this term is fitted together with the response to the current.
+    # This term is fitted together with the response to the current. Constant currents contain no response.
     on = [term for term in on if varies or term.name != FOLLOW_TERM]
     for term in on:
         entries += [entry for entry in term.entries if entry.name not in {e.name for e in entries}]
@@ -225,7 +225,7 @@ def _dependence(
             bend = FreeParameter(f"{name}.sharpness", 0.5, 6.0, "log")
             return Saturation(0.1 * start, start, s.command, 1.5, s.command), [*parameters, bend]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]
-    if form == "exponential" or not linear:  # With two commands, an exponential stays positive at both.
+    if form == "exponential" or not linear:  # An exponential stays positive at two commands.
         rate = _log_range(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             FreeParameter(f"{name}.at_zero", lower, upper, how),

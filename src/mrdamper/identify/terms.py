@@ -113,7 +113,7 @@ class Archetype:
 
 _Free = FreeCoefficient
 
-# As in the paper, c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 all depend on the current.
+# The factors c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 depend on the current (see the paper).
 _PARALLEL = (
     _Free("viscosity", "polynomial", 0.0, 2.0),
     _Free("stiffness", "polynomial", 0.0, 1.0),
@@ -293,11 +293,7 @@ _CHAIN_TERMS = (
         linear_in_temperature=("cavity_force",),
     ),
     Term("leak", (_Free("leak_exponent", "constant", 0.3, 1.7, start=1.0),)),
-    Term(
-        "play",
-        (_Free("play", "constant", 0.0, 0.3, start=5e-3),),
-        starts=({"play": 0.0},),
-    ),
+    Term("play", (_Free("play", "constant", 0.0, 0.3, start=5e-3),), starts=({"play": 0.0},)),
     Term(FOLLOW_TERM, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
 )
 
@@ -318,7 +314,7 @@ _CHAIN_ARCHETYPES = (
             "thinning_force": 0.3,
         },
     ),
-    Archetype(  # and one that leaks past them.
+    Archetype(  # This archetype has a leakage flow.
         _ELASTIC_TERMS,
         {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
         is_alternative=True,

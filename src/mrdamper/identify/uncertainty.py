@@ -21,9 +21,7 @@ from mrdamper.models.tangents import Tangents
 
 
 def estimates_of(
-    problem: FitProblem,
-    runs: Sequence[FitWindow],
-    damper: Damper,
+    problem: FitProblem, runs: Sequence[FitWindow], damper: Damper
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
     """Return the estimate of every free parameter, and the correlation matrix.
 
@@ -65,10 +63,7 @@ def estimates_of(
 
 
 def covariances(
-    runs: Sequence[FitWindow],
-    damper: Damper,
-    names: Sequence[str],
-    clusters: Sequence[int] | None = None,
+    runs: Sequence[FitWindow], damper: Damper, names: Sequence[str], clusters: Sequence[int] | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance for independent residuals, and the sandwich estimator.
 

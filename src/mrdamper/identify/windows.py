@@ -33,7 +33,7 @@ SAME_WEIGHT_TOLERANCE = 1e-6
 SAME_MOTION_RATIO = 1.1  # ratio of standard deviations of displacement and of velocity
 SAME_CURRENT_RATIO = 0.03  # difference of currents relative to the largest
 SAME_TEMPERATURE_K = 5.0
-STEPS_PER_PERIOD = 400  # of implicit laws, at least, if the motion is slow
+STEPS_PER_PERIOD = 400  # min value of implicit laws for slow motions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +80,7 @@ def run_fractions(runs: Sequence[PreparedRun]) -> FloatArray:
 
 
 def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, ...]:
-    """Return features of which a difference of 1 means another operating point."""
+    """Return scaled features of a run. A difference of 1 in a feature means another operating point."""
     path, part = run.trajectory, slice(run.scored_from, None)
     kelvin = 0.0 if path.temperature is None else float(path.temperature[part].mean())
     current = path.command[part] / (SAME_CURRENT_RATIO * highest_current)
@@ -118,11 +118,7 @@ def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT
 
 
 def representative_windows(
-    runs: Sequence[PreparedRun],
-    settings: FitSettings,
-    *,
-    samples_max: float,
-    blocks: int = 1,
+    runs: Sequence[PreparedRun], settings: FitSettings, *, samples_max: float, blocks: int = 1
 ) -> tuple[FitWindow, ...]:
     """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
 
@@ -302,10 +298,7 @@ def _cheapest_alike(
 
 
 def _merge(
-    runs: Sequence[PreparedRun],
-    spans: Sequence[_Span],
-    fractions: Sequence[float],
-    settings: FitSettings,
+    runs: Sequence[PreparedRun], spans: Sequence[_Span], fractions: Sequence[float], settings: FitSettings
 ) -> list[tuple[_Span, float]]:
     """Join neighbouring windows of one block with the same weight of a sample and one temperature."""
     merged: list[tuple[_Span, float]] = []

@@ -1,4 +1,4 @@
-"""A row of the registry at work: its inputs are read, its options checked, its files written all or none."""
+"""Rows of the registry: read the inputs of a job, check its options, run it, and write all files or none."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A job: the declaration from which all interfaces are made."""
+    """Declaration of a job. All interfaces are generated from it."""
 
     name: str
     help: str
     inputs: tuple[Input, ...]
     run: str  # module:function(inputs by name, options=, on_progress=) -> result
     report: str  # module:REPORT
-    options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` takes none
+    options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` has no options
     files_help: str = ""  # Help of --out; empty if the job writes no folder.
     out_required: bool = False
     out_default: str = ""
@@ -46,29 +46,29 @@ class Job:
 
     @property
     def options_type(self) -> type:
-        found: type = load(self.options)
-        return found
+        result: type = load(self.options)
+        return result
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The options' fields."""
+        """Return the fields of the options."""
         return fields_of(self.options_type)
 
     @property
     def reading(self) -> tuple[Field, ...]:
-        """The options of reading the inputs, each once."""
-        found = [field for each in self.inputs for field in KINDS[each.kind].fields]
-        return tuple({field.name: field for field in found}.values())
+        """Return the options for reading the inputs, each once."""
+        result = [field for each in self.inputs for field in KINDS[each.kind].fields]
+        return tuple({field.name: field for field in result}.values())
 
     @property
     def given_names(self) -> tuple[str, ...]:
-        """Names of the inputs and of the options of reading."""
+        """Return the names of the inputs and of the options for reading."""
         return (*(each.name for each in self.inputs), *(field.name for field in self.reading))
 
     @property
     def reported(self) -> Report[Any]:
-        found: Report[Any] = load(self.report)
-        return found
+        result: Report[Any] = load(self.report)
+        return result
 
     def options_from(self, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the job's options
         """Return checked options.
@@ -76,12 +76,12 @@ class Job:
         Raises
         ------
         InputError
-            With a line for each fault.
+            If an option is invalid; one line for each fault.
         """
         return read_record(self.options_type, given, self.name)
 
     def reading_from(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return checked options of reading, by name; raise ``InputError`` with a line for each fault."""
+        """Return checked options for reading, by name; raise ``InputError`` with a line for each fault."""
         checked: dict[str, Any] = {}
         for kind in dict.fromkeys(KINDS[each.kind].options for each in self.inputs):
             if kind:
@@ -95,9 +95,9 @@ class Job:
 
         Parameters
         ----------
-        given : path, preset or object of each input, by name, and options of reading; inputs that are not
-            required may be missing
-        options : of the job's own type
+        given : path, preset or object of each input, by name, and options for reading; optional inputs can
+            be missing
+        options : options of the job
         """
         return self._run(given, self._read(given), options, on_progress)
 
@@ -166,19 +166,17 @@ class Job:
 
         Parameters
         ----------
-        given : as ``__call__`` takes it
-        options : None: the usual ones
-        outputs : places of what has one of its own, by the output's name
-        resume : go on with the finished parts of the same job in the same folder
+        given : the same as in ``__call__``
+        options : None selects the default options
+        outputs : paths of single outputs, by name
+        resume : continue with the finished parts of the same job in the same folder
         """
         from mrdamper.report.base import write_report
 
         options = self.options_type() if options is None else options
         if outputs and any(field.name == "what" for field in self.fields):
             options = replace(options, what=tuple(outputs))
-        reported = (
-            self.reported
-        )  # Loaded before the job, so that an interrupted job writes its files at once.
+        reported = self.reported  # Load it before the job, because an interrupted job writes files at once.
         things = self._read(given)
         if out is None and not outputs:
             result = self._run(given, things, options, on_progress)
@@ -195,7 +193,7 @@ class Job:
         return result, answer
 
     def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
-        """Return the places of all that is written: the folder under the empty name, others by theirs."""
+        """Return the paths of all outputs by name. The name of the folder is empty."""
         given = [path.absolute() for path in outputs.values()]
         for name, path in outputs.items():
             if given.count(path.absolute()) > 1:
@@ -206,8 +204,8 @@ class Job:
                 raise InputError("is a folder", place=path, expected="the name of a file to write")
         if out is None:
             return dict(outputs)
-        beside = {name: follow(out) for name, follow in self.reported.beside.items()}
-        return {"": out, **beside, **outputs}
+        other_folders = {name: follow(out) for name, follow in self.reported.beside.items()}
+        return {"": out, **other_folders, **outputs}
 
     @contextmanager
     def _staged(
@@ -215,7 +213,7 @@ class Job:
     ) -> Iterator[Mapping[str, Place]]:
         """Yield temporary paths; the files are moved to their final paths at the end.
 
-        None of ``inputs`` is replaced.
+        The files ``inputs`` are never replaced.
         """
         from mrdamper.report.base import Place
         from mrdamper.runtime.outputs import atomic_output, refuse_inputs
@@ -232,7 +230,7 @@ class Job:
 
     @property
     def _files(self) -> set[str]:
-        """The outputs that are a file."""
+        """Return the names of the outputs that are files."""
         return {each.name for each in self.outputs if each.metavar != "DIR"}
 
     def _head(self, given: Mapping[str, Any]) -> Json:
@@ -247,7 +245,7 @@ class Job:
         return {**one, **many}
 
     def save(self, result: object, out: str | Path) -> Json:
-        """Write a result's files into a folder, all or none; return the answer."""
+        """Write all files of a result into a folder, or no file; return the answer."""
         from mrdamper.report.base import write_report
 
         with self._staged(self._places(Path(out), NOTHING)) as places:
@@ -255,12 +253,12 @@ class Job:
 
 
 def _files_read(given: Mapping[str, Any]) -> list[Path]:
-    """Return the files that a job's inputs name, those of folders and patterns included."""
+    """Return the files of the inputs of a job, including the files of folders and patterns."""
     parts = [value if isinstance(value, list | tuple) else [value] for value in given.values()]
     paths = [Path(each) for part in parts for each in part if isinstance(each, str | Path)]
     files = [path for path in paths if is_there(path) and not is_folder(path)]
     for path in set(paths) - set(files):
         if is_folder(path) or has_magic(str(path)):
-            with suppress(InputError):  # a folder of something else
+            with suppress(InputError):  # The folder contains no runs.
                 files += load("mrdamper.data.proposal.folders:find_files")([path])
     return files

@@ -1,6 +1,6 @@
-"""What jobs read and write: kinds of things, and the inputs and outputs of a row.
+"""Inputs and outputs of jobs, and the kinds of inputs.
 
-Readers are named as text (``"mrdamper.models.card_schema:read_card"``), so that the table loads nothing.
+Names of readers are text (``"mrdamper.models.card_schema:read_card"``), because the table loads no module.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of thing that jobs read: from a path, or given as the object itself."""
+    """A kind of input: a path or preset to read, or the object itself."""
 
     metavar: str
-    read: str = ""  # module:function, from a path or a preset's name; empty: the job takes it as it is given
-    choices: str = ""  # the group of presets in jobs.choices that may be named instead of a file
-    place: str = "inputs"  # of the work folder, where the server looks for it
-    also: str = ""  # another place whose things may be named
-    files: str = ".toml"  # suffix of those that people write
-    looks: tuple[str, ...] = ()  # what the server takes for one (``web.inputs``)
-    many: bool = False  # several paths, which ``read`` takes at once, as it takes the objects themselves
-    options: str = ""  # module:class: options of reading, which ``read`` takes by keyword
+    read: str = ""  # module:function that reads a path or preset; empty: the job gets the value unchanged
+    choices: str = ""  # group of presets in jobs.choices that are accepted instead of a file
+    place: str = "inputs"  # subfolder of the work folder on the server
+    also: str = ""  # second subfolder with selectable files
+    files: str = ".toml"  # suffix of files that users write
+    looks: tuple[str, ...] = ()  # file contents that the server accepts (``web.inputs``)
+    many: bool = False  # ``read`` gets a list of paths or objects.
+    options: str = ""  # module:class of the options for reading, which are keyword arguments of ``read``
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The options of reading."""
+        """Return the options for reading."""
         return fields_of(load(self.options)) if self.options else ()
 
 
@@ -109,21 +109,20 @@ KINDS: Mapping[str, Kind] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
-    """One thing that a job reads."""
+    """One input of a job."""
 
-    name: str  # the job's argument
+    name: str  # argument of the job
     kind: str  # a key of KINDS
     help: str = ""
-    flag: str = ""  # on the command line; empty: a positional argument; "-": given in Python only
-    key: str = ""  # of answers and requests, where it is not the name
-    default: str | None = None  # a preset or text; None beside required=False: nothing
+    flag: str = ""  # option of the command line; empty: positional argument; "-": in Python only
+    key: str = ""  # key in answers and requests if it differs from the name
+    default: str | None = None  # preset or text; None with required=False: no value
     required: bool = True
-    default_help: str = ""  # what it means where nothing is given
-    label: str = ""  # beside its field on a page
-    group: str = ""  # the heading that it stands under there
-    begins: Any = None  # what is shown there at first, where that is not the default
-    in_answer: bool | None = None  # whether the answer begins with its path; None: where it is required and
-    # one file
+    default_help: str = ""  # meaning of a missing value
+    label: str = ""  # label in forms
+    group: str = ""  # heading in forms
+    begins: Any = None  # initial value in forms if it differs from the default
+    in_answer: bool | None = None  # The answer contains the path. None: if the input is one required file.
 
     @property
     def named_in_answer(self) -> bool:
@@ -133,16 +132,16 @@ class Input:
 
     @property
     def told(self) -> str:
-        """The key in answers and requests."""
+        """Return the key in answers and requests."""
         return self.key or self.name
 
     def read(self, given: Any, reading: Mapping[str, Any] = NOTHING) -> Any:  # noqa: ANN401
-        """Return the thing that was named; one that is given as itself is passed on.
+        """Return the object of a path or preset. An object is returned unchanged.
 
         Parameters
         ----------
-        given : a path, a preset's name, or the thing itself; of many, a list of these
-        reading : options of reading, by name; others are ignored, missing ones have their defaults
+        given : path, name of a preset, or object; a list of these if the kind has ``many``
+        reading : options for reading, by name; others are ignored, missing ones have their defaults
         """
         kind = KINDS[self.kind]
         if not kind.read or not (kind.many or isinstance(given, str | Path)):
@@ -156,7 +155,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """One thing that a job writes to a place of its own: ``WrittenFile.output`` has its name."""
+    """One output of a job with its own path. ``WrittenFile.output`` contains its name."""
 
     name: str
     metavar: str  # FILE, or DIR for a folder

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +18,9 @@ from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, split_line, with_unit
 from mrdamper.data.formats.text import is_text
+from mrdamper.data.tables import decoding
 from mrdamper.data.words.labels import Place, labels_in
+from mrdamper.errors import InputError
 
 _MAX_BYTES = 1 << 17
 _MAX_LINES = 2000
@@ -98,12 +99,14 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     for path in (*files, *sorted(inside - {*files})):
         siblings = [file for file in files if file.parent == path.parent and file != path]
         below = [file for file in files if path.parent in file.parents and file != path]
-        with suppress(Exception):  # A document that no library can read contains no statements.
+        try:
             lines = _lines_of(path)
-            said = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
-            stating = {file: tuple(filter(_states, each)) for file, each in said.items()}
-            if any(stating.values()):
-                found.append(Document(path, {file: each for file, each in stating.items() if each}))
+        except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
+            continue
+        about = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
+        stating = {file: tuple(filter(_states, each)) for file, each in about.items()}
+        if any(stating.values()):
+            found.append(Document(path, {file: each for file, each in stating.items() if each}))
     return tuple(found)
 
 
@@ -112,13 +115,26 @@ def _states(line: str) -> bool:
 
 
 def _lines_of(path: Path) -> list[str]:
-    """Return the lines of a small text, of a sheet with tabs, or of a JSON file as ``key: value``."""
+    """Return the lines of a small text, of a sheet with tabs, or of a JSON file as ``key: value``.
+
+    Raises
+    ------
+    InputError
+        If a workbook is damaged or encrypted, or if a text has no known encoding.
+    OSError
+        If the file is not readable.
+    ValueError
+        If the file is not valid JSON or not valid text.
+    RecursionError
+        If JSON is nested too deeply.
+    """
     if not path.is_file() or path.stat().st_size > _MAX_BYTES:
         return []
     with path.open("rb") as stream:
         head = stream.read(512)
     if is_workbook(head):
-        return sheet_lines(path)[:_MAX_LINES]
+        with decoding(path, "Excel"):
+            return sheet_lines(path)[:_MAX_LINES]
     if not is_text(head):
         return []
     with open_text_bytes(path) as stream:
@@ -160,7 +176,7 @@ def _lines_by_file(
         named = next((file for cell in cells if (file := known.file_in_cell(cell))), None)
         if named is None and len(cells) == len(header):
             numbered = (known.numbers.get(int(cell)) for name, cell in zip(header, cells, strict=True)
-                        if cell.isdecimal() and _NUMBER_WORDS.search(name))  # fmt: skip
+                        if cell.isdecimal() and len(cell) < 10 and _NUMBER_WORDS.search(name))  # fmt: skip
             named = next(filter(None, numbered), None)
         if named is not None and len(cells) > 1 and len(cells) == len(header):
             pairs = zip(header, cells, strict=True)

@@ -41,12 +41,12 @@ class ActuationFit:
     """An identified actuation with its standard errors and the force errors over its runs."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # by field of the actuation; NaN if the runs do not determine it
-    t63_s: float  # from a step up of the command to 63 % of the change of the force
-    t90_s: float  # from a step up of the command to 90 % of it behind the lags
+    standard_errors: dict[str, float]  # Keys are fields of the actuation; NaN if not determined.
+    t63_s: float  # time to 63 % of the change of the force after a step up of the command
+    t90_s: float  # time to 90 % of the change behind the lags, after a step up
     rmse_N: float
-    unlagged_rmse_N: float  # without an actuation
-    t63_fall_s: float  # from a step down of the command; NaN if no run has one
+    unlagged_rmse_N: float  # error without an actuation
+    t63_fall_s: float  # the same for a step down; NaN if no run has one
     t63_error_s: float  # standard errors of the two response times
     t63_fall_error_s: float
     driver_quadrants: int | None  # 1: the driver cannot pull the current down; None: unknown
@@ -177,7 +177,7 @@ def _fit_at_fixed_share(
 def _runs_with_moved_force(
     still: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> list[PreparedRun]:
-    """Return the runs in which the command changes the force; raise InputError if there are none."""
+    """Return the runs with a change of force by the command; raise InputError if no run has one."""
     moving, force_max_N = [], max(float(np.abs(run.force).max()) for run in runs)
     for run in runs:
         path = run.trajectory

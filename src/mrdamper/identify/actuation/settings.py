@@ -16,7 +16,7 @@ class ActuationSettings:
     # Steps of the command, as fractions of its range
     step_size_min: float = 0.05  # a smaller change is not a step
     level_tolerance: float = 0.05  # closer levels count as one level
-    settling_time_s: float = 0.1  # after a step, before the force counts as the force of the level
+    settling_time_s: float = 0.1  # wait after a step; then the force counts as the force of the level
 
     # Step responses
     response_duration_min_s: float = 0.04  # a shorter one does not show 63 % of a slow step
@@ -26,7 +26,7 @@ class ActuationSettings:
     stroke_after_reversal_min: float = 0.15  # fraction of the stroke; laws have larger errors at reversals
     stroke_before_reversal_min: float = 0.03
     level_sample_count_min: int = 20  # settled samples at one level, in one direction of the motion
-    crossing_fit_range: tuple[float, float] = (0.5, 0.77)  # of a response; fit a line through 63 % here
+    crossing_fit_range: tuple[float, float] = (0.5, 0.77)  # A line through 63 % is fitted here.
     map_error: float = 0.06  # relative standard error of a response time because of the maps of the force
     free_wheeling_time_ratio: float = 1.4  # falls to zero to other steps, for a driver with one quadrant
 
@@ -37,7 +37,7 @@ class ActuationSettings:
     lag_start_s: tuple[float, ...] = (0.008, 0.03)  # first lags, because the error can have two minima
     tolerance: float = 1e-4  # relative change of the lags and of the error that ends the search
     oversampling: int = 16  # parts of a sample, because the command jumps at a sample
-    run_oversampling: int = 4  # over whole runs, where the exact time of the jump matters less
+    run_oversampling: int = 4  # The exact time of the jump matters less over whole runs.
     time_correction_count: int = 3  # corrections of rise and fall by the measured response times
     follow_share_step: float = 0.25  # first step of the fraction of the force that follows at once
     follow_share_step_min: float = 0.05
@@ -53,12 +53,12 @@ class ActuationSettings:
     fall_to_rise_start: float = 5.0  # ratio of the times to 63 %, if no fall was measured
     saturated_fall_ratio: float = 3.0  # time constant without saturation divided by the time of the fall
     evaluation_count_max: int = 20
-    short_evaluation_count_max: int = 6  # in cross-validation
+    short_evaluation_count_max: int = 6  # limit in cross-validation
 
     # Selection of the form, by ratios of errors
-    saturation_ratio_max: float = 0.95  # to the simple form; above it other forms are not compared
+    saturation_ratio_max: float = 0.95  # Other forms are ignored if their ratio to the simple form is larger.
     one_loop_ratio: float = 0.98  # weight of a form with one hysteresis loop against one with two
-    free_wheeling_ratio_max: float = 0.7  # with and without; below it the driver has one quadrant
+    free_wheeling_ratio_max: float = 0.7  # The driver has one quadrant if the ratio is smaller.
 
 
 DEFAULT_SETTINGS = ActuationSettings()

@@ -45,7 +45,7 @@ def sample_posterior(
     if covariance is None:
         errors = np.array([estimate.standard_error for estimate in result.estimates])
         covariance = result.correlation * np.outer(errors, errors)
-    # In units of the prior, the variance c of a direction becomes 1 / (1 / c + 1).
+    # The variance c of a direction, in units of the prior, becomes 1 / (1 / c + 1).
     spread = ((high - low) / np.sqrt(12.0))[moving]
     unit = np.where(log, values, 1.0)[moving] * spread
     variances, directions = np.linalg.eigh(covariance[np.ix_(moving, moving)] / np.outer(unit, unit))

@@ -16,16 +16,16 @@ class Cause:
     """
 
     unit: str
-    size_min: float  # in the unit of the cause; for a command: for a range of 1 A
+    size_min: float  # unit of the cause; a command has the size for a range of 1 A
     scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
     deviation_min: float
-    words: str  # with the fields ``size`` and ``unit``
+    words: str  # format string with the fields ``size`` and ``unit``
     effect: str
     remedy: str
-    weight: float = 1.0  # when causes of one run are compared; below 1 for a less common cause
+    weight: float = 1.0  # weight in the comparison of causes; below 1 for a less common cause
 
 
-# From the simplest cause to the least simple.
+# The causes are sorted; the simplest cause is the first.
 CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "force_delay": Cause(

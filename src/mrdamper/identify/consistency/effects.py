@@ -28,7 +28,7 @@ WINDOW_SETTINGS = FitSettings(rate_Hz=400.0, samples_per_period=math.inf)
 COMMAND_STEP = 0.02  # Step of the difference quotient [A or V].
 TIME_CONSTANT_s = 0.02  # A force channel with a bandwidth of 8 Hz.
 SINGULAR_VALUE_RATIO_MIN = 1e-9
-POWER_RATIO_MIN = 1e-9  # A direction with less power is a combination of the parameters, but for rounding.
+POWER_RATIO_MIN = 1e-9  # A direction with less power is a combination of parameters.
 CORRELATED_SAMPLES = 10.0  # The residual is correlated over about half a cycle.
 
 
@@ -37,7 +37,7 @@ class Effect:
     """Size of one cause, and the part of the residual that it explains."""
 
     size: float
-    standard_error: float  # from the remaining residual
+    standard_error: float  # estimated from the remaining residual
     level: float  # rms of the explained residual divided by the spread of the force
     fraction: float  # explained fraction of the mean square of the residual
 
@@ -74,8 +74,8 @@ class ResidualAnalysis:
 
     runs: tuple[PreparedRun, ...]
     residuals: tuple[RunResidual, ...]
-    inverse_curvature: FloatArray  # of the cost, shape (parameters, parameters)
-    gradient: FloatArray  # of the cost, zero at its minimum
+    inverse_curvature: FloatArray  # shape (parameters, parameters)
+    gradient: FloatArray  # gradient of the cost, zero at its minimum
 
     @property
     def levels(self) -> FloatArray:
@@ -119,11 +119,7 @@ class ResidualAnalysis:
 
 
 def analyse_residuals(
-    damper: Damper,
-    runs: Sequence[PreparedRun],
-    free: Sequence[str] = (),
-    *,
-    suspect: str = "",
+    damper: Damper, runs: Sequence[PreparedRun], free: Sequence[str] = (), *, suspect: str = ""
 ) -> ResidualAnalysis:
     """Return the residual analysis of runs with constant command.
 

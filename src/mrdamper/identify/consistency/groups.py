@@ -69,8 +69,8 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
 def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings) -> Iterator[Deviation]:
     """Yield the smaller of two groups of runs whose gains, or delays, are clearly separated.
 
-    Runs in which the size has a large standard error are ignored. A run without force, for example, contains
-    no information about the gain.
+    Runs are ignored if the standard error of the size is large. For example, a run without force contains no
+    information about the gain.
     """
     effects, is_delay = analysis.run_effects(kind), kind == "force_delay"
     values, errors = np.array([(effect.size, effect.standard_error) for effect in effects]).T

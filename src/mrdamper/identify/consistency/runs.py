@@ -24,7 +24,7 @@ from mrdamper.identify.consistency.groups import find_group_deviations
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 from mrdamper.models.damper import Damper
 
-STANDARD_DEVIATION_PER_MAD = 1.4826  # of a normal distribution
+STANDARD_DEVIATION_PER_MAD = 1.4826  # ratio for a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Deviation:
     size: float
     standard_error: float
     ratio: float  # divided by the threshold of the cause: reported from 1 on
-    strength: float  # in typical residuals, times the weight of the cause
+    strength: float  # number of typical residuals, times the weight of the cause
 
 
 def find_deviations(
@@ -192,7 +192,7 @@ def _amounts(
             floor = 1e-3 * float(np.median(distance)) + 1e-300
             weight = per_size**2 / np.maximum(distance, floor)
         amounts = rest * per_size
-        # As many deviations as there are levels vanish. They contain no information about the scatter.
+        # One deviation of each level vanishes. It contains no information about the scatter.
         remaining = np.sort(np.abs(amounts[is_compared]))[int(np.linalg.matrix_rank(design)) :]
         results.append((amounts, STANDARD_DEVIATION_PER_MAD * float(np.median(remaining))))
     return min(results, key=lambda result: result[1])

@@ -7,40 +7,40 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistencySettings:
-    """Thresholds of the consistency test, besides the ones of each cause (``causes``).
+    """Thresholds of the consistency test. The module ``causes`` defines the thresholds of each cause.
 
     Levels and residuals are divided by the spread of the force.
     """
 
     # Single runs
     run_count_min: int = 6  # fitted runs; the scatter of fewer runs is not significant
-    delay_period_ratio_min: float = 0.002  # In a slow motion, the model error resembles a delay.
+    delay_period_ratio_min: float = 0.002  # The model error of a slow motion resembles a delay.
     simple_cause_ratio_min: float = 0.9  # A simpler cause has to explain this fraction of the deviation.
     worst_ratio_min: float = 0.5  # Smaller deviations are ignored, because the worst run distorts the fit.
-    unfitted_ratio_min: float = 1.8  # on all thresholds, for runs that are not fitted
-    suspect_ratio_min: float = 0.8  # on all thresholds, for runs that are omitted from a second fit
+    unfitted_ratio_min: float = 1.8  # factor of all thresholds for runs that are not fitted
+    suspect_ratio_min: float = 0.8  # factor of all thresholds for runs omitted from a second fit
     suspect_level_ratio_min: float = 1.6  # residual of such a run, divided by the typical residual
     peer_count_min: int = 3  # runs of one command for a typical residual, and runs of a group
     level_ratio_max: float = 3.0  # typical residual of one command, divided by the one of all runs
     spare_run_count_min: int = 5  # runs minus the number of compared levels of command and motion
     scatter_run_count_min: int = 12  # runs of one command for a scatter of its own
     command_tolerance_ratio: float = 0.05  # difference of equal commands, divided by the range
-    iteration_count: int = 30  # of the robust regression
+    iteration_count: int = 30  # iterations of the robust regression
     # Estimated error of a command, divided by the difference to the command of the exchanged run
     exchange_ratio_min: float = 0.3
     exchange_ratio_max: float = 3.0
 
     # Groups of runs
-    gain_difference_min: float = 0.04  # between groups, and smallest drift of the gain
+    gain_difference_min: float = 0.04  # difference of two groups, and smallest drift
     group_scatter_ratio_min: float = 5.0  # difference of two groups, divided by the scatter inside them
-    drift_fraction_min: float = 0.1  # of the residual
+    drift_fraction_min: float = 0.1  # fraction of the residual
     common_delay_min_s: float = 1.2e-3
     group_delay_min_s: float = 4e-3
-    common_fraction_min: float = 0.015  # of the residual, that a delay of all runs explains
+    common_fraction_min: float = 0.015  # residual fraction that a delay of all runs explains
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
-    single_run_ratio_min: float = 0.9  # of a common effect; one run with more is its cause
+    single_run_ratio_min: float = 0.9  # One run with more of a common effect is its cause.
     error_ratio_max: float = 2.5  # Runs with a larger standard error than this times the median are ignored.
-    second_cause_ratio_min: float = 0.5  # of the first common cause
+    second_cause_ratio_min: float = 0.5  # size divided by the first common cause
 
     # Errors of one result
     training_cv_ratio_max: float = 1.5  # training error divided by cross-validation error

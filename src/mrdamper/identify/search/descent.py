@@ -26,14 +26,14 @@ STEP_RANGE_RATIO_MAX = 0.3  # Longest step on a linear scale, relative to the ra
 BOX_ROUND_COUNT_MAX = 8
 
 # The drift is the change of the force by the elimination of linear parameters, relative to the force.
-DRIFT_MAX = 0.03  # The tangents are computed again if the drift is larger,
-FAILED_DRIFT_MAX = 1e-4  # or if a step has failed and the drift is larger than this.
+DRIFT_MAX = 0.03  # The tangents are computed again if the drift is larger.
+FAILED_DRIFT_MAX = 1e-4  # This limit is used after a failed step.
 
 DAMPING_START = 1e-2
 DAMPING_MAX = 1e12
-PREDICTED_GAIN_MIN = 1e-9  # A descent has converged if a step promises less than this fraction of the cost,
-GAIN_MIN = 5e-5  # or if this number of successive steps together decrease the cost by a smaller fraction:
-GAIN_STEP_COUNT = 10
+PREDICTED_GAIN_MIN = 1e-9  # A descent has converged if a step is expected to gain less than this.
+GAIN_MIN = 5e-5  # A descent has converged if the last steps together gain a smaller fraction of the cost.
+GAIN_STEP_COUNT = 10  # number of these last steps
 
 
 class Descents:
@@ -101,14 +101,14 @@ class Descents:
         points = np.clip(self.points[k] + step, self._box.low, self._box.high)
         change = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
         found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
-        is_better = found.cost < self.costs[k]  # also False if it is NaN
+        is_better = found.cost < self.costs[k]  # False for a cost of NaN
         self._fail(k[~is_better], self._shorten)
         accepted[k[is_better]] = True
         self._accept(k[is_better], points[is_better], gain[is_better], _rows(found, is_better))
         return accepted
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Return steps of descents, and the decrease of the cost that they promise."""
+        """Return steps of descents, and their expected decrease of the cost."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)

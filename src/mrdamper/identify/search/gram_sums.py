@@ -1,4 +1,4 @@
-"""Gram matrices of the tangents and the residual of the runs, from which least squares follow.
+"""Gram matrices of the tangents and the residual of the runs, as the input of least squares.
 
 Runs at one operating point are evaluated together, many candidates in one call of the kernel. Runs with
 changing current or temperature, and laws in Python, are evaluated one by one.
@@ -32,11 +32,7 @@ class GramSums:
     """
 
     def __init__(
-        self,
-        damper: Damper,
-        varying: Sequence[str],
-        wanted: Sequence[str],
-        runs: Sequence[FitWindow],
+        self, damper: Damper, varying: Sequence[str], wanted: Sequence[str], runs: Sequence[FitWindow]
     ) -> None:
         self._damper = damper
         self._varying, self._wanted = tuple(varying), tuple(wanted)
@@ -57,7 +53,7 @@ class GramSums:
         order = np.argsort(group, kind="stable")
         self._runs = [steady[k][0] for k in order]
         self._group = group[order]
-        self._first = np.searchsorted(self._group, range(len(groups)))  # of each group's runs
+        self._first = np.searchsorted(self._group, range(len(groups)))  # first run of each group
         self._weight = np.array([run.weight for run in self._runs])[:, None]
         if not steady:
             return

@@ -1,7 +1,7 @@
 """Fit by the genetic algorithm of the paper: the baseline that variable projection is compared with.
 
 It searches all free parameters at once, also the linear ones, as users of a genetic algorithm do. Cost and
-kernel are those of variable projection, because the comparison must be fair.
+kernel are the same as in variable projection, because the comparison must be fair.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ eliminate. ``objective`` has the elimination, ``descent`` the steps. This module
 
 1. Random points (a Latin hypercube) are compared on the screening windows. The best ones descend there.
 2. Their ends and all given dampers are compared on all runs. The best different ones descend a few steps.
-3. The best of these goes on until it converges.
+3. The best of these is continued until it converges.
 
 Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975) 49-57.
 """
@@ -171,10 +171,7 @@ def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) 
 
 
 def thorough_starts(
-    problem: FitProblem,
-    dampers: Sequence[Damper],
-    windows: Sequence[FitWindow],
-    pool: Pool = ONE_CORE,
+    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], pool: Pool = ONE_CORE
 ) -> list[Damper]:
     """Return different local minima on some windows, best first.
 
@@ -250,10 +247,7 @@ def screened_starts(
 
 
 def _ends(
-    objective: Objective,
-    points: FloatArray,
-    linear: FloatArray,
-    iterations_max: int,
+    objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the different ends of descents, best first: points, linear parameters and costs [%^2]."""
     descents = Descents(objective, points, linear, most=iterations_max)

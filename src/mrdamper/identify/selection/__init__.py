@@ -1,1 +1,1 @@
-"""Which law and which of its terms: chosen by the error on motions that were left out."""
+"""Model selection: the law and its terms with the smallest cross-validation error over motions."""

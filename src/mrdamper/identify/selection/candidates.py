@@ -93,7 +93,7 @@ class ValidatedCandidate:
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
         """Return the relative decrease of the other's error, and Student's t of this decrease.
 
-        The differences of squared errors of folds, and those of runs with changing current, are the samples
+        The differences of squared errors of folds and of runs with changing current are the samples
         of the t statistic, each kind with its own variance.
         """
         held_out = self._is_held_out

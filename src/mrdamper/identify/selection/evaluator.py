@@ -91,8 +91,6 @@ class CandidateEvaluator:
         """Return the fit problem of a candidate, with coefficients at start values relative to the scale."""
         return self.data.problem(candidate.law, candidate.terms, start)
 
-    # Initial candidates
-
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes with which the search for the terms of a law starts; None: its default terms.
 
@@ -194,8 +192,6 @@ class CandidateEvaluator:
             dampers = [damper.with_parameters(level) for damper in dampers]
         return screened_starts(self.problem(candidate), dampers, self.screening_windows)
 
-    # Terms
-
     def addable_terms(self, candidate: Candidate) -> list[str]:
         """Return the terms that can be added to a candidate and add a parameter."""
         known = terms_of(LAWS[candidate.law]) if self._terms is None else {}
@@ -218,8 +214,6 @@ class CandidateEvaluator:
     def _adds_parameters(self, candidate: Candidate, name: str) -> bool:
         before, after = (self.problem(each).free for each in (candidate, candidate.with_term(name)))
         return {free.name for free in after} != {free.name for free in before}
-
-    # Fits
 
     def fit(
         self, candidate: Candidate, dampers: Sequence[Damper], error_percent_max: float = np.inf
@@ -282,8 +276,6 @@ class CandidateEvaluator:
             ]
             found.append([warm_start_from(previous, each.template, each.free) for each in problems])
         return found
-
-    # Cross-validation
 
     def cross_validate(
         self, fitted: FittedCandidate, previous: ValidatedCandidate | None = None

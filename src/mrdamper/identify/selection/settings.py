@@ -21,7 +21,7 @@ class SelectionSettings:
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
     start_error_ratio_max: float = 2.0  # error of the best start divided by the error of the first law's fit
-    training_error_ratio_max: float = 1.5  # for another law
+    training_error_ratio_max: float = 1.5  # training error of another law divided by the smallest one
     finalist_count_max: int = 3  # other laws that are cross-validated
 
     # Forward selection
@@ -31,7 +31,7 @@ class SelectionSettings:
     term_count_max: int = 3  # terms that are fitted in each round
     # A smaller gain in training error is unlikely to be significant in cross-validation.
     training_gain_min: float = 0.003
-    # After a term was accepted, another term of the same round needs this fraction of its training gain.
+    # A second term of the same round needs this fraction of the training gain of the accepted term.
     training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates: one is better if its cross-validation gain and the gain's Student's t over
@@ -42,28 +42,28 @@ class SelectionSettings:
     small_cv_gain_t_min: float = 2.0
 
     # Backward elimination
-    removal_loss_max: float = 0.003  # of the cross-validation error
-    removal_screening_loss_max: float = 0.01  # of the error on the screening windows
+    removal_loss_max: float = 0.003  # increase of the cross-validation error
+    removal_screening_loss_max: float = 0.01  # increase of the error on the screening windows
 
     # Thorough search
     improvement_count_max: int = 2  # candidates, as long as the search makes the best one worse than another
 
     # Fits of one candidate
-    fit_iterations: int = 8  # of one round
+    fit_iterations: int = 8  # iterations of one round
     fit_round_count_max: int = 6
     round_gain_min: float = 0.004  # gain in error of a round that is required for another one
-    fold_iterations: int = 4  # without one fold, from the fit to all windows
-    screening_iterations: int = 8  # with one more term
-    gas_error_percent_min: float = 2.0  # Start with a gas force if mean forces depend on temperature more,
-    asymmetry_error_percent_min: float = 5.0  # and with asymmetric forces if they grow with force more.
+    fold_iterations: int = 4  # A fit without one fold starts from the fit to all windows.
+    screening_iterations: int = 8  # iterations of a fit with one additional term
+    gas_error_percent_min: float = 2.0  # Start with a gas force if mean forces depend on temperature more.
+    asymmetry_error_percent_min: float = 5.0  # Start with asymmetric forces if they grow with force more.
 
     # Response to the current
     changing_run_count_max: int = 4
-    changing_samples_max: int = 3000  # of each run, within the limits of its rate
+    changing_samples_max: int = 3000  # samples of each run, within the limits of its rate
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # relative
-    changing_share_step_min: float = 0.25  # of the fraction of the force that follows the current at once
+    changing_share_step_min: float = 0.25  # step of the force fraction that follows at once
 
 
 DEFAULT_SETTINGS = SelectionSettings()

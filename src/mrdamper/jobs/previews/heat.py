@@ -64,15 +64,15 @@ class QuickHeat:
         """
         asked = HeatOptions(**options or {})
         begin = time.perf_counter()
-        model = self._once(("card", *_version(card)), lambda: read_card(card))
-        drawing = self._once(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
+        model = self._keep(("card", *_version(card)), lambda: read_card(card))
+        drawing = self._keep(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
         drawing = changed_drawing(drawing, asked, None)
         unit = model.damper.command_unit
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
         key = ("work", *_version(card), amplitude_mm, frequency_Hz, command)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of reports the same warnings.
-            works = self._once(key, lambda: works_of(model.damper, duty))
+            works = self._keep(key, lambda: works_of(model.damper, duty))
             notes, beyond = notes_of(model, duty), card_range_notes(model, duty)
             works = [replace(w, power=duty_share * w.power) for w in works]
             resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.segments)
@@ -106,7 +106,7 @@ class QuickHeat:
             "computed_ms": round(1e3 * (time.perf_counter() - begin), 2),
         }
 
-    def _once(self, key: object, make: Callable[[], Value]) -> Value:
+    def _keep(self, key: object, make: Callable[[], Value]) -> Value:
         if key not in self._kept:
             self._kept[key] = make()
         self._kept.move_to_end(key)

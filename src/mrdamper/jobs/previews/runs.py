@@ -33,17 +33,17 @@ from mrdamper.schema import Json, finite_or_none
 if TYPE_CHECKING:  # These modules are slow to load, and a glance does not need them.
     from mrdamper.data.prepare import PreparedRun
 
-_FIRST = 12  # shown values of a column
-_BUCKETS = 32  # intervals of a thumbnail
+_VALUE_COUNT = 12  # shown values of a column
+_THUMBNAIL_INTERVAL_COUNT = 32  # intervals of a thumbnail
 _MOST_COLUMNS = 64
-# points of a column for a quick loop, taken from this number of samples in its middle
-_SAMPLE, _SAMPLED = 800, 4000
+# A quick loop has this number of points, from this number of samples in the middle of a column.
+_LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
 _MOST_OFFERS = 20  # max number of tested maps of other files
-_MOST_TEXT = 120  # characters of a cell
+_CELL_MAX_CHARS = 120  # characters of a cell
 _MOST_RUNS = 200
-_QUICKLY = 200_000  # max samples of an immediate diagnosis
-_GLANCE = 1 << 18  # bytes of a text that are read for a glance
-_LARGE = 1 << 21  # min size [bytes] of a file for a glance
+_DIAGNOSIS_SAMPLES_MAX = 200_000  # max samples of an immediate diagnosis
+_GLANCE_BYTES = 1 << 18  # bytes of a text that are read for a glance
+_GLANCE_FILE_MIN_BYTES = 1 << 21  # min size [bytes] of a file for a glance
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 
 
@@ -64,7 +64,7 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
         return vars(view)
     described = [run_row(read, recording) for recording in read.recordings[:_MOST_RUNS]]
     view.runs = [{**row, "file": path.name} for row, _ in described]
-    view.checked = sum(map(len, read.recordings)) <= _QUICKLY
+    view.checked = sum(map(len, read.recordings)) <= _DIAGNOSIS_SAMPLES_MAX
     if view.checked:
         view.findings = [
             finding
@@ -84,10 +84,10 @@ def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
     the file into tests are not reported.
     """
     size = path.stat().st_size
-    if size < _LARGE or path.suffix.lower() not in _TEXTS:
+    if size < _GLANCE_FILE_MIN_BYTES or path.suffix.lower() not in _TEXTS:
         return None
     with path.open("rb") as file:
-        head = file.read(_GLANCE)
+        head = file.read(_GLANCE_BYTES)
     if b"\x00" in head or b"\n" not in head:  # The file is binary or has wide characters.
         return None
     head = head[: head.rfind(b"\n") + 1]
@@ -233,13 +233,15 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
     said = parse_header(name)
     column: Json = {
         "index": k + 1,
-        "name": name[:_MOST_TEXT],
+        "name": name[:_CELL_MAX_CHARS],
         "unit": table.units.get(name, ""),
         "role": role,
         "guess": None if said is None else {"role": said[0], "unit": _unit(said, table, name)},
     }
     if name in table.texts:
-        cells = [None if cell is None else cell[:_MOST_TEXT] for cell in table.texts[name][:_FIRST]]
+        cells = [
+            None if cell is None else cell[:_CELL_MAX_CHARS] for cell in table.texts[name][:_VALUE_COUNT]
+        ]
         return column | {
             "kind": "text",
             "first": cells,
@@ -252,7 +254,7 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
     low_high = _ends(values) or [None, None]
     return column | {
         "kind": "number",
-        "first": [finite_or_none(value) for value in values[:_FIRST].tolist()],
+        "first": [finite_or_none(value) for value in values[:_VALUE_COUNT].tolist()],
         "least": low_high[0],
         "most": low_high[1],
         "thumbnail": _thumbnail(values),
@@ -273,16 +275,16 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
     """Return min and max of each of several equal intervals."""
     if len(values) < 2:
         return None
-    edges = np.unique(np.linspace(0, len(values), _BUCKETS + 1).astype(int)[:-1])
+    edges = np.unique(np.linspace(0, len(values), _THUMBNAIL_INTERVAL_COUNT + 1).astype(int)[:-1])
     least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
     return [finite_or_none(float(value)) for pair in zip(least, most, strict=True) for value in pair]
 
 
 def _sample(values: FloatArray) -> list[float | None]:
     """Return a few samples from the middle of a column, with the same indices for all columns."""
-    begin = max(0, (len(values) - _SAMPLED) // 2)
-    part = values[begin : begin + _SAMPLED]
-    return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _SAMPLE)]]
+    begin = max(0, (len(values) - _LOOP_SAMPLES_MAX) // 2)
+    part = values[begin : begin + _LOOP_SAMPLES_MAX]
+    return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _LOOP_POINT_COUNT)]]
 
 
 def _ends(values: FloatArray) -> list[float | None] | None:

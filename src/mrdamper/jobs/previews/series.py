@@ -32,8 +32,8 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Json
 
-_UNIFORM = 1e-3  # allowed deviation in time steps
-_LEAST = 64  # min samples of a window
+_STEP_TOLERANCE_RATIO = 1e-3  # allowed deviation in time steps
+_WINDOW_SAMPLES_MIN = 64  # min samples of a window
 
 Columns = Mapping[str, tuple[str, NDArray[Any]]]
 
@@ -91,7 +91,7 @@ def keep_window(
     kept = np.arange(low, high)
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
-        kept = low + _telling(chosen, max(most, _LEAST))
+        kept = low + _telling(chosen, max(most, _WINDOW_SAMPLES_MIN))
     units = {column["name"]: column["unit"] for column in header["columns"]}
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 
@@ -186,7 +186,7 @@ def _header(recording: Recording, file: str) -> dict[str, Any]:
     time = recording.time
     steps = np.diff(time)
     step = float(np.mean(steps)) if len(steps) else 0.0
-    uniform = step > 0.0 and float(np.abs(steps - step).max()) <= _UNIFORM * step
+    uniform = step > 0.0 and float(np.abs(steps - step).max()) <= _STEP_TOLERANCE_RATIO * step
     return {
         "name": recording.name,
         "file": file,

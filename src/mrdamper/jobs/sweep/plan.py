@@ -85,7 +85,7 @@ def make_plan(
     told: dict[str, Any]
     named: list[tuple[str, dict[str, Any]]]
     if kind == "campaigns":
-        named = [(name, {"path": path}) for name, path in _named(_campaign_paths(campaigns or ()))]
+        named = [(name, {"path": path}) for name, path in _unique_names(_campaign_paths(campaigns or ()))]
         common, told = {"law": law}, {"law": law, "paths": [str(each["path"]) for _, each in named]}
     else:
         if card is None:
@@ -131,7 +131,7 @@ def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
     return [path for path in dict.fromkeys(paths) if not path.endswith(".truth")]
 
 
-def _named(paths: list[str]) -> Iterator[tuple[str, str]]:
+def _unique_names(paths: list[str]) -> Iterator[tuple[str, str]]:
     """Yield each path with a unique name: its last part, with as many parents as necessary."""
     for path in paths:
         parts = Path(path).parts

@@ -141,12 +141,12 @@ def sweep(
             raise
     return SweepResult(
         plan,
-        tuple(_swept(task.name, done[task.name]) for task in plan.tasks if task.name in done),
+        tuple(_swept_task(task.name, done[task.name]) for task in plan.tasks if task.name in done),
         before,
     )
 
 
-def _swept(name: str, result: Result) -> SweptTask:
+def _swept_task(name: str, result: Result) -> SweptTask:
     return SweptTask(name, result.get("figures", {}), result.get("error", ""), result.get("card"))
 
 

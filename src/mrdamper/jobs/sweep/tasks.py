@@ -58,7 +58,7 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
         if errors:
             figures |= {f"{split}_{name}": value for name, value in summary(errors).items()}
     figures |= {f"{each.name}": each.value for each in fitted.estimates}
-    return {"figures": _plain(figures), "card": card_to_json(fitted.card(judged))}
+    return {"figures": _json_values(figures), "card": card_to_json(fitted.card(judged))}
 
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
@@ -86,7 +86,7 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
             f"{target}_rmse_feasible_N": score.rmse_feasible_N,
             f"{target}_feasible_share": score.feasible_share,
         }
-    return {"figures": _plain(figures)}
+    return {"figures": _json_values(figures)}
 
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
@@ -95,7 +95,7 @@ def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) 
     best = run.best.sink
     assert best is not None  # A search returns sinks.
     return {
-        "figures": _plain(
+        "figures": _json_values(
             {
                 "bare_degC": run.bare.fluid - ZERO_CELSIUS_K,
                 "reference_degC": run.reference.fluid - ZERO_CELSIUS_K,
@@ -109,7 +109,7 @@ def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) 
     }
 
 
-def _plain(figures: Mapping[str, float | None]) -> dict[str, float | None]:
+def _json_values(figures: Mapping[str, float | None]) -> dict[str, float | None]:
     """Return values in JSON form: None instead of values that are not finite."""
     return {
         name: None if value is None or not np.isfinite(value) else float(value)
