@@ -23,12 +23,13 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import drive
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
+from mrdamper.quantities import REFERENCE_K
 from tests.control.rows import MOTION, ROOM, answer, at_speed, told
 from tests.control.slow_step import SlowController
-from tests.support.cards import DAMPERS, DOUBLE, LAGS, SERIES, at_once, changed
+from tests.support.cards import CHAIN, DAMPERS, DOUBLE, LAGS, SERIES, at_once, changed
 from tests.support.examples import examples
 
 PERIOD = 1e-3
@@ -45,6 +46,22 @@ forces = st.floats(-2000.0, 2000.0) | anything
 
 
 # --- Inverse of the model ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damper", [DOUBLE, SERIES, CHAIN], ids=lambda damper: damper.law.name)
+def test_card_of_one_temperature_gives_same_current(damper):
+    """Without its temperature factors, a damper needs the same current at 20 degC as with them."""
+    forms = {
+        name: form.form if isinstance(form, TemperatureDependent) else form
+        for name, form in damper.coefficients.items()
+    }
+    cold = replace(damper, coefficients=forms, temperature_range=None)
+    currents = []
+    for each in (damper, cold):
+        made = controllers_for(each)["recommended"]
+        rows = told(made, 1.0, kelvin=REFERENCE_K, noise=0.0)
+        currents.append(made.run(made.start(), rows)[1])
+    assert np.mean(np.abs(currents[0] - currents[1])) < 0.01 * currents[0].mean()
 
 
 @pytest.mark.parametrize("law", DAMPERS)

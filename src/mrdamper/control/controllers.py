@@ -490,7 +490,8 @@ def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
     if tables.series is not None:
-        yields = tables.yield_force_table[len(tables.temperatures) // 2]
+        table = tables.yield_force_table  # It has one row if the force does not depend on temperature.
+        yields = table[len(table) // 2]
     else:
         rows = tables.evaluate(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
         yields = rows[6] + rows[7]

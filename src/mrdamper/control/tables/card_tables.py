@@ -143,8 +143,8 @@ class DamperTables:
     def evaluate(self, kelvin: float) -> FloatArray:
         """Return all rows for the currents at a temperature, as the kernel reads them, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
-        tolerance = (kelvin - low) / (high - low) if high > low else 0.0
-        place = float(np.clip(tolerance, 0.0, 1.0)) * pieces
+        fraction = (kelvin - low) / (high - low) if high > low else 0.0
+        place = float(np.clip(fraction, 0.0, 1.0)) * pieces
         piece = min(int(place), pieces - 1)
         of_terms = self.factor[piece] @ (place - piece) ** np.arange(3)
         out = np.zeros((len(ROWS), len(self.currents)))
@@ -363,9 +363,9 @@ def _parabola_values(cells: FloatArray, count: int) -> FloatArray:
     """Return the values of parabolas at evenly spaced points, shape (terms, count)."""
     place = np.linspace(0.0, cells.shape[1], count)
     piece = np.minimum(place.astype(np.intp), cells.shape[1] - 1)
-    tolerance = place - piece
+    fraction = place - piece
     c = cells[:, piece]
-    return np.asarray(c[..., 0] + tolerance * (c[..., 1] + tolerance * c[..., 2]))
+    return np.asarray(c[..., 0] + fraction * (c[..., 1] + fraction * c[..., 2]))
 
 
 def _constant(name: str, values: FloatArray) -> float:
