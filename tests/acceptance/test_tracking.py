@@ -195,12 +195,12 @@ def test_thermocouple_is_5_kelvin_off(off_K):
 def test_damper_is_a_tenth_off(gain):
     """A controller without a force sensor cannot detect a gain. 10 % of the target is 68 N RMS.
 
-    The limit is 60 N more than the undisturbed error. It is not met: a weaker damper adds 65.1 N, a stronger
-    one 60.1 N.
+    The limit is 60 N more than the undisturbed error. A weaker damper does not meet it: it adds 65.1 N. A
+    stronger one adds 55.2 N.
     """
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, force_gain=gain))
-    assert added(controllers_of("nominal")["recommended"], scenario) <= (66.0 if gain < 1.0 else 61.0)
+    assert added(controllers_of("nominal")["recommended"], scenario) <= (66.0 if gain < 1.0 else 60.0)
 
 
 def test_known_delay_of_10_ms():
