@@ -1,4 +1,4 @@
-"""A real damper: four sines of a public rig identified, a fifth motion predicted.
+"""A real damper: fit three motions of a public rig, and predict a fourth motion and a chirp.
 
 python examples/fit_real_data.py DIR    (DIR holds utfsm_sine_*.csv and utfsm_chirp_*.csv, one run each)
 """

@@ -67,7 +67,7 @@ def test_real_damper_example_is_accurate(real_data):
 
 @pytest.mark.nightly
 def test_custom_law_example_is_fitted():
-    """The measured error is 4.8 %. The fit takes 10 s of CPU time because a law in Python is slow."""
+    """The measured error is 4.8 %. The fit takes 50 s of CPU time because a law in Python is slow."""
     assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
 
 

@@ -195,16 +195,15 @@ def _warning_lines(found: FitResult) -> list[str]:
 
 def _note_lines(found: FitResult) -> list[str]:
     """Return the most important notes, as console markup. The report has all of them."""
-    notes = sorted(found.result.notes, key=lambda note: getattr(note, "kind", "") != "selection_repeated")
-    lines = [escape(f"Note: {sentence(note)}") for note in notes[:NOTE_COUNT_MAX]]
+    lines = [escape(f"Note: {sentence(note)}") for note in found.result.notes[:NOTE_COUNT_MAX]]
     if found.inferred:
         lines.append(f"Note: {len(found.inferred)} values were read from the names of files and folders.")
     bound = sum(bool(estimate.at_bound) for estimate in found.estimates)
     free = sum(not (estimate.at_bound or estimate.identifiable) for estimate in found.estimates)
-    if bound or free:
-        lines.append(
-            f"Note: {free} of {len(found.estimates)} parameters are not identifiable, {bound} are at a bound."
-        )
+    counts = ((free, "not identifiable"), (bound, "at a bound"))
+    states = [f"{count} {'is' if count == 1 else 'are'} {state}" for count, state in counts if count]
+    if states:
+        lines.append(f"Note: Of {len(found.estimates)} parameters, {' and '.join(states)}.")
     if found.next_tests:
         lines.append(escape(f"Suggested test: {found.next_tests[0].partition(':')[0]}."))
     return lines
