@@ -45,7 +45,7 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
     at, warm = (grid.ravel() for grid in np.meshgrid(commands, temperatures))
     forms, notes = dict(damper.coefficients), []
     for name, form in damper.coefficients.items():
-        few = slice(0, 1 if form.kind == "constant" else None)
+        few = slice(None, None, COMMAND_COUNT if form.kind == "constant" else 1)  # all temperatures
         inside = _raised(form, damper.law[name], at[few], warm[few])
         if inside is form:
             continue

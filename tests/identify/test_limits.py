@@ -1,0 +1,40 @@
+"""Limits of the coefficients of a fitted damper over the currents and temperatures of its runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.identify.limits import limit_coefficients
+from mrdamper.models.damper import OperatingEnvelope
+from mrdamper.models.dependence import Bipolynomial, Constant, ParameterLaw, Polynomial, TemperatureDependent
+from mrdamper.models.temperature import Linear
+from tests.support.cards import CHAIN
+
+TEMPERATURES_K = (289.0, 305.0)
+ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.01, 0.01), (-0.1, 0.1), TEMPERATURES_K)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        TemperatureDependent(Constant(50.0), Linear(0.145)),  # negative above 300 K
+        TemperatureDependent(Polynomial((50.0, 10.0)), Linear(0.145)),
+        Polynomial((50.0, -40.0)),  # negative above 1.25 A
+        Polynomial((10.0, -60.0, 31.0)),  # negative between 0.2 and 1.8 A
+        Bipolynomial((50.0, -6.0, 10.0, 0.0), 1),
+    ],
+    ids=repr,
+)
+def test_friction_stays_positive_in_the_envelope(form: ParameterLaw) -> None:
+    damper = replace(
+        CHAIN, coefficients={**CHAIN.coefficients, "friction_force": form}, temperature_range=TEMPERATURES_K
+    )
+    limited, notes = limit_coefficients(damper, ENVELOPE)
+    currents, temperatures = np.meshgrid(np.linspace(0.0, 2.0, 41), np.linspace(*TEMPERATURES_K, 9))
+    at = currents.ravel(), temperatures.ravel()
+    assert np.min(form.value(*at)) < 0.0
+    assert np.min(limited.coefficients["friction_force"].value(*at)) >= 0.0
+    assert any("friction_force" in note for note in notes)
