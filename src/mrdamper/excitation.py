@@ -350,9 +350,11 @@ class RandomCurrent:
     log-uniform. Only such runs reveal a law that is wrong for a changing current.
     """
 
-    highest: Annotated[float, Option("[A]", key="highest_A", unit="A", above=0.0)] = 2.0
-    shortest: Annotated[float, Option("of the holding times", key="shortest_s", unit="s", above=0.0)] = 0.02
-    longest: Annotated[float, Option("of the holding times", key="longest_s", unit="s", above=0.0)] = 0.3
+    highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
+    shortest: Annotated[float, Option(key="shortest_s", unit="s", above=0.0)] = 0.02
+    """Shortest holding time."""
+    longest: Annotated[float, Option(key="longest_s", unit="s", above=0.0)] = 0.3
+    """Longest holding time."""
     seed: Annotated[int, Option(least=0)] = 1
 
     def __post_init__(self) -> None:
@@ -380,8 +382,9 @@ class RandomCurrent:
 class CurrentSteps:
     """A commanded current that is held at each of its levels in turn; the first before, the last after."""
 
-    levels: Annotated[tuple[float, ...], Option("[A]", key="levels_A", least_items=1)]
-    hold: Annotated[float, Option("of each level", key="hold_s", unit="s", above=0.0)]
+    levels: Annotated[tuple[float, ...], Option(key="levels_A", least_items=1)]
+    hold: Annotated[float, Option(key="hold_s", unit="s", above=0.0)]
+    """Holding time of each level."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "current steps")

@@ -91,7 +91,7 @@ def documentation(job: Job) -> str:
         unit = f" [{option.unit}]" if option.unit else ""
         limits = field.item_option.range_words or option.range_words
         limits = f", {limits}" if unit and limits else ""
-        help_text = f"{option.help.removesuffix('.')}{unit}{limits}."
+        help_text = f"{field.help.removesuffix('.')}{unit}{limits}."
         entries.append((field.name, help_text, "" if field.default else option.default_help))
     entries += [(each.name, each.help, "") for each in job.outputs]
     if entries:

@@ -172,7 +172,7 @@ def _default(value: object) -> dict[str, Any]:
 
 def _option(field: Field) -> click.Option:
     option, names = field.option, [field.flag, field.name]
-    help_text = option.help
+    help_text = field.help
     if field.type is bool:
         # The flag inverts the default. An option that is on by default has a flag that turns it off.
         return click.Option(names, is_flag=True, flag_value=not field.default, default=None, help=help_text)

@@ -49,8 +49,8 @@ CARD_SIZE_MAX_BYTES = 1 << 26  # A card has about 10 kB. A larger file is not a 
 _HASH_KEY = "content_sha256"
 _KEYS_OUTSIDE_HASH = {_HASH_KEY, "notes"}
 _NotNegative = Annotated[float | None, Option(least=0.0)]
-_FormName = Annotated[str, Option("parameter law", among=lambda: FORMS)]
-_FactorName = Annotated[str, Option("temperature factor", among=lambda: FACTORS)]
+_FormName = Annotated[str, Option(among=lambda: FORMS)]
+_FactorName = Annotated[str, Option(among=lambda: FACTORS)]
 
 
 # ------------------------------------------------------------------------------------------- records

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.registry import JOBS, KINDS, Input, Job
-from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
+from mrdamper.schema import Field, Json, Option, fields_of, read_record, unknown_name, write_record
 
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
 _NAME_WORDS = "a name in the folder, of at most 160 characters"
@@ -52,7 +52,7 @@ _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
         "card": (
             _ANNOTATED[
                 str,
-                Option(pattern=_NAME, expected=_NAME_WORDS, label="Name of the card", page=OnPage(group="")),
+                Option(pattern=_NAME, expected=_NAME_WORDS, label="Name of the card", group=""),
             ],
             _REQUIRED,
         ),
@@ -108,15 +108,19 @@ def _members(kind: str, job: Job) -> Iterator[tuple[str, Any, Any]]:
         if option.option.local or (is_path and mapped):
             continue
         plain: Any = str if is_path else option.type
-        said = replace(option.option, pattern=_NAME, expected=_NAME_WORDS) if is_path else option.option
-        yield option.name, _ANNOTATED[plain | None if option.optional else plain, said], option.default
+        more: Json = {"pattern": _NAME, "expected": _NAME_WORDS} if is_path else {}
+        described = replace(option.option, help=option.help, **more)
+        yield option.name, _ANNOTATED[plain | None if option.optional else plain, described], option.default
 
 
 def _member_of(each: Input) -> tuple[str, Any, Any]:
     """Return (name, type, default) of an input of a job."""
     kind = KINDS[each.kind]
     places = tuple(place for place in (kind.place, kind.also) if place)
-    page = OnPage(
+    option = Option(
+        each.help,
+        default_help=each.default_help,
+        label=each.label,
         group=each.group,
         begins=each.begins,
         offers=kind.choices,
@@ -125,7 +129,6 @@ def _member_of(each: Input) -> tuple[str, Any, Any]:
         looks=kind.looks,
         word=each.kind,
     )
-    option = Option(each.help, label=each.label, default_help=each.default_help, page=page)
     if kind.many:
         most = 20_000 if kind.place == "runs" else 20
         needed = each.required and kind.place != "runs"  # Without names the job reads all runs.
