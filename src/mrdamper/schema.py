@@ -74,6 +74,9 @@ class Option:
     below: float | None = None
     key: str = ""  # key in files if it differs from the name; the field is then in SI
     flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
+    kind: str = ""  # kind of input (``registry.kinds``); empty for an option
+    argument: bool = False  # positional argument of the command line
+    in_answer: bool | None = None  # The answer contains the path. None: if the input is one required file.
     local: bool = False  # Servers have no such field, because it can execute code.
     metavar: str = ""
     among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time

@@ -1,7 +1,8 @@
-"""The options of every job and of reading its inputs: one declaration for all interfaces.
+"""Inputs, options and outputs of every job: one declaration for all interfaces.
 
 Commands and their help, requests and forms of the server, Python functions and tables of the documentation
-are made from these classes. The text below a field is its help.
+are made from these classes. The text below a field is its help. The inputs, options and outputs of the job
+``heat`` are ``HeatInputs``, ``HeatOptions`` and ``HeatOutputs``; a missing class has no fields.
 """
 
 from __future__ import annotations
@@ -15,6 +16,12 @@ from mrdamper.thermal.drawing import AIR_MAX_M_S
 
 _JOBS_HELP = "Use this number of parallel processes. The result does not depend on it."
 _POSTERIOR_HELP = "Compute 90 % intervals with this number of posterior samples from the folder of the card."
+_CARD_HELP = "Read this model card."
+_RUNS_HELP = "Read these runs: files, folders or patterns."
+_PREPARATION_HELP = "Prepare the runs with these settings. None selects the settings of the job."
+_DUTY = "sine:15mm:1Hz:2A:1800s"
+_DUTY_HELP = "Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current."
+
 _GIVEN = "the value of the geometry file"
 _DESIGN = "Limits of the design"
 
@@ -36,6 +43,13 @@ Term = Literal[
     "follow", "none",
 ]  # fmt: skip
 """Terms of a hysteresis model."""
+
+Card = Annotated[Path, Option(_CARD_HELP, kind="card", argument=True)]
+CardOfAnyLaw = Annotated[Path, Option(_CARD_HELP, kind="card of any law", argument=True)]
+Paths = Annotated[tuple[str, ...], Option(_RUNS_HELP, kind="runs", label="Runs", argument=True)]
+Preparing = Annotated[str | None, Option(_PREPARATION_HELP, kind="preparation", flag="-")]
+LoadCycle = Annotated[str, Option(_DUTY_HELP, kind="duty")]
+"""Inputs of several jobs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +101,15 @@ class LawReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoOptions:
-    """Options of a job that has only options for reading."""
+class Nothing:
+    """Inputs, options or outputs of a job that has none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckInputs:
+    """Inputs of ``check``."""
+
+    files: Annotated[tuple[str, ...], Option(_RUNS_HELP, kind="files", label="Runs", argument=True)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,10 +121,47 @@ class CheckOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOutputs:
+    """Outputs of ``check``."""
+
+    write_map: Annotated[Path | None, Option(metavar="FILE")] = None
+    """Write the channel map with which the files were read. It can be edited and used with --channels."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateInputs:
+    """Inputs of ``evaluate``."""
+
+    card: CardOfAnyLaw
+    runs: Paths
+    preparation: Preparing = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluateOptions:
     """Options of ``evaluate``."""
 
     posterior: Posterior = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitInputs:
+    """Inputs of ``fit``."""
+
+    runs: Paths
+    law: Annotated[str | None, Option(kind="law", default_help="auto", label="Hysteresis model")] = None
+    """Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating,
+    spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The choice auto selects a model by
+    cross-validation."""
+    fluid: Annotated[
+        str | None,
+        Option(kind="fluid", default_help="none", label="Fluid, if the runs have one temperature"),
+    ] = None
+    """Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid file. The card marks it
+    as assumed."""
+    preparation: Preparing = None
+    settings: Annotated[str | None, Option(kind="settings", flag="-")] = None
+    """Use these numerical settings (FitSettings). None selects the default settings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,6 +210,24 @@ class FitOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CompareInputs:
+    """Inputs of ``compare``."""
+
+    first: Annotated[Path, Option(kind="card of any law", argument=True, in_answer=False)]
+    """Read this card as the reference."""
+    second: Annotated[Path, Option(kind="card of any law", argument=True, in_answer=False)]
+    """Compare this card with the reference."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CyclesInputs:
+    """Inputs of ``cycles``."""
+
+    record: Annotated[Path, Option(kind="record", argument=True)]
+    """Read this record."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CyclesOptions:
     """Options of ``cycles``."""
 
@@ -167,6 +243,25 @@ class CyclesOptions:
         ),
     ] = None
     """Ignore cycles with a smaller stroke, in mm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackInputs:
+    """Inputs of ``track``."""
+
+    card: Card
+    plant: Annotated[str, Option(kind="plant", label="Controlled damper")] = "nominal"
+    """Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card (JSON)."""
+    targets: Annotated[
+        tuple[str, ...] | None,
+        Option(
+            kind="scenario", flag="--target", default_help="all", label="Targets", begins=("sine-900N-1Hz",)
+        ),
+    ] = None
+    """Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable."""
+    unaware: Annotated[Path | None, Option(kind="card", flag="-")] = None
+    """Add the controllers recommended-unaware and paper-unaware from this card, which was fitted at one
+    temperature."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,6 +305,15 @@ class TrackOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SimulateInputs:
+    """Inputs of ``simulate``."""
+
+    card: CardOfAnyLaw
+    motion: Annotated[str, Option(kind="motion", argument=True)]
+    """Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the file of a run."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulateOptions:
     """Options of ``simulate``."""
 
@@ -218,6 +322,32 @@ class SimulateOptions:
     rate_Hz: Annotated[float, Option(unit="Hz", above=0.0, most=1e5)] = 1000.0
     """Sample the motion at this rate, in Hz, if it is given as text."""
     posterior: Posterior = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportInputs:
+    """Inputs of ``export``."""
+
+    card: Card
+    damper: Annotated[
+        str | None,
+        Option(kind="drawing", default_help="no thermal model", label="Geometry file for the thermal model"),
+    ] = None
+    """Add the thermal model of this geometry file (TOML), which also detects a frozen temperature sensor."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOutputs:
+    """Outputs of ``export``."""
+
+    c: Annotated[Path | None, Option(metavar="DIR")] = None
+    """Write C99 source code and its report to this folder."""
+    fmu: Annotated[Path | None, Option(metavar="FILE")] = None
+    """Write a co-simulation FMU (FMI 2.0) to this file."""
+    table: Annotated[Path | None, Option(metavar="FILE")] = None
+    """Write a force map (CSV) for simulators to this file."""
+    matlab: Annotated[Path | None, Option(metavar="DIR")] = None
+    """Write card and force map for MATLAB to this folder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,6 +394,19 @@ class ExportOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DerateInputs:
+    """Inputs of ``derate``."""
+
+    card: Card
+    drawing: Annotated[
+        str,
+        Option(kind="drawing", flag="--damper", key="damper", default_help="paper", label="Geometry file"),
+    ]
+    """Read the dimensions of the damper from this geometry file (TOML)."""
+    duty: LoadCycle = _DUTY
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DerateOptions:
     """Options of ``derate``."""
 
@@ -287,6 +430,20 @@ class DerateOptions:
         Option(unit="min", most_items=8, flag="-"),
     ] = (5.0, 15.0, 30.0, 60.0)
     """Compute the limits for these durations, in min, in rising order, and for the steady state."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatInputs(DerateInputs):
+    """Inputs of ``heat``."""
+
+    sink: Annotated[
+        Path | None,
+        Option(kind="sink", default_help="the heat sink of the geometry file", label="Heat sink"),
+    ] = None
+    """Use the heat sink of this file (TOML table [sink])."""
+    calibrate: Annotated[Path | None, Option(kind="curve", label="Measured curve for calibration")] = None
+    """Calibrate the geometry file with a measured heating curve of the same load cycle. The CSV file has the
+    columns time_s and fluid_degC, body_degC or coil_degC."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -348,6 +505,10 @@ def _limit(unit: str, label: str) -> Option:
     )
 
 
+class HeatsinkInputs(DerateInputs):
+    """Inputs of ``heatsink``."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions:
     """Options of ``heatsink``. Default limits are the ones of the heat sink in the geometry file."""
@@ -382,6 +543,33 @@ class HeatsinkOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FluidInputs:
+    """Inputs of ``fluid``."""
+
+    tables: Annotated[
+        tuple[str, ...],
+        Option(kind="rheometer table", label="Rheometer tables", argument=True, in_answer=True),
+    ]
+    """Read these rheometer tables."""
+    like: Annotated[str, Option(kind="fluid", label="Other properties from")] = "paper"
+    """Take properties that the tables do not have from this fluid: paper, lord-mrf-132dg, or a fluid file
+    (TOML)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigInputs:
+    """Inputs of ``rig``."""
+
+    preset: Annotated[str, Option(kind="virtual damper", label="Damper")] = "nominal"
+    """Test this virtual damper: a preset, or a TOML file with a preset and changed parameters."""
+    campaign: Annotated[
+        str | None,
+        Option(kind="campaign", default_help="the campaign of the damper", begins="short"),
+    ] = None
+    """Run this campaign of motions, currents and temperatures: short, or a TOML file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RigOptions:
     """Options of ``rig``."""
 
@@ -402,11 +590,37 @@ class RigOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DataFetchInputs:
+    """Inputs of ``data fetch``."""
+
+    name: Annotated[str, Option(kind="name", argument=True)]
+    """Fetch the data set with this name. The command data list prints the names."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
     """Options of ``demo``."""
 
     quick: Annotated[bool, Option(label="fewer and shorter runs", group="", begins=True)] = False
     """Use fewer and shorter runs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepInputs:
+    """Inputs of ``sweep``."""
+
+    campaigns: Annotated[
+        tuple[str, ...] | None, Option(kind="campaigns", label="Campaigns to fit", argument=True)
+    ] = None
+    """Fit a model to each of these files, folders or patterns."""
+    card: Annotated[Path | None, Option(_CARD_HELP, kind="card", default_help="none")] = None
+    dampers: Annotated[
+        tuple[str, ...] | None, Option(kind="drawings", flag="--damper", label="Dampers with a heat sink")
+    ] = None
+    """Optimise the heat sink of this damper: paper, or a geometry file. Repeatable."""
+    duty: LoadCycle = _DUTY
+    law: Annotated[str | None, Option(kind="law", default_help="auto", label="Hysteresis model")] = None
+    """Fit this hysteresis model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -438,3 +652,9 @@ class SweepOptions:
     """Use this number of processes on this computer."""
     scheduler: Annotated[str | None, Option(metavar="tcp://HOST:PORT", local=True)] = None
     """Run the tasks on the workers of the Dask scheduler at this address."""
+
+
+def class_of(job: str, part: str) -> type:
+    """Return the class of the inputs, options or outputs of a job."""
+    found: type = globals().get(f"{job.title().replace(' ', '')}{part}", Nothing)
+    return found

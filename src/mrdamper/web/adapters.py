@@ -16,9 +16,9 @@ from typing import Any
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.previews.choices import choices, run_formats
-from mrdamper.registry import KINDS, Input, Job
+from mrdamper.registry import KINDS, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
-from mrdamper.schema import Json
+from mrdamper.schema import Field, Json
 from mrdamper.web.schemas import job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
@@ -49,7 +49,7 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
 def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool) -> Json:
     """Run a job of the registry."""
     given: dict[str, Any] = {
-        each.name: _thing(folder, each, options) for each in job.inputs if each.flag != "-"
+        each.name: _thing(folder, each, options) for each in job.inputs if each.option.flag != "-"
     }
     given |= {each.name: options[each.name] for each in job.reading if each.name in options}
     if given.get("channels") is not None:
@@ -78,20 +78,20 @@ def _in_folder(folder: WorkFolder, told: Json) -> Json:
     return found
 
 
-def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several
+def _thing(folder: WorkFolder, each: Field, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several
     """Return the path, name or names for an input of a job."""
-    kind = KINDS[each.kind]
+    kind = KINDS[each.option.kind]
     if kind.place == "runs":
         is_wanted = each.required or options["files"] is not None
         return _runs(folder, options["files"]) if is_wanted else None
-    value = options[each.told]
-    if kind.many and not kind.choices:
+    value = options[each.key]
+    if each.many and not kind.choices:
         return tuple(map(folder.input, value)) or None
-    if kind.many:
+    if each.many:
         return tuple(_preset_or_input(folder, name, kind.choices) for name in value) or None
-    if value is None or each.kind in {"law", "name"}:
+    if value is None or each.option.kind in {"law", "name"}:
         return value
-    if kind.choices and each.kind != "plant":
+    if kind.choices and each.option.kind != "plant":
         return _preset_or_input(folder, value, kind.choices)
     finders: dict[str, Callable[[str], Any]] = {
         "duty": lambda name: _duty(folder, name),
@@ -99,7 +99,7 @@ def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN4
         "cards": folder.card,
         "records": folder.record,
     }
-    find = finders.get(each.kind) or finders.get(kind.place) or folder.input
+    find = finders.get(each.option.kind) or finders.get(kind.place) or folder.input
     return find(value)
 
 
