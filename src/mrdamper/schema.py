@@ -337,10 +337,10 @@ def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
 
 def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     """Return an error of Pydantic as an error of this package."""
-    *parents, last = fault["loc"] or ("",)
-    kind = fault["type"]
+    location, kind, message = (fault[key] for key in ("loc", "type", "msg"))
+    *parents, last = location or ("",)
     if kind == "value_error":  # raised in __post_init__ of the record
-        own, raised = ".".join(map(str, fault["loc"])), fault["ctx"]["error"]
+        own, raised = ".".join(map(str, location)), fault["ctx"]["error"]
         error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
         return (error.at_place(own) if own else error).at_place(place)
     where = ".".join(str(part)[:_VALUE_LENGTH_MAX] for part in parents)
@@ -354,8 +354,8 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
         error.remedy = " ".join(filter(None, (error.remedy, next(hints, ""))))
         error.move_to(place)
         return error
-    _, field = _locate(record, fault["loc"])
-    expected, remedy = str(fault["msg"]).removeprefix("Input should be "), ""
+    _, field = _locate(record, location)
+    expected, remedy = str(message).removeprefix("Input should be "), ""
     if field is not None:  # The location is an item if the field is a list.
         expected = field.words if last == field.key else field.item_words
         remedy = field.option.remedy

@@ -69,10 +69,7 @@ class Preparation:
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the fields as JSON values (no smoothing is the text "none")."""
-        given = asdict(self)
-        if given["cutoff_Hz"] == math.inf:
-            given["cutoff_Hz"] = "none"
-        return given
+        return asdict(self) | ({"cutoff_Hz": "none"} if self.cutoff_Hz == math.inf else {})
 
     @classmethod
     def from_dict(cls, given: Mapping[str, object]) -> Preparation:

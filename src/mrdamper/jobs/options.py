@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+from mrdamper.identify.temperature import Temperature
 from mrdamper.schema import Option
 from mrdamper.thermal.drawing import AIR_MAX_M_S
 
@@ -201,7 +202,7 @@ class FitOptions:
     bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry, flow-asymmetry, gas-volume,
     leak, play and follow. Use none for a model without terms. Repeatable."""
     temperature: Annotated[
-        Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"],
+        Temperature,
         Option(label="Temperature dependence", group=""),
     ] = "auto"
     """Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs have

@@ -149,9 +149,9 @@ class Job:
     ) -> Any:  # noqa: ANN401
         """Run the job; an error about an input gets the path of the input."""
         if self.progress_word and on_progress is not None:
-            more["on_progress"] = on_progress
+            more |= {"on_progress": on_progress}
         if self.fields:
-            more["options"] = options
+            more |= {"options": options}
         try:
             return load(self.run)(**things, **more)
         except MrdamperError as fault:
@@ -193,7 +193,8 @@ class Job:
         more: dict[str, Any] = {}
         with ExitStack() as stack:
             if self.checkpoint:
-                more["checkpoint"] = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
+                store = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
+                more = {"checkpoint": store}
             # A path that is not writable is reported before the computation.
             places = stack.enter_context(self._staged(folders, _files_read(given)))
             result = self._run(given, things, options, on_progress, **more)

@@ -38,11 +38,11 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
     With ``resume`` a sweep continues after its finished tasks.
     """
     answer = _perform(job_of(kind), options, folder, out, say, resume=resume)
-    for part in ("c", "matlab") if kind == "export" else ():
-        if part in options["what"]:
-            _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
-    if kind == "export" and "fmu" in options["what"]:
-        answer["fmu_platforms"] = _platforms(out / f"{options['name']}.fmu")
+    exported = options["what"] if kind == "export" else ()
+    for part in {"c", "matlab"} & set(exported):
+        _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
+    if "fmu" in exported:
+        answer |= {"fmu_platforms": _platforms(out / f"{options['name']}.fmu")}
     return answer
 
 

@@ -24,12 +24,10 @@ def channels_of(recording: Recording) -> dict[str, FloatArray]:
         "displacement": recording.displacement,
         "force": recording.force,
         command: recording.command,
+        "velocity": recording.velocity,
+        "temperature": recording.temperature,
     }
-    if recording.velocity is not None:
-        channels["velocity"] = recording.velocity
-    if recording.temperature is not None:
-        channels["temperature"] = recording.temperature
-    return channels
+    return {role: values for role, values in channels.items() if values is not None}
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:

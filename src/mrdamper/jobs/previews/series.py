@@ -92,7 +92,7 @@ def keep_window(
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
         kept = low + _telling(chosen, max(most, _WINDOW_SAMPLES_MIN))
-    units = {column["name"]: column["unit"] for column in header["columns"]}
+    units = _units(header)
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 
 
@@ -142,10 +142,15 @@ def read_series(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float3
     with path.open("rb") as file:
         length = int.from_bytes(file.read(4), "little")
         header = json.loads(file.read(length))
-    names = [column["name"] for column in header["columns"]]
+    names = list(_units(header))
     shape = (len(names), header["n"])
     found = np.memmap(path, dtype="<f4", mode="r", offset=4 + length, shape=shape)
     return header, dict(zip(names, found, strict=True))
+
+
+def _units(header: Mapping[str, Any]) -> dict[str, str]:
+    """Return the units of the columns of a kept run, by name."""
+    return {column["name"]: column["unit"] for column in header["columns"]}
 
 
 def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
@@ -169,7 +174,7 @@ def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
     }
     warm = recording.temperature
     if warm is not None and len(warm) == len(x):
-        columns["temperature_degC"] = ("degC", warm - ZERO_CELSIUS_K)
+        columns |= {"temperature_degC": ("degC", warm - ZERO_CELSIUS_K)}
     return columns
 
 

@@ -198,8 +198,7 @@ def _limit_sentence(rise: Rise, interval: PredictionInterval | None, index: int)
 
 def _energy_sentence(rise: Rise) -> str:
     """Return the distribution of the dissipated energy."""
-    energy = rise.energy_J
-    total = energy["mechanical"] + energy["coil"]
+    energy, total = rise.energy_J, rise.input_J
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
     percents = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
     return f"Energy {total / 1e3:.1f} kJ: {percents}."
