@@ -21,7 +21,7 @@ class Build:
 
     __slots__ = ("api", "ffi", "levels", "lib", "real", "state", "state_size")
 
-    def __init__(self, ffi: Any, lib: Any, real: type[np.floating[Any]]) -> None:
+    def __init__(self, ffi: Any, lib: Any, real: type[np.floating[Any]]) -> None:  # noqa: ANN401 made by cffi
         self.ffi, self.lib, self.real = ffi, lib, real
         self.state = self.ffi.typeof("mrd_track_state *")
         self.state_size = self.ffi.sizeof(self.state.item)
