@@ -26,15 +26,10 @@ _DUTY_HELP = "Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with
 _GIVEN = "the value of the geometry file"
 _DESIGN = "Limits of the design"
 
-Jobs = Annotated[
-    int | None,
-    Option(_JOBS_HELP, least=1, most=1024, metavar="NUMBER", default_help="all cores", local=True),
-]
+Jobs = Annotated[int | None, Option(_JOBS_HELP, least=1, most=1024, default_help="all cores", local=True)]
 """Number of processes of a job that uses a pool (``runtime.pool``)."""
 
-Posterior = Annotated[
-    int, Option(_POSTERIOR_HELP, least=0, most=100_000, metavar="NUMBER", label="Posterior samples")
-]
+Posterior = Annotated[int, Option(_POSTERIOR_HELP, least=0, most=100_000, label="Posterior samples")]
 """Number of posterior samples of a job that predicts from a card (``models.card_draws``)."""
 
 
@@ -78,8 +73,7 @@ class FilesReading(MapReading):
     """Options for reading files of runs without conversion."""
 
     answer: Annotated[
-        tuple[str, ...],
-        Option(metavar="ROLE.TOPIC=VALUE", label="Answers to open questions", most_items=100),
+        tuple[str, ...], Option(metavar="ROLE.TOPIC=VALUE", label="Answers to open questions", most_items=100)
     ] = ()
     """Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column, scale,
     value, rate, part. A pattern of names and a colon before it select files. Repeatable."""
@@ -155,8 +149,7 @@ class FitInputs:
     spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The choice auto selects a model by
     cross-validation."""
     fluid: Annotated[
-        str | None,
-        Option(kind="fluid", default_help="none", label="Fluid, if the runs have one temperature"),
+        str | None, Option(kind="fluid", default_help="none", label="Fluid, if the runs have one temperature")
     ] = None
     """Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid file. The card marks it
     as assumed."""
@@ -181,11 +174,10 @@ class FitOptions:
     ] = ()
     """Use only runs whose names match this pattern. Repeatable."""
     hold_out: Annotated[
-        tuple[str, ...],
-        Option(metavar="GLOB", label="Hold out", most_items=20_000, group="Hold out", offers="runs"),
+        tuple[str, ...], Option(metavar="GLOB", most_items=20_000, group="Hold out", offers="runs")
     ] = ()
     """Exclude runs whose names match this pattern, and use them as a test. Repeatable."""
-    posterior: Annotated[int, Option(least=0, most=100_000, metavar="NUMBER", label="Posterior samples")] = 0
+    posterior: Annotated[int, Option(least=0, most=100_000, label="Posterior samples")] = 0
     """Compute this number of posterior samples, for 90 % intervals of parameters and forces."""
     one_command: Annotated[bool, Option(label="accept runs with a single current")] = False
     """Accept runs with a single current. The model is then valid only for this current."""
@@ -195,16 +187,12 @@ class FitOptions:
             flag="--term",
             metavar="TERM",
             default_help="friction, and thinning if the runs have several temperatures",
-            label="Terms",
         ),
     ] = None
     """Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has orifice,
     bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry, flow-asymmetry, gas-volume,
     leak, play and follow. Use none for a model without terms. Repeatable."""
-    temperature: Annotated[
-        Temperature,
-        Option(label="Temperature dependence", group=""),
-    ] = "auto"
+    temperature: Annotated[Temperature, Option(label="Temperature dependence", group="")] = "auto"
     """Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs have
     several temperatures."""
     jobs: Jobs = None
@@ -234,14 +222,7 @@ class CyclesOptions:
 
     least_stroke_mm: Annotated[
         float | None,
-        Option(
-            unit="mm",
-            above=0.0,
-            below=1e6,
-            metavar="MM",
-            group="",
-            default_help="5 % of the displacement range",
-        ),
+        Option(unit="mm", above=0.0, below=1e6, group="", default_help="5 % of the displacement range"),
     ] = None
     """Ignore cycles with a smaller stroke, in mm."""
 
@@ -255,9 +236,7 @@ class TrackInputs:
     """Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card (JSON)."""
     targets: Annotated[
         tuple[str, ...] | None,
-        Option(
-            kind="scenario", flag="--target", default_help="all", label="Targets", begins=("sine-900N-1Hz",)
-        ),
+        Option(kind="scenario", flag="--target", default_help="all", begins=("sine-900N-1Hz",)),
     ] = None
     """Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable."""
     unaware: Annotated[Path | None, Option(kind="card", flag="-")] = None
@@ -273,7 +252,6 @@ class TrackOptions:
         tuple[float, ...],
         Option(
             flag="--temperature",
-            metavar="DEGC",
             unit="degC",
             label="Temperatures of the damper",
             group="Temperatures",
@@ -292,7 +270,6 @@ class TrackOptions:
             metavar="NAME",
             default_help="all controllers",
             most_items=40,
-            label="Controllers",
             group="Controllers",
             offers="controllers",
             begins=("recommended", "paper"),
@@ -374,7 +351,7 @@ class ExportOptions:
     """Write C99 source code, an FMU, a force map (CSV), or a folder for MATLAB."""
     content: Annotated[
         Literal["model", "controller", "both"],
-        Option(label="Content", group="", titles=("the model", "the controller", "model and controller")),
+        Option(group="", titles=("the model", "the controller", "model and controller")),
     ] = "both"
     """Export the model of the damper, its force controller, or both."""
     precision: Annotated[
@@ -386,9 +363,7 @@ class ExportOptions:
         float, Option(unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", group="")
     ] = 1e-3
     """Call the code with this period, such as 1ms or 500us."""
-    controller: Annotated[str, Option(metavar="NAME", label="Controller", group="", offers="controllers")] = (
-        "recommended"
-    )
+    controller: Annotated[str, Option(metavar="NAME", group="", offers="controllers")] = "recommended"
     """Use this controller: recommended, recommended-causal, paper, ..."""
     name: Annotated[str, Option(metavar="IDENT", label="Prefix of names", group="")] = "damper"
     """Put this prefix before all names in the code."""
@@ -438,8 +413,7 @@ class HeatInputs(DerateInputs):
     """Inputs of ``heat``."""
 
     sink: Annotated[
-        Path | None,
-        Option(kind="sink", default_help="the heat sink of the geometry file", label="Heat sink"),
+        Path | None, Option(kind="sink", default_help="the heat sink of the geometry file", label="Heat sink")
     ] = None
     """Use the heat sink of this file (TOML table [sink])."""
     calibrate: Annotated[Path | None, Option(kind="curve", label="Measured curve for calibration")] = None
@@ -499,7 +473,7 @@ class HeatOptions:
     """Use the heat sink of the geometry file."""
 
 
-def _limit(unit: str, label: str) -> Option:
+def _limit(unit: str, label: str = "") -> Option:
     """Return the option of a limit of the heat sink's size."""
     return Option(
         unit=unit, label=label, group=_DESIGN, above=0.0, below=1e6, default_help="the drawing's sink's"
@@ -514,11 +488,11 @@ class HeatsinkInputs(DerateInputs):
 class HeatsinkOptions:
     """Options of ``heatsink``. Default limits are the ones of the heat sink in the geometry file."""
 
-    span_mm: Annotated[float | None, _limit("mm", "Length")] = None
+    span_mm: Annotated[float | None, _limit("mm", label="Length")] = None
     """Limit the length of the finned body, in mm."""
-    width_mm: Annotated[float | None, _limit("mm", "Width")] = None
+    width_mm: Annotated[float | None, _limit("mm")] = None
     """Limit the radial width of the fins, in mm."""
-    mass_g: Annotated[float | None, _limit("g", "Mass")] = None
+    mass_g: Annotated[float | None, _limit("g")] = None
     """Limit the total mass of the fins, in g."""
     materials: Annotated[
         tuple[str, ...],
@@ -564,8 +538,7 @@ class RigInputs:
     preset: Annotated[str, Option(kind="virtual damper", label="Damper")] = "nominal"
     """Test this virtual damper: a preset, or a TOML file with a preset and changed parameters."""
     campaign: Annotated[
-        str | None,
-        Option(kind="campaign", default_help="the campaign of the damper", begins="short"),
+        str | None, Option(kind="campaign", default_help="the campaign of the damper", begins="short")
     ] = None
     """Run this campaign of motions, currents and temperatures: short, or a TOML file."""
 
@@ -630,14 +603,7 @@ class SweepOptions:
 
     samples: Annotated[
         int | None,
-        Option(
-            metavar="NUMBER",
-            least=1,
-            most=100_000,
-            group="",
-            default_help="no random dampers",
-            label="Random dampers",
-        ),
+        Option(least=1, most=100_000, group="", default_help="no random dampers", label="Random dampers"),
     ] = None
     """Test the controllers of the card on this number of random dampers."""
     spread_percent: Annotated[
