@@ -472,7 +472,7 @@ def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 -
 
 def finite_or_none(value: float) -> float | None:
     """Return a number for JSON: None (null) if it is not finite."""
-    return value if math.isfinite(value) else None
+    return float(value) if math.isfinite(value) else None
 
 
 def toml_text(document: Mapping[str, Any], title: str = "") -> str:

@@ -18,7 +18,7 @@ from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.previews.choices import choices, run_formats
 from mrdamper.registry import KINDS, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
-from mrdamper.schema import Field, Json
+from mrdamper.schema import Field, Json, finite_or_none
 from mrdamper.web.schemas import job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
@@ -157,7 +157,7 @@ def _progress(say: Say, word: str) -> Progress:
 
     def on_progress(now: ProgressUpdate) -> None:
         state = asdict(now.detail) if is_dataclass(now.detail) and not isinstance(now.detail, type) else {}
-        told: Json = {k: _finite(v) if isinstance(v, float) else v for k, v in state.items()}
+        told: Json = {k: finite_or_none(v) if isinstance(v, float) else v for k, v in state.items()}
         text = now.text
         if word == "row":
             of = "" if now.total is None else f" of {now.total:,}"
@@ -167,10 +167,6 @@ def _progress(say: Say, word: str) -> Progress:
         say(done=now.done, of=now.total or 0, text=text, **told)
 
     return on_progress
-
-
-def _finite(value: float) -> float | None:
-    return value if abs(value) < float("inf") else None
 
 
 def _platforms(fmu: Path) -> list[str]:

@@ -24,13 +24,13 @@ from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import read_file
 from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
-from mrdamper.identify.evaluate import finite, outside_envelope
+from mrdamper.identify.evaluate import outside_envelope
 from mrdamper.identify.scores import score_run
 from mrdamper.jobs.previews.runs import look_into, run_row
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 _STEP_TOLERANCE_RATIO = 1e-3  # allowed deviation in time steps
 _WINDOW_SAMPLES_MIN = 64  # min samples of a window
@@ -119,8 +119,8 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
     error = score_run(damper, prepared)
     header = _header(recording, path.name) | {
         "card": shown,
-        "rmse_N": finite(error.rmse_N),
-        "nrmse_percent": finite(error.nrmse_percent),
+        "rmse_N": finite_or_none(error.rmse_N),
+        "nrmse_percent": finite_or_none(error.nrmse_percent),
         "notes": outside_envelope(model, [prepared]),
         "scored_from_s": prepared.scored_from * prepared.trajectory.step,
     }
@@ -196,7 +196,7 @@ def _header(recording: Recording, file: str) -> dict[str, Any]:
         "name": recording.name,
         "file": file,
         "samples": len(recording),
-        "t0_s": finite(float(time[0])),
+        "t0_s": finite_or_none(float(time[0])),
         "step_s": step if uniform else None,
     }
 
