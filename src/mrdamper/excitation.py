@@ -277,33 +277,14 @@ class Road(_Tones):
     corner to 2.83 cycles/m; they have no common period. The same seed gives the same road at any speed.
     """
 
-    road_class: str = "C"  # A (smooth) to H
-    speed: float = 20.0  # [m/s]
-    seed: int = 5
-    corner: float = 0.01  # [cycles/m]
+    road_class: Annotated[str, Option(among=lambda: ROAD_ROUGHNESS)] = "C"  # A (smooth) to H
+    speed: Annotated[float, Option(unit="m/s", above=0.0)] = 20.0
+    seed: Annotated[int, Option(least=0)] = 5
+    corner: Annotated[float, Option(unit="cycles/m", above=0.0, below=_FINEST_WAVENUMBER)] = 0.01
     tones: Harmonics = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if self.road_class not in ROAD_ROUGHNESS:
-            raise InputError(
-                place="road",
-                found=f"class is {self.road_class!r}",
-                expected=f"one of: {', '.join(ROAD_ROUGHNESS)}",
-            )
-        if not (np.isfinite(self.speed) and self.speed > 0.0):
-            raise InputError(
-                place="road", found=f"speed is {self.speed}", expected="a positive, finite number"
-            )
-        if not 0.0 < self.corner < _FINEST_WAVENUMBER:
-            raise InputError(
-                place="road",
-                found=f"corner is {self.corner} cycles/m",
-                expected=f"0 to {_FINEST_WAVENUMBER}, both excluded",
-            )
-        if self.seed < 0:
-            raise InputError(
-                place="road", found=f"seed is {self.seed!r}", expected="a whole number, zero or more"
-            )
+        check_ranges(self, "road")
         edges = np.geomspace(0.1 * self.corner, _FINEST_WAVENUMBER, _TONE_COUNT + 1)
         power = np.diff(np.arctan(edges / self.corner)) / self.corner  # integrals of 1 / (n^2 + corner^2)
         amplitudes = np.sqrt(2.0 * ROAD_ROUGHNESS[self.road_class] * _REFERENCE_WAVENUMBER**2 * power)

@@ -155,6 +155,10 @@ class Option:
         return value if scale == 1.0 else float(f"{value / scale:.12g}")
 
 
+Positive = Annotated[float, Option(above=0.0)]
+NotNegative = Annotated[float, Option(least=0.0)]
+
+
 @dataclass(frozen=True)
 class Field:
     """A field of a record with its option, as used by command line, file and form."""
