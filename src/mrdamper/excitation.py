@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.quantities import to_si
-from mrdamper.schema import Option, check_ranges
+from mrdamper.schema import Option, Positive, check_ranges
 
 ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
     {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
@@ -114,26 +114,15 @@ class Motion(Protocol):
     def acceleration(self, t: ArrayLike) -> FloatArray: ...  # [m/s^2]
 
 
-def _require_positive(motion: object) -> None:
-    """Refuse a motion with a number that is not positive and finite."""
-    for each in fields(motion):  # type: ignore[arg-type]  # every motion is a dataclass
-        value = getattr(motion, each.name)
-        if not (np.isfinite(value) and value > 0.0):
-            kind = type(motion).__name__.lower()
-            raise InputError(
-                place=kind, found=f"{each.name} is {value}", expected="a positive, finite number"
-            )
-
-
 @dataclass(frozen=True, slots=True)
 class Sine:
     """x = A sin(2 pi f t)."""
 
-    amplitude: float  # A [m]
-    frequency: float  # f [Hz]
+    amplitude: Positive  # A [m]
+    frequency: Positive  # f [Hz]
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_ranges(self, "sine")
 
     @property
     def period(self) -> float:
@@ -155,13 +144,13 @@ class Sine:
 class Chirp:
     """x = A sin(phi), its frequency going linearly: phi = 2 pi (f0 t + (f1 - f0) t^2 / 2T)."""
 
-    amplitude: float  # A [m]
-    start: float  # f0 [Hz]
-    stop: float  # f1, reached at t = T [Hz]
-    duration: float  # T [s]
+    amplitude: Positive  # A [m]
+    start: Positive  # f0 [Hz]
+    stop: Positive  # f1, reached at t = T [Hz]
+    duration: Positive  # T [s]
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_ranges(self, "chirp")
 
     def _phase(self, t: ArrayLike) -> tuple[FloatArray, FloatArray, float]:
         """Return the phase [rad], its rate [rad/s] and the rate of that [rad/s^2]."""
@@ -227,11 +216,11 @@ class Triangle:
     point is that of the following stroke.
     """
 
-    amplitude: float  # A [m]
-    speed: float  # [m/s]
+    amplitude: Positive  # A [m]
+    speed: Positive  # [m/s]
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_ranges(self, "triangle")
 
     @property
     def period(self) -> float:
