@@ -22,7 +22,7 @@ from mrdamper.data.records import WITHOUT_MOTION, RigRun
 from mrdamper.data.signals import Kinematics, knot_spacing, measure_spectrum, smallest_step, smooth
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
-from mrdamper.schema import read_record
+from mrdamper.schema import NotNegative, Positive, check_ranges, read_record
 
 _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
@@ -39,40 +39,22 @@ _VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity chan
 class Preparation:
     """How runs are prepared; ``None`` means automatic by the rules of ``prepare_run``."""
 
-    cutoff_Hz: float | None = None  # Smoothing of displacement; math.inf: no smoothing.
-    dead_band_m: float | None = None  # Smaller reversals are noise.
+    cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
+    dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
     reference: Reference = "start"  # Zero of displacement.
     velocity: VelocitySource = "displacement"  # Derivative of displacement, or measured.
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.
-    thermocouple_lag_s: float = 0.0  # Compensated if temperature drifts.
+    thermocouple_lag_s: NotNegative = 0.0  # Compensated if temperature drifts.
 
     def __post_init__(self) -> None:
-        if self.cutoff_Hz is not None and not self.cutoff_Hz > 0.0:
-            raise InputError(found=f"cutoff_Hz is {self.cutoff_Hz}", expected="a positive number")
-        if self.dead_band_m is not None and not 0.0 <= self.dead_band_m < math.inf:
-            raise InputError(found=f"dead_band_m is {self.dead_band_m}", expected="zero or more")
-        for name, known in (
-            ("reference", ("start", "mean", "none")),
-            ("velocity", ("displacement", "channel")),
-        ):
-            if getattr(self, name) not in known:
-                choices = ", ".join(known)
-                raise InputError(found=f"{name} is {getattr(self, name)!r}", expected=f"one of: {choices}")
-        if not 0.0 <= self.thermocouple_lag_s < math.inf:
-            raise InputError(
-                found=f"thermocouple_lag_s is {self.thermocouple_lag_s}", expected="zero or more"
-            )
-        if not math.isfinite(self.force_offset_N):
-            raise InputError(found=f"force_offset_N is {self.force_offset_N}", expected="a number")
+        is_unfiltered = self.cutoff_Hz == math.inf
+        check_ranges(replace(self, cutoff_Hz=None) if is_unfiltered else self, "preparation")
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the fields as JSON values (no smoothing is the text "none")."""
-        given = asdict(self)
-        if given["cutoff_Hz"] == math.inf:
-            given["cutoff_Hz"] = "none"
-        return given
+        return asdict(self) | ({"cutoff_Hz": "none"} if self.cutoff_Hz == math.inf else {})
 
     @classmethod
     def from_dict(cls, given: Mapping[str, object]) -> Preparation:

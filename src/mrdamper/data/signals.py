@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.core import solve_banded
 
 _NOISE_RATIO_MIN = 1e-3  # Smaller noise in velocity, divided by the rms velocity, is not filtered.
 _CUT_OFF_RATIO_MIN = 5.0  # The cut-off is at least this multiple of the mean frequency of the motion.
@@ -86,7 +85,9 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     at least the rounding error if all displacements are on a grid. Up to 2 % of the record are ignored at its
     end, because the transform of the shorter length is faster.
     """
-    n = fast_length(len(displacement) - 1) + 1
+    from scipy.fft import prev_fast_len  # It takes a quarter of a second to load.
+
+    n = prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
     odd = np.concatenate([kept[:-1], -kept[:0:-1]])  # An odd function has sine terms only.
     coefficient = -np.fft.rfft(odd).imag[1:-1] * np.sqrt(0.5 / (n - 1))
@@ -116,6 +117,8 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     If the spacing is one sample, the derivatives are sixth-order differences.
     """
+    from scipy.linalg import solveh_banded  # It takes a quarter of a second to load.
+
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
     if spacing == 1:
@@ -141,7 +144,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
     right = np.zeros(count)
     for j in range(_SPLINE_DEGREE + 1):
         right[j : j + blocks] += moments[:, j]
-    coefficients = solve_banded(normal, right)
+    coefficients = solveh_banded(normal, right, overwrite_ab=True, overwrite_b=True, lower=True)
     active = np.lib.stride_tricks.sliding_window_view(coefficients, _SPLINE_DEGREE + 1)
     x, v, a = ((active @ weights).ravel()[:n] for weights in basis)
     return Kinematics(x, v / step, a / step**2)
@@ -160,18 +163,6 @@ def differentiate(values: FloatArray, step: float) -> FloatArray:
     derivative[-3:] = -(_ENDS @ values[:-8:-1])[::-1]
     derivative /= step
     return derivative
-
-
-def fast_length(length_max: int) -> int:
-    """Return the largest number 2^i 3^j 5^k up to ``length_max`` (at least 1); its transform is fast."""
-    best, fives = 1, 1
-    while fives <= length_max:
-        threes = fives
-        while threes <= length_max:
-            best = max(best, threes << ((length_max // threes).bit_length() - 1))
-            threes *= 3
-        fives *= 5
-    return best
 
 
 def smallest_step(displacement: FloatArray) -> float:

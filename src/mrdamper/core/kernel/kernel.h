@@ -151,7 +151,6 @@ typedef struct {
                   double *by_n);
     void (*lag)(size_t n, double step, double rise, double fall, double wheel, double saturation, const double *command,
                 double *applied, double *by_lag, const double *before);
-    int (*banded)(size_t n, size_t width, double *lower, double *right);
     size_t (*turns)(mrd_turns *turns, size_t n, const double *x, double dead_band, double *at);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
     mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_inputs *told);

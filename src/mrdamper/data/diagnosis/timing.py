@@ -9,6 +9,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
+from mrdamper.schema import finite_or_none
 
 LOST_STEP_RATIO_MIN = 1.5  # A longer time step, in units of the median step, has lost samples.
 JUMP_SLOPE_RATIO_MIN = 0.6  # Multiple of the rms slope of the displacement.
@@ -24,12 +25,10 @@ def channels_of(recording: Recording) -> dict[str, FloatArray]:
         "displacement": recording.displacement,
         "force": recording.force,
         command: recording.command,
+        "velocity": recording.velocity,
+        "temperature": recording.temperature,
     }
-    if recording.velocity is not None:
-        channels["velocity"] = recording.velocity
-    if recording.temperature is not None:
-        channels["temperature"] = recording.temperature
-    return channels
+    return {role: values for role, values in channels.items() if values is not None}
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
@@ -44,8 +43,8 @@ def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
                 channel=role,
                 size=float(len(bad)),
                 unit="samples",
-                from_s=_finite(recording.time, first),
-                to_s=_finite(recording.time, last),
+                from_s=finite_or_none(recording.time[first]),
+                to_s=finite_or_none(recording.time[last]),
                 found=f"{role} is no finite number at {len(bad)} samples, the first at sample {first}",
                 effect="No fit can use the run: an error over such samples has no value",
                 remedy="Fill the empty cells in the source, or cut the segment out of the file",
@@ -112,7 +111,3 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
         effect="Velocity there is wrong, and all that follows is shifted against the clock",
         remedy="Check the load of the recording computer and its buffers; cut the run at these places",
     )
-
-
-def _finite(time: FloatArray, k: int) -> float | None:
-    return float(time[k]) if np.isfinite(time[k]) else None

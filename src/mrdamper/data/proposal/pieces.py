@@ -18,6 +18,7 @@ from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Texts
 from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
+from mrdamper.schema import finite_or_none
 
 MISSING_RATIO_MAX = 0.01
 _SLOW = frozenset({"temperature", "command"})
@@ -131,8 +132,8 @@ def filled(piece: Piece) -> Piece:
                 channel=role,
                 size=float(count),
                 unit="samples",
-                from_s=_finite_time(piece.time, first),
-                to_s=_finite_time(piece.time, int(np.flatnonzero(missing)[-1])),
+                from_s=finite_or_none(piece.time[first]),
+                to_s=finite_or_none(piece.time[int(np.flatnonzero(missing)[-1])]),
                 found=f"{role} has {count} missing numbers, the first at sample {first}: interpolated",
                 effect="A reversal among them is flattened",
                 remedy="Fill them in the source if it has them",
@@ -278,7 +279,3 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     inner = turns[1:-1]
     first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # Both are at the same side.
     return float((path[last] - path[first]) / (time[last] - time[first]))
-
-
-def _finite_time(time: FloatArray, k: int) -> float | None:
-    return float(time[k]) if np.isfinite(time[k]) else None

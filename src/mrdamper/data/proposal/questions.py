@@ -114,12 +114,13 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
                 found="it has another form",
                 expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
             )
-        if found["role"] not in QUANTITIES:
-            raise unknown_name("no role", found["role"], QUANTITIES, f"answer {text!r}")
-        topic = next((each for each in get_args(Topic) if each == found["topic"]), None)
+        role, name, value, files = found.group("role", "topic", "value", "files")
+        if role not in QUANTITIES:
+            raise unknown_name("no role", role, QUANTITIES, f"answer {text!r}")
+        topic = next((each for each in get_args(Topic) if each == name), None)
         if topic is None:
-            raise unknown_name("no topic", found["topic"], get_args(Topic), f"answer {text!r}")
-        answers.append(Answer(found["role"], topic, found["value"].strip(), found["files"] or "*"))
+            raise unknown_name("no topic", name, get_args(Topic), f"answer {text!r}")
+        answers.append(Answer(role, topic, value.strip(), files or "*"))
     return tuple(answers)
 
 
