@@ -18,6 +18,7 @@ from mrdamper.data.proposal.documents import read_documents
 from mrdamper.data.proposal.folders import distinct_names, find_files, known_suffixes
 from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.proposal.temperature_logs import join_temperature_logs
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import NoTableError, read_tables
 from mrdamper.data.words.labels import Place
@@ -180,9 +181,14 @@ def _read_all(
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
     joined, members = join_channel_files([item.path for item in unreadable], load_map(chosen), answers)
-    read += joined
-    unreadable = [item for item in unreadable if item.path not in members]
-    read = [_without_archive_path(space, path, file) for path, file in _with_distinct_names(read)]
+    warmed, logs = join_temperature_logs(
+        [*read, *joined],
+        [item.path for item in unreadable if item.path not in members],
+        load_map(chosen),
+        answers,
+    )
+    unreadable = [item for item in unreadable if item.path not in {*members, *logs}]
+    read = [_without_archive_path(space, path, file) for path, file in _with_distinct_names(warmed)]
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & _GENERIC_SUFFIXES
     may_be_runs = bool(read) or any(
@@ -194,7 +200,8 @@ def _read_all(
         if may_be_runs and _is_ignored(item, given | {*frames}, {*_GENERIC_SUFFIXES} - objects)
     ]
     kept = tuple(item for item in unreadable if item not in ignored)
-    folder_findings = (*(document.finding for document in documents), *map(_no_run_finding, ignored))
+    stating_findings = (document.finding for document in documents)
+    folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
     return ReadFiles(tuple(read), kept, runs, folder_findings)
 
 

@@ -28,6 +28,7 @@ from mrdamper.data.formats.table import (
     require_room,
     shortest_names,
 )
+from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.errors import InputError
 
 _CLOCK_INDEX = -1  # This channel index means the clock of the group.
@@ -67,6 +68,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         title=others[0] if others else options.part,
         more=others[1:],
         clocks={name: each[5] for name, each in named.items()},
+        start=moment_of(file.header.start_time.isoformat()),
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in
+from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in, with_dates
 from mrdamper.data.formats.lines.encodings import (
     READ_AS,
     UTF8,
@@ -262,7 +262,7 @@ def parse_rows(
         layout=layout,
         rows=max(map(len, (numbers | words).values())),
         units={order[k]: "s" for k in stamps},
-        stamps=frozenset(order[k] for k in stamps),
+        stamps={order[k]: reader.first for k, reader in stamps.items() if reader.first},
     )
 
 
@@ -287,7 +287,7 @@ def _column_blocks(
             is_number = [True] * len(plain)
             yield plain
             continue
-        columns = _parse_block(path, content, layout, len(order), first_line)
+        columns = with_dates(_parse_block(path, content, layout, len(order), first_line))
         for k, column in list(columns.items()):
             if k in stamps:
                 columns[k] = column.as_times(stamps[k])

@@ -15,8 +15,9 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS, UNIX_TIME_MIN_s
+from mrdamper.data.formats.table import Moment, Table
+from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.proposal.refusals import listed, no_unit, perhaps, require_no_text
@@ -215,6 +216,35 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
             candidates=[f"{rate:g}" for rate in rates],
         )
     return step
+
+
+def start_of(table: Table, first_s: float, path: Path) -> Moment | None:
+    """Return the moment of time zero of a table, None if neither its times nor its lines state one.
+
+    A time of day gets the date in the lines above the table, in the name of the file, or of its folder.
+
+    Parameters
+    ----------
+    first_s : time of the first row [s]
+    """
+    stamps = [moment.later(-first_s) for moment in table.stamps.values()]
+    lines = start_in(table.said)
+    moments = [each for each in (*stamps, table.start, lines) if each is not None]
+    moment = next((each for each in moments if each.has_date), next(iter(moments), None))
+    if moment is None:
+        return Moment(0.0, 0.0, is_utc=True) if first_s > UNIX_TIME_MIN_s else None
+    if moment.has_date:
+        return moment
+    days = next(filter(None, map(date_in, (table.said, [path.stem], [path.parent.name]))), None)
+    if days is None:
+        return moment
+    day_s, month_s = (DAY_S * day for day in days)
+    return replace(
+        moment,
+        day_first_s=moment.day_first_s + day_s,
+        month_first_s=moment.month_first_s + month_s,
+        has_date=True,
+    )
 
 
 def _rates_of(table: Table) -> tuple[float, ...]:

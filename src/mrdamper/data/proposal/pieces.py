@@ -16,7 +16,7 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Texts
+from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Moment, Texts
 from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 
 MISSING_RATIO_MAX = 0.01
@@ -36,6 +36,7 @@ class Piece:
     channels: Mapping[str, FloatArray]  # Values by role, the command under "command".
     title: str = ""  # Title of the sheet, group or run.
     findings: tuple[Finding, ...] = ()
+    start: Moment | None = None  # Moment of time zero.
     told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source.
 
     def part(self, rows: slice) -> Piece:

@@ -55,7 +55,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             if own_time is not None and chosen.channel("time").find(table.names, place) is None:
                 column: Column | None = _time_of_clock(table, own_time, chosen, place)
             else:
-                column = _column_of(role, table, headers, chosen, place)
+                column = column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
                 column = _select_one(role, [column, *_namesakes(column, table)], place)
             if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
@@ -116,7 +116,7 @@ def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:
     return found if len({value for _, value in found}) == len(found) else ()
 
 
-def _column_of(
+def column_of(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
     """Return the column of a role, None if it is missing."""
@@ -245,7 +245,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
     """Return the columns of unknown unit that may have a role without a column."""
     taken = {column.name for column in columns}
     roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
-    headers = [header_of(table, name, place) for name in table.columns if name not in taken | table.stamps]
+    headers = [header_of(table, name, place) for name in table.columns if name not in {*taken, *table.stamps}]
     return [
         f"{each.name!r} ({role}, unknown unit)"
         for role in QUANTITIES

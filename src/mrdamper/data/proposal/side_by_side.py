@@ -80,7 +80,7 @@ def wide_of_long(table: Table) -> Table:
         names=(*columns,),
         columns=columns,
         texts={},
-        stamps=frozenset(),
+        stamps={},
         units={}
         if units is None
         else {name: units[int(np.argmax(there))] or "" for name, there in rows.items()},

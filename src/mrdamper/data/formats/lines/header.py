@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
 from mrdamper.data.formats.lines.properties import find_properties, property_of
 from mrdamper.data.formats.table import LEAST_ROWS, MISSING_MARKS
+from mrdamper.data.formats.timestamps import days_of, is_time
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
@@ -20,7 +22,6 @@ from mrdamper.quantities import is_any_unit
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
-_DATED = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ,]\d{1,2}:\d{2}:\d{2}\S*")
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?([+-]?\d[\d.,]*)[\"']?,?\s*"
@@ -263,9 +264,9 @@ def is_comment(line: str) -> bool:
 
 
 def count_numbers(fields: Sequence[str]) -> int:
-    """Return the number of numeric fields; a date with a time of day in the first field counts."""
-    dated = bool(fields) and _DATED.fullmatch(fields[0]) is not None
-    return dated + sum(map(is_number, fields))
+    """Return the number of numeric fields; a time of day in the first field, or behind a date, counts."""
+    is_dated = len(fields) > 1 and not math.isnan(days_of(fields[0])[0]) and is_time(fields[1])
+    return (is_dated or is_time(fields[0] if fields else "")) + sum(map(is_number, fields))
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
