@@ -30,7 +30,7 @@ _CLOCK_INSIDE = re.compile(rf"(?<![0-9:]){_CLOCK}(?![0-9:])")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 DAY_S = 86400.0
 _NO_DAY = (math.nan, math.nan)
-# Words in the lines above a table: the start of the record, other dates of the record, and dates of other events.
+# Words above a table about the start of the record, its other dates, and the dates of other events.
 _START = re.compile(r"start|beg[ai]n|trigger|\bt ?0\b|anfang|d[ée]but|inicio|开始", re.IGNORECASE)
 _RECORD = re.compile(r"dat[eu]|time|zeit|record|measur|mess|acqui|fecha|hora|heure|日期|时间", re.IGNORECASE)
 _OTHER = re.compile(
@@ -48,9 +48,9 @@ def days_of(text: str | None) -> tuple[float, float]:
 
     The readings are equal if only one is valid, and NaN if the text is not a date.
     """
-    parts = re.split(r"[-./]", re.sub(r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3", text or ""))
-    if len(parts) != 3:
+    if not text or _DATE_INSIDE.fullmatch(text) is None:
         return _NO_DAY
+    parts = re.split(r"[-./]", re.sub(r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3", text))
     month = parts[1][:3].lower()
     first, second, third = ((part if part.isdecimal() else "0") for part in parts)
     if month in _MONTHS:
@@ -58,7 +58,7 @@ def days_of(text: str | None) -> tuple[float, float]:
     if len(first) == 4:
         orders = [(first, second, third)]
     else:
-        orders = [(third, second, first), (third, first, second)][: 1 if "." in f"{text}" else 2]
+        orders = [(third, second, first), (third, first, second)][: 1 if "." in text else 2]
     valid = [day for order in orders if not math.isnan(day := _day(*map(int, order)))]
     return (valid[0], valid[-1]) if valid and len(orders[0][0]) == 4 else _NO_DAY
 
@@ -166,7 +166,7 @@ def _reading_of(dates: Iterable[str]) -> int | None:
         return None
     if all(day == month for day, month in days):
         return 0
-    # A date with one reading decides for the dates with two. The first number of such a date is a day above 12.
+    # A date with one reading decides for the dates with two. Its day is above 12.
     forced = {
         int(int(re.split(r"[-./]", text)[0]) <= 12)
         for text, (day, month) in zip(dates, days, strict=True)
@@ -176,7 +176,7 @@ def _reading_of(dates: Iterable[str]) -> int | None:
 
 
 def _parts(cells: Texts) -> tuple[Texts, list[bool], list[FloatArray]]:
-    """Return dates, flags of UTC, and hours, minutes, seconds, fractions, 12-hour and pm flags, UTC offsets [s]."""
+    """Return dates, flags of UTC; hours, minutes, seconds, fractions, 12-hour and pm flags, offsets [s]."""
     nothing = (None,) * 10
     found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
     read = np.array(

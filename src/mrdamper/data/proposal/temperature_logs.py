@@ -16,7 +16,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import Moment, Table
-from mrdamper.data.proposal.clocks import sampling_step, start_of
+from mrdamper.data.proposal.clocks import start_of
 from mrdamper.data.proposal.column import Header, headers_of
 from mrdamper.data.proposal.questions import Answer, with_answers
 from mrdamper.data.proposal.recordings import RigFile
@@ -28,8 +28,8 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
-# Possible differences between local time and UTC [s].
-_ZONES_s = tuple(1800.0 * zone for zone in (0, *range(-24, 0), *range(1, 29)))
+# Differences between local time and UTC [h], beginning with 0.
+_ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
 AMBIGUITY_MAX_K = 1.0  # Time zones that lead to temperatures within this range need not be known.
 
 
@@ -108,7 +108,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     Raises
     ------
     InputError
-        If the log has no date, no time, or not exactly one temperature of a damper.
+        If the log has no date, or not exactly one temperature of the damper.
     """
     try:
         table = read_tables(path, chosen.file)[0]
@@ -119,13 +119,15 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     if "temperature" not in roles or roles & _OF_RUNS:
         return None
     place = path.name
+    time = _times(table, headers, chosen, place)
+    start = start_of(table, float(time[0]), path)
+    if start is None:
+        return None
+    if not start.has_date:
+        raise InputError(found="it states no date")
     column = column_of("temperature", table, headers, chosen, place)
     if column is None or is_ambient(column.name) or is_ambient(path.stem):
         raise InputError(found="it has no temperature of the damper with a unit")
-    time = _times(table, headers, chosen, place)
-    start = start_of(table, float(time[0]), path)
-    if start is None or not start.has_date:
-        raise InputError(found=f"it states no {'date' if start else 'date and time of day'}")
     kelvin = column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
     valid = (
         np.isfinite(time)
@@ -133,7 +135,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
         & (kelvin < QUANTITIES["temperature"].high)
     )
     if valid.sum() < 2 or np.any(np.diff(time[valid]) <= 0.0):
-        raise InputError(found="its times do not increase")
+        raise InputError(found="it has no increasing times with plausible temperatures")
     return _Log(start, time[valid], kelvin[valid])
 
 
@@ -144,7 +146,7 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
         return table.columns[dated[0]]
     column = column_of("time", table, headers, chosen, place)
     if column is None:
-        return np.arange(table.rows) * sampling_step(table, chosen, place)
+        return np.arange(table.rows) * (table.step_s or np.nan)
     return column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
 
 
@@ -169,9 +171,9 @@ def _temperature_of(run: _Run, log: _Log, runs: Sequence[_Run]) -> FloatArray:
         raise InputError(found="several runs state the same start time")
     same_clock = run.start.is_utc == log.start.is_utc
     found: list[FloatArray] = []
-    for zone in _ZONES_s[: 1 if same_clock else None]:
+    for zone in _ZONES_h[: 1 if same_clock else None]:
         for reading in ("day_first_s", "month_first_s"):
-            shift = getattr(run.start, reading) - getattr(log.start, reading) + zone
+            shift = getattr(run.start, reading) - getattr(log.start, reading) + 3600.0 * zone
             if _is_covered(run.recording.time + shift, log.time):
                 found.append(np.interp(run.recording.time + shift, log.time, log.temperature))
         if not found:
@@ -215,7 +217,7 @@ def _finding(path: Path, joined: int, count: int, reason: str) -> Finding:
         severity="note" if joined == count else "warning",
         channel="temperature",
         run=path.name,
-        found=f"{path.name} is the temperature of {joined} of {count} runs, interpolated to their times{others}",
+        found=f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time{others}",
         effect="An error of a clock becomes an error of the temperature",
         remedy="Nothing, if both clocks were right",
     )
