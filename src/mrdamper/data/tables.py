@@ -18,6 +18,7 @@ from mrdamper.data.formats.mat import is_mat, read_mat
 from mrdamper.data.formats.mdf import is_mdf, read_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
+from mrdamper.data.formats.octave import is_octave, read_octave
 from mrdamper.data.formats.parquet import is_parquet, read_parquet
 from mrdamper.data.formats.table import FileOptions, Format, OnUse, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
@@ -40,6 +41,7 @@ FORMATS: tuple[Format, ...] = (
     Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
     Format("universal", (".unv", ".uff"), is_uff, read_uff),
     Format("JSON", (".json", ".jsonl"), is_json, read_json),
+    Format("Octave text", (".txt", ".mat"), is_octave, read_octave),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 

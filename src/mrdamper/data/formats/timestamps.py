@@ -58,7 +58,9 @@ def days_of(text: str | None) -> tuple[float, float]:
     if len(first) == 4:
         orders = [(first, second, third)]
     else:
-        orders = [(third, second, first), (third, first, second)][: 1 if "." in text or month in _MONTHS else 2]
+        orders = [(third, second, first), (third, first, second)][
+            : 1 if "." in text or month in _MONTHS else 2
+        ]
     valid = [day for order in orders if not math.isnan(day := _day(*map(int, order)))]
     return (valid[0], valid[-1]) if valid and len(orders[0][0]) == 4 else _NO_DAY
 
