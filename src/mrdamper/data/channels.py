@@ -173,10 +173,7 @@ class ChannelMap:
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
         """Return the map in a TOML document.
 
-        Raises
-        ------
-        InputError
-            The message has a line for each fault and the nearest valid keys for an unknown key.
+        Raise InputError with a line for each fault, and with the nearest valid key for an unknown one.
         """
         document = read_record(_Document, given, place)
         channels = {}

@@ -60,12 +60,8 @@ class Frame:
     def read(self, chosen: ChannelMap) -> RigFile:
         """Return the runs of the frame.
 
-        Raises
-        ------
-        AskingError
-            A needed column is missing, or has no unit.
-        InputError
-            A column does not have shape (n,), or has another length than the other columns.
+        Raise AskingError if a needed column is missing, or has no unit. Raise InputError if a column does not
+        have shape (n,), or has another length than the other columns.
         """
         try:
             return runs_in((self._table(),), chosen, Path(self.name), name=self.name)
@@ -215,10 +211,7 @@ def named_columns(
     columns : by quantity, with its unit (``force_kN``) or without: the name of a column, the column itself,
         or one number for the whole run; ``rate_Hz``
 
-    Raises
-    ------
-    InputError
-        A key is not a quantity or has no valid unit, or there are columns for several frames.
+    Raise InputError if a key is not a quantity or has no valid unit, or there are columns for several frames.
     """
     if not columns:
         return given, None

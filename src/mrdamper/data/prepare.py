@@ -169,12 +169,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 
     *Sign.* A damper dissipates power. A correlation of force and velocity below -0.05 is an error.
 
-    Raises
-    ------
-    InputError
-        The displacement is constant, the force has the wrong sign, too few samples remain after trimming, or
-        a
-        velocity channel does not agree.
+    Raise InputError if the displacement is constant, the force has the wrong sign, too few samples remain
+    after trimming, or a velocity channel does not agree.
     """
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:

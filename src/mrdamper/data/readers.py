@@ -78,10 +78,7 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
 
     A run has the name of its file, with its command if the file contains several runs.
 
-    Raises
-    ------
-    InputError
-        If the file is not readable, a column or a unit is missing, or a run has faults.
+    Raise InputError if the file is not readable, a column or a unit is missing, or a run has faults.
     """
     return tuple(recording.checked() for recording in read_file(path, channels).recordings)
 
@@ -94,12 +91,8 @@ def read_file(
     If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, the
     headers decide.
 
-    Raises
-    ------
-    AskingError
-        If information is missing. Its questions request the information.
-    InputError
-        If the file is not readable.
+    Raise AskingError if information is missing. Its questions request the information. Raise InputError if
+    the file is not readable.
     """
     return _read_file(Path(path), channels, answers)
 
@@ -132,10 +125,7 @@ def read_each(
     Folders are searched with their subfolders for files of the supported formats. Runs with equal names get
     the names of their folders.
 
-    Raises
-    ------
-    InputError
-        If a path does not exist, or the channel map is not readable.
+    Raise InputError if a path does not exist, or the channel map is not readable.
     """
     with TemporaryDirectory(prefix="mrdamper-") as space:
         read = _read_all(paths, channels, answers, Path(space))
@@ -258,12 +248,8 @@ def read_runs(
 ) -> Dataset:
     """Return the runs in files, folders and glob patterns, with findings and inferred values.
 
-    Raises
-    ------
-    AskingError
-        If information is missing. It contains the faults and the questions of all files.
-    InputError
-        If a file is not readable, or a run has faults.
+    Raise AskingError if information is missing. It contains the faults and the questions of all files. Raise
+    InputError if a file is not readable, or a run has faults.
     """
     read = read_each(paths, channels, answers)
     runs: list[RigRun] = []

@@ -86,10 +86,7 @@ class RigRun(Recording, Picture):
     Arrays have shape (n,), and the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz".
     It is empty until ``prepare_run`` finds it.
 
-    Raises
-    ------
-    InputError
-        If the run has faults. One message lists all of them.
+    Raise InputError if the run has faults. One message lists all of them.
     """
 
     motion: str = ""

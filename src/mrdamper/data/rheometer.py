@@ -79,10 +79,8 @@ def read_rheometer(path: str | Path) -> RheometerTable:
 
     Rows with a missing cell and viscosities in a field are ignored.
 
-    Raises
-    ------
-    InputError
-        If a column is missing, is duplicated, or has no valid unit, or if a temperature is implausible.
+    Raise InputError if a column is missing, is duplicated, or has no valid unit, or if a temperature is
+    implausible.
     """
     file = Path(path)
     table = read_table(file)

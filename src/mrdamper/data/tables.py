@@ -87,10 +87,8 @@ def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """Return the first table in a file. The content of the file determines its format.
 
-    Raises
-    ------
-    InputError
-        If the file is not readable or contains no numbers. Columns that are read later can raise it, too.
+    Raise InputError if the file is not readable or contains no numbers. Columns that are read later can raise
+    it, too.
     """
     with _reading(path):
         known = _recognise_format(path)

@@ -225,10 +225,7 @@ def read_head(path: TextSource) -> Head:
 def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
     """Yield the lines of a text from the current position with their numbers, beginning with ``first``.
 
-    Raises
-    ------
-    InputError
-        A line does not end.
+    Raise InputError if a line does not end.
     """
     for number, line in enumerate(iter(partial(stream.readline, _HEAD_BYTES), b""), first):
         if len(line) == _HEAD_BYTES:

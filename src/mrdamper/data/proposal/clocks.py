@@ -61,12 +61,8 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
     ----------
     names : columns by role, without the time
 
-    Raises
-    ------
-    AskingError
-        If the channels of one recording overlap for less than 90 % of it.
-    InputError
-        If the channels have no common time, or one of them has no clock.
+    Raise AskingError if the channels of one recording overlap for less than 90 % of it. Raise InputError if
+    the channels have no common time, or one of them has no clock.
     """
     own = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
     columns = {role: table.columns[name] for role, name in names.items()}

@@ -117,16 +117,9 @@ def _states(line: str) -> bool:
 def _lines_of(path: Path) -> list[str]:
     """Return the lines of a small text, of a sheet with tabs, or of a JSON file as ``key: value``.
 
-    Raises
-    ------
-    InputError
-        If a workbook is damaged or encrypted, or if a text has no known encoding.
-    OSError
-        If the file is not readable.
-    ValueError
-        If the file is not valid JSON or not valid text.
-    RecursionError
-        If JSON is nested too deeply.
+    Raise InputError if a workbook is damaged or encrypted, or if a text has no known encoding. Raise OSError
+    if the file is not readable. Raise ValueError if the file is not valid JSON or not valid text. Raise
+    RecursionError if JSON is nested too deeply.
     """
     if not path.is_file() or path.stat().st_size > _MAX_BYTES:
         return []

@@ -100,10 +100,7 @@ class Answer:
 def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
     """Parse answers of the form ``ROLE.TOPIC=VALUE`` with an optional pattern of files.
 
-    Raises
-    ------
-    InputError
-        If an answer has another form, or an unknown role or topic.
+    Raise InputError if an answer has another form, or an unknown role or topic.
     """
     answers = []
     for text in given:

@@ -40,10 +40,7 @@ _NEEDED = ("displacement", "force")
 def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, ...]:
     """Return the column of each role, from the map first, then from the headers. No values are read.
 
-    Raises
-    ------
-    AskingError
-        If a required role has no column, several columns, or no column with a unit.
+    Raise AskingError if a required role has no column, several columns, or no column with a unit.
     """
     headers = headers_of(table, place)
     columns: list[Column] = []

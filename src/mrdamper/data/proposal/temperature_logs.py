@@ -6,8 +6,10 @@ because a log of another day would be as plausible.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -42,11 +44,7 @@ class _Log:
     temperature: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    path: Path
-    recording: Recording
-    start: Moment | None  # Moment of time zero.
+Run = tuple[Path, Recording, Moment | None]  # File, recording, and the moment of its time zero.
 
 
 def join_temperature_logs(
@@ -55,60 +53,49 @@ def join_temperature_logs(
     chosen: ChannelMap,
     answers: Sequence[Answer],
 ) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
-    """Return the files with the temperatures of logs, and a finding for each log.
-
-    Parameters
-    ----------
-    others : files without runs
-    """
-    runs = [
-        _Run(path, recording, start)
-        for path, file in read
-        for recording, start in zip(file.recordings, file.starts, strict=True)
-    ]
-    joined: dict[int, dict[Path, FloatArray]] = {k: {} for k in range(len(runs))}
-    near: dict[Path, list[int]] = {}
+    """Return the files with the temperatures of logs, and a finding for each log among the other files."""
+    runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
+    found: dict[Path, dict[int, FloatArray | None]] = {}
     reasons: dict[Path, str] = {}
     for path in others if runs else ():
+        below = [run for run, (file, *_) in enumerate(runs) if path.parent in file.parents]
+        beside = [run for run, (file, *_) in enumerate(runs) if path.parent.parent in file.parents]
         try:
             log = _read_log(path, with_answers(chosen, answers, path.name))
         except InputError as fault:
-            near[path], reasons[path] = [], fault.found
+            found[path], reasons[path] = {}, fault.found
             continue
         if log is None:
             continue
-        inside = [k for k, run in enumerate(runs) if path.parent in run.path.parents]
-        near[path] = inside or [k for k, run in enumerate(runs) if path.parent.parent in run.path.parents]
-        for k in near[path]:
+        found[path] = dict.fromkeys(below or beside)
+        for run in found[path]:
             try:
-                joined[k][path] = _temperature_of(runs[k], log, runs)
+                found[path][run] = _temperature_of(runs[run], log, runs)
             except InputError as fault:
                 reasons.setdefault(path, fault.found)
-    for path, inside in near.items():
-        if any(len(joined[k]) > 1 for k in inside):
-            reasons[path] = "another log covers the same runs"
-    only = {k: next(iter(logs.values())) for k, logs in joined.items() if len(logs) == 1}
-    findings = {
-        path: _finding(
-            path, sum(path in joined[k] for k in inside if k in only), len(inside), reasons.get(path, "")
-        )
-        for path, inside in near.items()
-    }
-    recordings = iter([replace(run.recording, temperature=only[k]) if k in only else run.recording
-                       for k, run in enumerate(runs)])  # fmt: skip
-    return [
-        (path, replace(file, recordings=tuple(next(recordings) for _ in file.recordings)))
+    joined = [
+        (path, run, kelvin) for path in found for run, kelvin in found[path].items() if kelvin is not None
+    ]
+    often = Counter(run for _, run, _ in joined)
+    reasons |= {path: "another log covers the same runs" for path, run, _ in joined if often[run] > 1}
+    warm = {run: kelvin for _, run, kelvin in joined if often[run] == 1}
+    recordings = (
+        replace(one, temperature=warm[run]) if run in warm else one for run, (_, one, _) in enumerate(runs)
+    )
+    files = [
+        (path, replace(file, recordings=tuple(islice(recordings, len(file.recordings)))))
         for path, file in read
-    ], findings
+    ]
+    used = Counter(path for path, run, _ in joined if run in warm)
+    return files, {
+        path: _finding(path, used[path], len(found[path]), reasons.get(path, "")) for path in found
+    }
 
 
 def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     """Return the log in a file, None if the file is not a temperature log.
 
-    Raises
-    ------
-    InputError
-        If the log has no date, or not exactly one temperature of the damper.
+    Raise InputError if the log has no date, or not exactly one temperature of the damper.
     """
     try:
         table = read_tables(path, chosen.file)[0]
@@ -140,53 +127,41 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
 
 
 def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str) -> FloatArray:
-    """Return the times of a log [s]."""
-    dated = sorted(table.stamps, key=lambda name: not table.stamps[name].has_date)
-    if dated:
-        return table.columns[dated[0]]
+    """Return the times of a log [s], NaN without any."""
+    stamps = sorted(table.stamps, key=lambda name: not table.stamps[name].has_date)
+    if stamps:
+        return table.columns[stamps[0]]
     column = column_of("time", table, headers, chosen, place)
     if column is None:
         return np.arange(table.rows) * (table.step_s or np.nan)
     return column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
 
 
-def _temperature_of(run: _Run, log: _Log, runs: Sequence[_Run]) -> FloatArray:
+def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     """Return the temperatures [K] of a log at the times of a run.
 
-    Raises
-    ------
-    InputError
-        If the clocks of run and log cannot be compared, or if the log does not cover the run.
+    Raise InputError if the clocks of run and log cannot be compared, or if the log does not cover the run.
     """
-    if run.recording.temperature is not None:
+    path, recording, start = run
+    if recording.temperature is not None:
         raise InputError(found="the runs state their own temperature")
-    if run.start is None or not run.start.has_date:
-        raise InputError(found=f"the runs state no {'date' if run.start else 'start time'}")
-    duration = float(np.ptp(run.recording.time))
-    if any(
-        abs(other - _begin(run)) < 0.5 * duration
-        for each in runs
-        if each is not run and (other := _begin(each))
-    ):
+    if start is None or not start.has_date:
+        raise InputError(found=f"the runs state no {'date' if start else 'start time'}")
+    begins = [other.day_first_s + one.time[0] for _, one, other in runs if other and one is not recording]
+    apart = np.abs(np.array(begins) - start.day_first_s - recording.time[0])
+    if np.any(apart < 0.5 * np.ptp(recording.time)):
         raise InputError(found="several runs state the same start time")
-    same_clock = run.start.is_utc == log.start.is_utc
     found: list[FloatArray] = []
-    for zone in _ZONES_h[: 1 if same_clock else None]:
+    for zone in _ZONES_h if start.is_utc != log.start.is_utc else (0.0,):
         for reading in ("day_first_s", "month_first_s"):
-            shift = getattr(run.start, reading) - getattr(log.start, reading) + 3600.0 * zone
-            if _is_covered(run.recording.time + shift, log.time):
-                found.append(np.interp(run.recording.time + shift, log.time, log.temperature))
+            time = recording.time + getattr(start, reading) - getattr(log.start, reading) + 3600.0 * zone
+            if _is_covered(time, log.time):
+                found.append(np.interp(time, log.time, log.temperature))
         if not found:
-            raise InputError(found="its times do not cover them")
+            raise InputError(found=f"its times do not cover {path.name}")
     if np.ptp(found, axis=0).max() > AMBIGUITY_MAX_K:
-        stating, other = ("the runs", "it") if run.start.is_utc else ("it", "the runs")
-        raise InputError(found=f"{stating} state UTC and {other} local time of an unknown zone")
+        raise InputError(found="the runs or the log state UTC, and the other local time of an unknown zone")
     return found[0]
-
-
-def _begin(run: _Run) -> float:
-    """Return the begin of a run [s since 1970], NaN if it is unknown."""
-    return np.nan if run.start is None else run.start.day_first_s + float(run.recording.time[0])
 
 
 def _is_covered(time: FloatArray, log: FloatArray) -> bool:
@@ -201,23 +176,17 @@ def _is_covered(time: FloatArray, log: FloatArray) -> bool:
 
 def _finding(path: Path, joined: int, count: int, reason: str) -> Finding:
     """Return the finding of a log that is used for some of the runs."""
-    if not joined:
-        return Finding(
-            kind="temperature_log",
-            severity="note",
-            run=path.name,
-            found=f"{path.name} is a temperature log that is not used: {reason}",
-            effect="The runs have no temperature of this log",
-            remedy="State date, time of day and offset from UTC in the log and in the runs, or list the "
-            "temperatures of the runs in a table",
-        )
-    others = "" if joined == count else f"; not used for the others: {reason}"
+    rest = f" Not used for the others: {reason}" if joined < count else ""
     return Finding(
         kind="temperature_log",
-        severity="note" if joined == count else "warning",
+        severity="warning" if 0 < joined < count else "note",
         channel="temperature",
         run=path.name,
-        found=f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time{others}",
-        effect="An error of a clock becomes an error of the temperature",
-        remedy="Nothing, if both clocks were right",
+        found=f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time.{rest}"
+        if joined
+        else f"{path.name} is a temperature log that is not used: {reason}",
+        effect="An error of a clock becomes an error of the temperature"
+        if joined
+        else "The log has no effect",
+        remedy="State date, time of day and offset from UTC in the log and in the runs, if missing",
     )

@@ -74,10 +74,7 @@ def size_of(source: TextSource) -> int:
 def open_text_bytes(source: TextSource) -> BinaryIO:
     """Open a text for reading as bytes. UTF-16 is converted to UTF-8.
 
-    Raises
-    ------
-    InputError
-        A text in UTF-16 is damaged, or larger than 256 MB.
+    Raise InputError if a text in UTF-16 is damaged, or larger than 256 MB.
     """
     if isinstance(source, TextInMemory):
         return io.BytesIO(source.content)
@@ -104,10 +101,7 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
 def encoding_of(path: TextSource, content: bytes) -> str:
     """Return the encoding of a text that is not UTF-16.
 
-    Raises
-    ------
-    InputError
-        The encoding is not one of a text of numbers.
+    Raise InputError if the encoding is not one of a text of numbers.
     """
     try:
         content.decode("utf-8")
