@@ -481,7 +481,7 @@ CASES: tuple[Case, ...] = (
         Case(f"{name}, nothing but its head", damaged(name, signature_alone), rf"{name}: .*{said}")
         for name, said in (
             ("run.csv", "not a format that is read here"),
-            ("mts.dat", "is not UTF-8 text"),
+            ("mts.dat", "not a format that is read here"),
             ("logger.txt", "is not UTF-8 text"),
             ("v5.mat", "not a readable MAT file"),
             ("v73.mat", "not a readable HDF5 file"),

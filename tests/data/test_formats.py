@@ -53,7 +53,7 @@ def test_folder_of_all_formats_is_read(tmp_path):
     [
         ("run.csv", "delimited text, separated by comma, decimal point, 1 header line"),
         ("semicolons.csv", "delimited text, separated by semicolon, decimal comma, 2 header lines"),
-        ("mts.dat", "MTS 793 text, separated by tab, decimal point, 5 header lines"),
+        ("mts.dat", "delimited text, separated by tab, decimal point, 5 header lines"),
         ("logger.txt", "logger text, separated by comma, decimal point, 7 header lines"),
         ("v5.mat", "MAT file"),
         ("v73.mat", "MAT v7.3 file"),

@@ -269,14 +269,7 @@ def _faults(run: RigRun) -> list[InputError]:
         faults.append(InputError("has no name", remedy="Pass a name"))
     if run.command_unit not in {"A", "V"}:
         faults.append(InputError(f"command unit is {run.command_unit!r}", expected="'A' or 'V'"))
-    channels: dict[str, FloatArray] = {
-        "time": run.time,
-        "displacement": run.displacement,
-        "force": run.force,
-        "command": run.command,
-    }
-    channels |= {"velocity": run.velocity} if run.velocity is not None else {}
-    channels |= {"temperature": run.temperature} if run.temperature is not None else {}
+    channels = channels_of(run)
     shapes = {name: array.shape for name, array in channels.items()}
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
         sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
@@ -293,9 +286,12 @@ def _faults(run: RigRun) -> list[InputError]:
             remedy="Record a longer run, or leave the file out",
         )
         return [*faults, fault]
-    missing = [_finite_fault(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
+    missing = [*find_missing_numbers(run)]
     if missing:
-        return [*faults, *missing]
+        return [
+            *faults,
+            *(InputError(each.found, expected="finite numbers", remedy=each.remedy) for each in missing),
+        ]
     faults += [
         InputError(item.found, expected="even steps of time", remedy=item.remedy)
         for item in find_time_faults(run.time)
@@ -310,20 +306,91 @@ def _faults(run: RigRun) -> list[InputError]:
                 remedy="Check which column holds the force",
             )
         )
-    command = "current" if run.command_unit == "A" else "voltage"
-    for role, array in channels.items():
-        if role != "displacement":
-            faults += _range_faults(command if role == "command" else role, array)
-    return faults
+    return faults + [
+        InputError(each.found, remedy=each.remedy)
+        for each in find_implausible_sizes(run)
+        if each.channel != "displacement"
+    ]
 
 
-def _finite_fault(name: str, array: FloatArray) -> InputError:
-    bad = np.flatnonzero(~np.isfinite(array))
-    return InputError(
-        f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples)",
-        expected="finite numbers",
-        remedy="Fill the empty cells, or cut the segment out of the file",
-    )
+def channels_of(recording: Recording) -> dict[str, FloatArray]:
+    """Return the channels of a recording by role."""
+    command = "current" if recording.command_unit == "A" else "voltage"
+    channels = {
+        "time": recording.time,
+        "displacement": recording.displacement,
+        "force": recording.force,
+        command: recording.command,
+    }
+    if recording.velocity is not None:
+        channels["velocity"] = recording.velocity
+    if recording.temperature is not None:
+        channels["temperature"] = recording.temperature
+    return channels
+
+
+def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
+    """Yield the channels that contain NaN or infinity."""
+    for role, values in channels_of(recording).items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            first, last = int(bad[0]), int(bad[-1])
+            yield Finding(
+                kind="missing_numbers",
+                severity="fault",
+                channel=role,
+                size=float(len(bad)),
+                unit="samples",
+                from_s=_finite(recording.time, first),
+                to_s=_finite(recording.time, last),
+                found=f"{role} is {values[first]} at sample {first} ({len(bad)} such samples)",
+                effect="No fit can use the run: an error over such samples has no value",
+                remedy="Fill the empty cells in the source, or cut the segment out of the file",
+            )
+
+
+def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
+    """Yield channels outside the range of a damper on a rig."""
+    for role, values in channels_of(recording).items():
+        low, high, unit = QUANTITIES[role].low, QUANTITIES[role].high, QUANTITIES[role].unit
+        outside = np.flatnonzero(~((values >= low) & (values <= high)))
+        if not len(outside):
+            continue
+        k, few = int(outside[0]), len(outside) < 0.01 * len(values)
+        worst = float(values[outside][np.argmax(np.abs(values[outside]))])
+        sizes = f"{worst:.4g} {unit}", f"{low:g} to {high:g} {unit}"
+        if role == "temperature":
+            sizes = (
+                f"{to_degC(worst):.4g} degC ({sizes[0]})",
+                f"{to_degC(low):.0f} to {to_degC(high):.0f} degC",
+            )
+        yield Finding(
+            kind="outliers" if few else "implausible_size",
+            severity="fault",
+            channel=role,
+            size=worst,
+            unit=unit,
+            from_s=float(recording.time[k]),
+            to_s=float(recording.time[outside[-1]]),
+            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} at {len(outside)} samples from {k} on",
+            effect="A single such sample outweighs the rest of the run in a fit",
+            remedy="Cut the samples out of the file, or repair the sensor's wiring"
+            if few
+            else f"{_unit_hint(role, worst)}Check the column's unit and gain in the channel map",
+        )
+
+
+def _unit_hint(role: str, value: float) -> str:
+    """Return the probable wrong unit of an implausible temperature [K], for messages."""
+    if role != "temperature":
+        return ""
+    if value < 200.0:
+        return "It looks like degC given as K. "
+    return f"It looks like {'K' if value > 533.0 else 'degF'} given as degC. "
+
+
+def _finite(time: FloatArray, k: int) -> float | None:
+    return float(time[k]) if np.isfinite(time[k]) else None
 
 
 def find_time_faults(time: FloatArray) -> list[Finding]:
@@ -445,34 +512,3 @@ def _motion_faults(run: RigRun) -> list[InputError]:
             )
         ]
     return []
-
-
-def _range_faults(role: str, array: FloatArray) -> list[InputError]:
-    quantity = QUANTITIES[role]
-    outside = np.flatnonzero(~((array >= quantity.low) & (array <= quantity.high)))
-    if not len(outside):
-        return []
-    k = int(outside[0])
-    if role == "temperature":
-        return [
-            InputError(
-                f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} "
-                f"({len(outside)} such samples)",
-                expected=f"{to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC",
-                remedy=f"{_unit_hint(float(array[k]))}: check the column's unit in the channel map",
-            )
-        ]
-    return [
-        InputError(
-            f"{role} is {array[k]:g} {quantity.unit} at sample {k} ({len(outside)} such samples)",
-            expected=f"{quantity.low:g} to {quantity.high:g} {quantity.unit}",
-            remedy="Check the column's unit in the channel map",
-        )
-    ]
-
-
-def _unit_hint(kelvin: float) -> str:
-    """Return the probable wrong unit of an implausible temperature [K], for messages."""
-    if kelvin < 200.0:
-        return "It looks like degC given as K"
-    return "It looks like K given as degC" if kelvin > 533.0 else "It looks like degF given as degC"

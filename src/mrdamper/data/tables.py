@@ -16,7 +16,6 @@ from mrdamper.data.formats.logger import is_logger, read_logger
 from mrdamper.data.formats.lvm import is_lvm, read_lvm
 from mrdamper.data.formats.mat import is_mat, read_mat
 from mrdamper.data.formats.mdf import is_mdf, read_mdf
-from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
 from mrdamper.data.formats.octave import is_octave, read_octave
 from mrdamper.data.formats.parquet import is_parquet, read_parquet
@@ -38,7 +37,6 @@ FORMATS: tuple[Format, ...] = (
     Format("Excel", (".xlsx", ".xlsm"), is_workbook, read_workbook),
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
-    Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
     Format("universal", (".unv", ".uff"), is_uff, read_uff),
     Format("JSON", (".json", ".jsonl"), is_json, read_json),
     Format("Octave text", (".txt", ".mat"), is_octave, read_octave),
@@ -48,7 +46,7 @@ FORMATS: tuple[Format, ...] = (
 HEAD_BYTES = 1 << 16
 _TOO_LARGE = "needs more memory than there is; split the file"
 Value = TypeVar("Value")
-_TEXTS = (read_lvm, read_logger, read_mts, read_text)
+_TEXTS = (read_lvm, read_logger, read_text)
 _LOGGING_LIBRARIES = ("nptdms", "asammdf")
 
 _CATMAN = (

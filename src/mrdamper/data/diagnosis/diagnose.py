@@ -17,14 +17,13 @@ from mrdamper.data.diagnosis.resolution import (
 from mrdamper.data.diagnosis.sensors import (
     find_clipping,
     find_coarse_steps,
-    find_implausible_sizes,
     find_spikes,
     find_stuck_sensors,
 )
-from mrdamper.data.diagnosis.timing import find_lost_samples, find_missing_numbers, find_phase_jumps
+from mrdamper.data.diagnosis.timing import find_lost_samples, find_phase_jumps
 from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.prepare import PreparedRun, prepare_run
-from mrdamper.data.records import Recording, find_time_faults
+from mrdamper.data.records import Recording, find_implausible_sizes, find_missing_numbers, find_time_faults
 from mrdamper.errors import InputError
 
 
