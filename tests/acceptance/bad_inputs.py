@@ -401,7 +401,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "commas for all",
         text(f"{HEADER}\n" + "".join(f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5\n" for k in range(200))),
-        r"commas seem to separate both columns and decimals",
+        r"commas may be decimals",
     ),
     # Numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),

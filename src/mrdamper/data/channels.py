@@ -61,7 +61,7 @@ class Channel(ChannelTable):
             raise InputError(
                 place=f"channel.{self.role}",
                 found=f"gain is {self.gain}",
-                expected="a finite number, not zero",
+                expected="a finite number but zero",
             )
         if self.gain is not None and self.unit and spell_unit(self.unit, self.role) != quantity.unit:
             try:
@@ -70,11 +70,8 @@ class Channel(ChannelTable):
                 return
             raise InputError(
                 place=f"channel.{self.role}",
-                found=(
-                    f"a gain stands beside {self.unit!r}, which is a unit of {self.role} already; a gain "
-                    f"leads to {quantity.unit}"
-                ),
-                remedy=f"Leave it out, or give unit {quantity.unit!r}",
+                found=f"a gain to {quantity.unit} and {self.unit!r}, a unit of {self.role}",
+                remedy=f"Leave the gain out, or give unit {quantity.unit!r}",
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
@@ -97,7 +94,6 @@ class Channel(ChannelTable):
             raise InputError(
                 place=where,
                 found=f"{wanted!r} is {len(found)} columns",
-                expected="one",
                 remedy="Give its index",
             )
         if not found:

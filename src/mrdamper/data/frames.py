@@ -176,7 +176,6 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
         raise InputError(
             place="frame",
             found=f"several columns are called {', '.join(map(repr, again))}",
-            expected="one of each name",
             remedy="Rename or drop the others",
         )
     columns = {name: frame[key] for name, key in zip(names, frame.columns, strict=True)}

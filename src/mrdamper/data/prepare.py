@@ -100,11 +100,7 @@ class PreparedRun:
         if self.force.shape != self.trajectory.displacement.shape:
             raise InputError(
                 place=self.run.name,
-                found=(
-                    f"force has shape {self.force.shape} and the trajectory "
-                    f"{self.trajectory.displacement.shape}"
-                ),
-                expected="the same",
+                found=f"force has shape {self.force.shape}, not {self.trajectory.displacement.shape}",
             )
         if not 0 <= self.scored_from < len(self.force):
             raise InputError(
@@ -256,17 +252,9 @@ def shortened(prepared: PreparedRun, samples: int) -> PreparedRun:
     """Return the first ``samples`` samples of a run."""
     if samples >= len(prepared):
         return prepared
-    path = prepared.trajectory
     return replace(
         prepared,
-        trajectory=replace(
-            path,
-            displacement=path.displacement[:samples],
-            velocity=path.velocity[:samples],
-            acceleration=path.acceleration[:samples],
-            command=path.command[:samples],
-            temperature=None if path.temperature is None else path.temperature[:samples],
-        ),
+        trajectory=prepared.trajectory.part(slice(samples)),
         force=prepared.force[:samples],
     )
 
@@ -293,17 +281,13 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
         raise InputError(
             place=run.name,
             found="no velocity channel",
-            expected="one",
             remedy="Derive it from the displacement",
         )
     differs = float(np.std(measured - derived) / np.std(derived))
     if not differs < _VELOCITY_DIFFERENCE_MAX_RATIO:
         raise InputError(
             place=run.name,
-            found=(
-                f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % of its "
-                "rms"
-            ),
+            found=f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % rms",
             expected=f"less than {100 * _VELOCITY_DIFFERENCE_MAX_RATIO:g} %",
             remedy="Check its unit, sign and delay in the channel map",
         )
@@ -315,13 +299,7 @@ def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     if power < _SIGN_CORRELATION_MIN * spread:
         raise InputError(
             place=run.name,
-            found=(
-                f"force and velocity have opposite signs (correlation {power / spread:.2f}), as if the "
-                "damper gave power"
-            ),
+            found=f"force and velocity have opposite signs (correlation {power / spread:.2f})",
             expected="extension positive and a force that resists extension positive",
-            remedy=(
-                "If the load cell or the sensor counts the other way, put `sign = -1` at [channel.force] in "
-                "the channel map"
-            ),
+            remedy="Put `sign = -1` at [channel.force] in the channel map if the load cell counts otherwise",
         )

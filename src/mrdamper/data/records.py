@@ -472,43 +472,26 @@ def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | 
 def _motion_faults(run: RigRun) -> list[InputError]:
     stroke = float(np.ptp(run.displacement))
     if stroke < STROKE_MIN_m:
-        return [
-            InputError(
-                f"displacement never changes ({run.displacement[0]:g} m at every sample)",
-                expected="a motion",
-                remedy=f"Check which column holds the displacement. {WITHOUT_MOTION}",
-            )
-        ]
+        found = f"displacement never changes ({run.displacement[0]:g} m at every sample)"
+        remedy = f"Check which column holds the displacement. {WITHOUT_MOTION}"
+        return [InputError(found, expected="a motion", remedy=remedy)]
     speeds = np.abs(np.diff(run.displacement)) / np.diff(run.time)
     fastest = int(np.argmax(speeds))
     if speeds[fastest] > _SPEED_MAX_m_s or stroke > _STROKE_MAX_m:
-        hint = "It looks like mm read as m: give the channel's unit as mm"
+        remedy = "It looks like mm read as m: give the channel's unit as mm"
         if stroke <= _STROKE_MAX_m and np.count_nonzero(speeds > _SPEED_MAX_m_s) < 0.01 * len(speeds):
-            hint = "It looks like a jump of the sensor: cut the segment out of the file"
-        return [
-            InputError(
-                f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
-                f"{stroke:.3g} m",
-                expected=f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m",
-                remedy=hint,
-            )
-        ]
+            remedy = "It looks like a jump of the sensor: cut the segment out of the file"
+        found = f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}"
+        expected = f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m"
+        return [InputError(f"{found}, with a stroke of {stroke:.3g} m", expected=expected, remedy=remedy)]
     values = len(np.unique(run.displacement))
     if values < _VALUE_COUNT_MIN:
-        return [
-            InputError(
-                f"displacement takes only {values} values, {stroke:.2g} m apart at most",
-                expected="a motion far above the sensor's resolution",
-                remedy="Cut the run where the rig moves, or record a larger stroke",
-            )
-        ]
+        found = f"displacement takes only {values} values, {stroke:.2g} m apart at most"
+        remedy = "Cut the run where the rig moves, or record a larger stroke"
+        return [InputError(found, expected="a motion far above the sensor's resolution", remedy=remedy)]
     reversals = len(turning_points(run.displacement, _REVERSAL_MIN_RATIO * stroke))
     if reversals < 2:
-        return [
-            InputError(
-                f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}",
-                expected="at least 2",
-                remedy="Hysteresis shows only when the motion goes to and fro: record at least one cycle",
-            )
-        ]
+        found = f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}"
+        remedy = "Hysteresis shows only when the motion goes to and fro: record at least one cycle"
+        return [InputError(found, expected="at least 2", remedy=remedy)]
     return []

@@ -66,7 +66,6 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
             raise InputError(
                 place=f"{path}, line {each.lines_above}",
                 found="the columns are not those of the first segment",
-                expected="the same",
                 remedy="Split the file there",
             )
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)

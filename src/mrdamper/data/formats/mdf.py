@@ -92,12 +92,8 @@ def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammd
             if said:
                 raise InputError(
                     place=path,
-                    found=(
-                        f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}, which is not "
-                        "run"
-                    ),
-                    expected="a factor and an offset",
-                    remedy="Export the run with its values scaled",
+                    found=f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}",
+                    remedy="Formulas are not run: export the run with its values scaled",
                 )
 
 

@@ -211,10 +211,8 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
     if not 0 <= samples * size <= MOST_UNPACKED * path.stat().st_size:
         raise InputError(
             place=path,
-            found=(
-                f"{name!r} states {samples} samples of {size} bytes, which a file of its size does not hold. "
-                "The file is damaged: copy it again"
-            ),
+            found=f"{name!r} states {samples} samples of {size} bytes, more than its file holds",
+            remedy="Copy the file again",
         )
 
 

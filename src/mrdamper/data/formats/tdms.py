@@ -51,7 +51,6 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         raise InputError(
             place=path.name,
             found="the TDMS file holds no sample: it is empty, or cut off",
-            expected="a whole file",
             remedy="Copy it again, or record again",
         )
     numbers = [each for each in found if each.kind in "fiubmM"]
@@ -99,7 +98,6 @@ def _cut_before(names: Sequence[str], path: Path) -> InputError:
     return InputError(
         place=path.name,
         found=f"the TDMS file is cut off before {first}",
-        expected="a whole file",
         remedy="Copy it again, or record again",
     )
 

@@ -196,14 +196,12 @@ def read_head(path: TextSource) -> Head:
         raise InputError(
             place=f"{path}",
             found="is a web page or XML",
-            expected="columns of numbers",
             remedy="Download the file itself",
         )
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
             place=f"{path}",
             found="lines end in CR alone, as on old Macs",
-            expected="LF or CR LF",
             remedy="Save it with such lines",
         )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
@@ -212,7 +210,7 @@ def read_head(path: TextSource) -> Head:
         raise InputError(
             place=f"{path}",
             found=f"the first line has more than {_HEAD_BYTES} bytes",
-            expected="rows of numbers",
+            remedy="Split it",
         )
     encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
@@ -316,7 +314,6 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
                 raise InputError(
                     place=f"{path}",
                     found=f"holds zero bytes after about line {first_line}",
-                    expected="text",
                     remedy="The file was cut off while it was written: cut the rest off, or record again",
                 )
             content = rest + piece

@@ -90,7 +90,6 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
             raise InputError(
                 place=place,
                 found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
-                expected="all or none",
                 remedy="Export the run with a time column",
             )
     return OneClock(found, tuple(role for role, clock in own.items() if clock != main), findings)
@@ -129,7 +128,6 @@ def _findings_of_common_time(
         raise InputError(
             place=place,
             found=f"the channels have no time in common ({listed_spans})",
-            expected="clocks that cover the same time",
             remedy="Correct the start times in the file, or export one recording by itself",
         )
     used = f"{common_s:.4g} s of {whole_s:.4g} s"

@@ -143,11 +143,7 @@ def segments_of(
     if len(edges) - 1 != len(commands):
         raise InputError(
             place=place,
-            found=(
-                f"{split!r} splits the file into {len(edges) - 1} tests and [segments] of the channel map "
-                f"gives {len(commands)} commands"
-            ),
-            expected="as many",
+            found=f"{split!r} splits the file into {len(edges) - 1} tests, [segments] has {len(commands)}",
             remedy="Check the events and the list",
         )
     return edges, list(commands)

@@ -230,7 +230,6 @@ def _channels(
             raise InputError(
                 place=place,
                 found=f"column {column.name!r} ({column.role}) holds no sample",
-                expected="numbers",
                 remedy="The file may be cut off: copy it again",
             )
         channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)

@@ -117,9 +117,8 @@ def encoding_of(path: TextSource, content: bytes) -> str:
                 return _WINDOWS
         raise InputError(
             place=f"{path}",
-            found=(
-                f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
-            ),
+            found=f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})",
+            remedy="Save the file as UTF-8",
         ) from error
     return UTF8
 

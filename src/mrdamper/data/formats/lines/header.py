@@ -328,9 +328,6 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     if all(_WHOLE.fullmatch(text) for text in fields):
         raise InputError(
             place=f"{path}",
-            found=(
-                f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
-                "both columns and decimals"
-            ),
+            found=f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas may be decimals",
             remedy="Export with semicolons, or with decimal points",
         )
