@@ -396,7 +396,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "wrong unit, newtons",
         spoilt(edit("force", lambda f: 1e6 * f)),
-        r"force is .* N at sample 0.*expected -1e\+06 to 1e\+06",
+        r"force is .* N at worst, outside -1e\+06 to 1e\+06",
     ),
     Case(
         "commas for all",
@@ -406,7 +406,7 @@ CASES: tuple[Case, ...] = (
     # Numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
     Case("cut in a row", text(GOOD[:-30]), r"is nan at sample"),
-    Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at sample 77 \(1 such"),
+    Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at worst.*\(1 such"),
     Case("time twice", spoilt(put("time", 100, 0.495)), r"time does not increase .* after sample 99"),
     Case("time goes back", spoilt(put("time", slice(200, 204), np.arange(4) * 0.005)), r"mixed sampling"),
     Case(

@@ -28,10 +28,6 @@ _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
-_START_RANGE_RATIO = 0.02  # A motion starts at this fraction of its range from its first value.
-_RMS_NOISE_RATIO_MIN = 2.0  # A displacement with a smaller rms is constant.
-_START_SPEED_RATIO_MAX = 0.1  # A run with a larger start speed or acceleration begins in motion.
-_SIGN_CORRELATION_MIN = -0.05  # The sign is wrong below this correlation of force and velocity.
 _VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity channel.
 
 
@@ -174,7 +170,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     sampled = sample_uniformly(run)
     displacement, step = sampled.displacement, sampled.step_s
     spectrum = measure_spectrum(displacement, step)
-    if float(np.std(displacement)) < _RMS_NOISE_RATIO_MIN * spectrum.noise:
+    if float(np.std(displacement)) < 2.0 * spectrum.noise:  # A displacement with a smaller rms is constant.
         raise InputError(
             place=run.name,
             found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
@@ -190,7 +186,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
     x = path.displacement
-    started = int(np.argmax(np.abs(x - x[0]) > _START_RANGE_RATIO * np.ptp(x)))
+    # A motion starts at this fraction of its range from its first value.
+    started = int(np.argmax(np.abs(x - x[0]) > 0.02 * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
     if chosen.velocity == "channel":
         _check_velocity(run, sampled.velocity, path.velocity)
@@ -271,7 +268,7 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
         if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
             return float(np.median(rest))
         shares = [abs(a[0]) / np.abs(a).max() for a in (path.velocity, path.acceleration)]
-        if max(shares) <= _START_SPEED_RATIO_MAX:
+        if max(shares) <= 0.1:  # A run with a larger start speed or acceleration begins in motion.
             return float(x[0])
     return float(np.mean(x))
 
@@ -296,7 +293,7 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     power = float(np.mean((force - force.mean()) * (velocity - velocity.mean())))
     spread = float(np.std(force) * np.std(velocity))
-    if power < _SIGN_CORRELATION_MIN * spread:
+    if power < -0.05 * spread:  # The sign is wrong below this correlation of force and velocity.
         raise InputError(
             place=run.name,
             found=f"force and velocity have opposite signs (correlation {power / spread:.2f})",

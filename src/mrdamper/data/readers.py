@@ -84,31 +84,22 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
 
 
 def read_file(
-    path: PathLike, channels: ChannelMap | PathLike | None = None, answers: Sequence[Answer] = ()
+    path: PathLike,
+    channels: ChannelMap | PathLike | None = None,
+    answers: Sequence[Answer] = (),
+    stated: Sequence[Place] = (),
 ) -> RigFile:
     """Return the unchecked recordings in one file, and the interpretation of the file.
 
     If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, the
-    headers decide.
-
-    Raise AskingError if information is missing. Its questions request the information. Raise InputError if
-    the file is not readable.
-    """
-    return _read_file(Path(path), channels, answers)
-
-
-def _read_file(
-    file: Path,
-    channels: ChannelMap | PathLike | None,
-    answers: Sequence[Answer],
-    stated: Sequence[Place] = (),
-) -> RigFile:
-    """Return the recordings in one file.
+    headers decide. Raise AskingError with questions if information is missing, InputError if the file is not
+    readable.
 
     Parameters
     ----------
     stated : lines of documents about the file
     """
+    file = Path(path)
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
@@ -167,7 +158,7 @@ def _read_all(
                 read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path.name))))
             else:
                 stated = [place for document in documents for place in document.places(path)]
-                read.append((path, _read_file(path, chosen, answers, stated)))
+                read.append((path, read_file(path, chosen, answers, stated)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
     joined, members = join_channel_files([item.path for item in unreadable], load_map(chosen), answers)

@@ -34,14 +34,9 @@ WITHOUT_MOTION = (
 
 _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 LEAST_SAMPLES = 16
-_SHOWN_RUNS_MAX = 8  # runs in the text form of a data set
 _SPEED_MAX_m_s = 10.0  # No damper rig is faster.
 _STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
-_VALUE_COUNT_MIN = 8  # Fewer distinct displacements are the noise of a sensor at rest.
-_REVERSAL_MIN_RATIO = 0.1  # A reversal moves back by more than this fraction of the stroke.
-_LEVEL_PART_COUNT = 16  # The median commands of these parts show a change of level despite noise.
 _BLOCK_STEP_COUNT = 16  # Jitter averages out in this number of time steps.
-FORCE_RANGE_MIN_N = 1e-6  # Numerically constant below this range.
 STROKE_MIN_m = 1e-9  # Numerically constant below this stroke.
 GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step is a gap.
 
@@ -158,7 +153,7 @@ class Dataset(Picture):
 
     def __repr__(self) -> str:
         """Return the first runs, one line for each."""
-        lines = [f"  {run!r}" for run in self.runs[:_SHOWN_RUNS_MAX]]
+        lines = [f"  {run!r}" for run in self.runs[:8]]  # runs in the text form of a data set
         more = len(self) - len(lines)
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
@@ -177,14 +172,7 @@ class Dataset(Picture):
         digest = hashlib.sha256()
         for run in sorted(self.runs, key=lambda run: run.name):
             digest.update(f"{run.name}\0{run.command_unit}\0{len(run)}\0".encode())
-            for channel in (
-                run.time,
-                run.displacement,
-                run.force,
-                run.command,
-                run.velocity,
-                run.temperature,
-            ):
+            for channel in (getattr(run, name) for name in _CHANNELS):
                 digest.update(b"\0" if channel is None else np.ascontiguousarray(channel, dtype="<f8").data)
         return digest.hexdigest()
 
@@ -253,7 +241,8 @@ def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
 
 
 def _is_only_noise(command: FloatArray, largest: float) -> bool:
-    levels = [float(np.median(part)) for part in np.array_split(command, _LEVEL_PART_COUNT)]
+    # The median commands of these parts show a change of level despite noise.
+    levels = [float(np.median(part)) for part in np.array_split(command, 16)]
     return float(np.std(command)) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
 
 
@@ -298,7 +287,7 @@ def _faults(run: RigRun) -> list[InputError]:
     ]
     if not faults:
         faults += _motion_faults(run)
-    if np.ptp(run.force) < FORCE_RANGE_MIN_N:
+    if np.ptp(run.force) < 1e-6:  # Numerically constant below this range.
         faults.append(
             InputError(
                 f"force never changes ({run.force[0]:g} N at every sample)",
@@ -372,7 +361,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
             unit=unit,
             from_s=float(recording.time[k]),
             to_s=float(recording.time[outside[-1]]),
-            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} at {len(outside)} samples from {k} on",
+            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} ({len(outside)} such samples from {k} on)",
             effect="A single such sample outweighs the rest of the run in a fit",
             remedy="Cut the samples out of the file, or repair the sensor's wiring"
             if few
@@ -485,11 +474,12 @@ def _motion_faults(run: RigRun) -> list[InputError]:
         expected = f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m"
         return [InputError(f"{found}, with a stroke of {stroke:.3g} m", expected=expected, remedy=remedy)]
     values = len(np.unique(run.displacement))
-    if values < _VALUE_COUNT_MIN:
+    if values < 8:  # Fewer distinct displacements are the noise of a sensor at rest.
         found = f"displacement takes only {values} values, {stroke:.2g} m apart at most"
         remedy = "Cut the run where the rig moves, or record a larger stroke"
         return [InputError(found, expected="a motion far above the sensor's resolution", remedy=remedy)]
-    reversals = len(turning_points(run.displacement, _REVERSAL_MIN_RATIO * stroke))
+    # A reversal moves back by more than this fraction of the stroke.
+    reversals = len(turning_points(run.displacement, 0.1 * stroke))
     if reversals < 2:
         found = f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}"
         remedy = "Hysteresis shows only when the motion goes to and fro: record at least one cycle"

@@ -9,7 +9,6 @@ import numpy as np
 
 from mrdamper.data.diagnosis.mechanics import find_drift, find_force_lag, find_force_offset, find_wrong_sign
 from mrdamper.data.diagnosis.resolution import (
-    find_few_cycles,
     find_few_samples,
     find_interference,
     find_noise,
@@ -65,7 +64,6 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
         find_force_offset,
         find_drift,
         find_force_lag,
-        find_few_cycles,
         find_few_samples,
         find_noise,
         find_interference,

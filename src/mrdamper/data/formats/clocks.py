@@ -20,8 +20,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Moment, OnUse, Table
 from mrdamper.data.formats.timestamps import moment_of
 
-# A step or a rate without a unit counts in seconds or hertz only if the fastest channel is in this range.
-STEP_RANGE_s = (1e-6, 0.02)
 CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less are one clock.
 UNIX_TIME_MIN_s = 1e9  # Larger times are seconds since 1970.
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
@@ -169,7 +167,8 @@ def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
 
 def _is_plausible(samplings: Iterable[Sampling]) -> bool:
     """Return True unless a step without a unit is out of range for the fastest channel."""
-    low, high = STEP_RANGE_s
+    # A step or a rate without a unit counts in seconds or hertz only if the fastest channel is in this range.
+    low, high = (1e-6, 0.02)
     fastest = min(samplings, key=lambda each: each.step_s)
     return fastest.has_unit or low <= fastest.step_s <= high
 

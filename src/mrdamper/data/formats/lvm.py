@@ -28,7 +28,6 @@ _FIRST = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
-_HEADER_LINES_MAX = 200
 
 Tags = Mapping[str, list[str]]
 
@@ -127,7 +126,7 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
                 header = None
             elif line.startswith(_END.encode()):
                 ended = True
-            elif len(header) < _HEADER_LINES_MAX:
+            elif len(header) < 200:
                 header.append(line)
             else:
                 raise InputError(

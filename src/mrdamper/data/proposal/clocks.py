@@ -26,11 +26,8 @@ from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
-RATE_RATIO_TOLERANCE = 0.01  # A sampling rate and a time step agree within this fraction.
 _TICKS = (1.0, 1e3, 1e6)  # Possible units of a time column, in ticks per second.
 _TICK_UNITS = ("s", "ms", "us")
-COVERED_RATIO_MIN = 0.9  # A shorter common time of one recording needs an answer.
-CUT_RATIO_MAX = 0.01  # A longer unused fraction of the recording is reported.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles without values outside their samples; the others keep a value for one step."""
 
@@ -131,7 +128,7 @@ def _findings_of_common_time(
             remedy="Correct the start times in the file, or export one recording by itself",
         )
     used = f"{common_s:.4g} s of {whole_s:.4g} s"
-    is_short = common_s < COVERED_RATIO_MIN * whole_s
+    is_short = common_s < 0.9 * whole_s  # A shorter common time of one recording needs an answer.
     if is_short and not (table.recorded_apart or chosen.file.common_time):
         raise ask(
             "time",
@@ -147,7 +144,8 @@ def _findings_of_common_time(
     latest = max(spans, key=lambda role: spans[role])
     late_s = spans[latest][0] - spans[earliest][0]
     is_apart = table.recorded_apart and late_s > slack_s
-    if not is_apart and whole_s - common_s <= CUT_RATIO_MAX * whole_s:
+    # A longer unused fraction of the recording is reported.
+    if not is_apart and whole_s - common_s <= 0.01 * whole_s:
         return ()
     begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
     found = Finding(
@@ -290,4 +288,4 @@ def increases(table: Table, name: str, *, always: bool = False) -> bool:
 
 
 def _is_near(value: float, wanted: float) -> bool:
-    return abs(value / wanted - 1.0) < RATE_RATIO_TOLERANCE
+    return abs(value / wanted - 1.0) < 0.01  # A sampling rate and a time step agree within this fraction.

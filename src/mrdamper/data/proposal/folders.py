@@ -23,18 +23,7 @@ from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
 from mrdamper.files import PathLike, is_file, is_folder, is_there
 
-_JOBS = (
-    "card",
-    "check",
-    "compare",
-    "cycles",
-    "derate",
-    "heat",
-    "heatsink",
-    "summary",
-    "sweep",
-    "verification",
-)
+_JOBS = tuple("card check compare cycles derate heat heatsink summary sweep verification".split())  # noqa: SIM905
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }

@@ -15,7 +15,6 @@ from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit, to_si
 
 _COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
-COLUMN_COUNT_MIN = 3  # A run has at least this number of columns.
 
 
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
@@ -104,7 +103,7 @@ def _split_name(name: str) -> tuple[str, str]:
 
 def _width(names: Sequence[str]) -> int | None:
     """Return the number of columns of a run, None for a single run."""
-    for width in range(COLUMN_COUNT_MIN, len(names) // 2 + 1):
+    for width in range(3, len(names) // 2 + 1):  # A run has at least this number of columns.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
         times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]
