@@ -137,7 +137,7 @@ def test_reversed_force_is_rejected():
     run = make_run(SINE)
     flipped = make_run(SINE, changed={"force": 50.0 - run.force})
     with pytest.raises(
-        InputError, match=r"opposite signs \(correlation -0\.\d\d\).*put `sign = -1` at \[channel\.force\]"
+        InputError, match=r"opposite signs \(correlation -0\.\d\d\).*Put `sign = -1` at \[channel\.force\]"
     ):
         prepare_run(flipped)
 

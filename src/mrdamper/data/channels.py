@@ -61,7 +61,7 @@ class Channel(ChannelTable):
             raise InputError(
                 place=f"channel.{self.role}",
                 found=f"gain is {self.gain}",
-                expected="a finite number but zero",
+                expected="a finite number, not zero",
             )
         if self.gain is not None and self.unit and spell_unit(self.unit, self.role) != quantity.unit:
             try:

@@ -62,7 +62,9 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
         # Midpoint of rms / amplitude: sine 0.707, triangle 0.577.
         kind = "triangle" if float(np.std(steady)) < 0.64 * stroke / 2 else "sine"
         return MotionFound(f"{kind} {_mm(stroke / 2)} {_round_number(1.0 / period)} Hz", period, period / 2)
-    if len(durations) >= 8 and _is_smooth(durations) and durations.max() > 1.5 * durations.min():
+    change = float(np.median(np.abs(np.diff(np.log(durations)))))  # From one stroke to the next.
+    is_smooth = len(durations) >= 8 and change < _STROKE_DEVIATION_MAX / 2
+    if is_smooth and durations.max() > 1.5 * durations.min():
         band = f"{_round_number(0.5 / durations.max(), 0.1)}-{_round_number(0.5 / durations.min(), 0.1)} Hz"
         return MotionFound(f"chirp {_mm(strokes.max() / 2)} {band}", None, half)
     echo = _period_by_autocorrelation(displacement, step)
@@ -73,11 +75,6 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     return MotionFound(
         f"random {_mm(stroke_range / 2)} {_round_number(low, 0.1)}-{_round_number(high, 0.1)} Hz", None, half
     )
-
-
-def _is_smooth(durations: FloatArray) -> bool:
-    """Return True if durations of strokes change little from one to the next."""
-    return float(np.median(np.abs(np.diff(np.log(durations))))) < _STROKE_DEVIATION_MAX / 2
 
 
 def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float | None:

@@ -169,7 +169,11 @@ def _read_all(
         answers,
     )
     unreadable = [item for item in unreadable if item.path not in {*members, *logs}]
-    read = [_without_archive_path(space, path, file) for path, file in _with_distinct_names(warmed)]
+    read = []
+    for path, file in _with_distinct_names(warmed):
+        kept = [replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings]
+        shown = path.relative_to(space) if path.is_relative_to(space) else path
+        read.append((shown, replace(file, recordings=tuple(kept))))
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & _GENERIC_SUFFIXES
     may_be_runs = bool(read) or any(
@@ -180,17 +184,10 @@ def _read_all(
         for item in unreadable
         if may_be_runs and _is_ignored(item, given | {*frames}, {*_GENERIC_SUFFIXES} - objects)
     ]
-    kept = tuple(item for item in unreadable if item not in ignored)
+    faulty = tuple(item for item in unreadable if item not in ignored)
     stating_findings = (document.finding for document in documents)
     folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
-    return ReadFiles(tuple(read), kept, runs, folder_findings)
-
-
-def _without_archive_path(space: Path, path: Path, file: RigFile) -> tuple[Path, RigFile]:
-    """Return a file with paths in its archive instead of paths of the unpacked file."""
-    shown = path.relative_to(space) if path.is_relative_to(space) else path
-    recordings = tuple(replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings)
-    return shown, replace(file, recordings=recordings)
+    return ReadFiles(tuple(read), faulty, runs, folder_findings)
 
 
 def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:

@@ -232,18 +232,13 @@ def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
     """
     runs = tuple(runs)
     largest = max((float(np.quantile(np.abs(run.command), 0.99)) for run in runs), default=0.0)
-    return tuple(
-        replace(run, command=np.full(len(run), np.median(run.command)))
-        if run.constant_command is None and _is_only_noise(run.command, largest)
-        else run
-        for run in runs
-    )
-
-
-def _is_only_noise(command: FloatArray, largest: float) -> bool:
-    # The median commands of these parts show a change of level despite noise.
-    levels = [float(np.median(part)) for part in np.array_split(command, 16)]
-    return float(np.std(command)) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
+    found = []
+    for run in runs:
+        levels = [float(np.median(part)) for part in np.array_split(run.command, 16)]
+        is_noise = np.std(run.command) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
+        steady = run.constant_command is None and is_noise
+        found.append(replace(run, command=np.full(len(run), np.median(run.command))) if steady else run)
+    return tuple(found)
 
 
 def command_slack(command: float) -> float:
@@ -348,7 +343,12 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
         k, few = int(outside[0]), len(outside) < 0.01 * len(values)
         worst = float(values[outside][np.argmax(np.abs(values[outside]))])
         sizes = f"{worst:.4g} {unit}", f"{low:g} to {high:g} {unit}"
+        hint = ""
         if role == "temperature":
+            wrong = (
+                "degC given as K" if worst < 200.0 else f"{'K' if worst > 533.0 else 'degF'} given as degC"
+            )
+            hint = f"It looks like {wrong}. "
             sizes = (
                 f"{to_degC(worst):.4g} degC ({sizes[0]})",
                 f"{to_degC(low):.0f} to {to_degC(high):.0f} degC",
@@ -361,21 +361,12 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
             unit=unit,
             from_s=float(recording.time[k]),
             to_s=float(recording.time[outside[-1]]),
-            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} ({len(outside)} such samples from {k} on)",
+            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} ({len(outside)} samples from {k} on)",
             effect="A single such sample outweighs the rest of the run in a fit",
             remedy="Cut the samples out of the file, or repair the sensor's wiring"
             if few
-            else f"{_unit_hint(role, worst)}Check the column's unit and gain in the channel map",
+            else f"{hint}Check the column's unit and gain in the channel map",
         )
-
-
-def _unit_hint(role: str, value: float) -> str:
-    """Return the probable wrong unit of an implausible temperature [K], for messages."""
-    if role != "temperature":
-        return ""
-    if value < 200.0:
-        return "It looks like degC given as K. "
-    return f"It looks like {'K' if value > 533.0 else 'degF'} given as degC. "
 
 
 def _finite(time: FloatArray, k: int) -> float | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -104,7 +104,9 @@ def with_samplings(
     counts = sizes or {name: len(values) for name, values in table.columns.items()}
     channels = {name: size for name, size in counts.items() if size > 1}
     known = {name: each for name in channels if (each := stated.get(name)) is not None}
-    if not known or not _is_plausible(known.values()):
+    fastest = min(known.values(), key=lambda each: each.step_s, default=None)
+    # A step or a rate without a unit counts in seconds or hertz only within this range.
+    if fastest is None or not (fastest.has_unit or 1e-6 <= fastest.step_s <= 0.02):
         return table
     begun = [each.began.later(each.offset_s) for each in known.values() if each.began is not None]
     start = min((each for each in begun if each.has_date), key=lambda each: each.day_first_s, default=None)
@@ -163,14 +165,6 @@ def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
     if len(begins) == 1:
         return {name: replace(each, began=None) for name, each in known.items()}
     return {name: each for name, each in known.items() if not begins or each.began is not None}
-
-
-def _is_plausible(samplings: Iterable[Sampling]) -> bool:
-    """Return True unless a step without a unit is out of range for the fastest channel."""
-    # A step or a rate without a unit counts in seconds or hertz only if the fastest channel is in this range.
-    low, high = (1e-6, 0.02)
-    fastest = min(samplings, key=lambda each: each.step_s)
-    return fastest.has_unit or low <= fastest.step_s <= high
 
 
 def _words(name: str) -> tuple[str, str]:

@@ -99,11 +99,6 @@ def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
     return tags
 
 
-def _begins_segment(line: bytes) -> bool:
-    """Return True if a line is the first of a header: notes are optional and precede the channel count."""
-    return re.match(rb"(Notes|Channels)[\t,]", line) is not None
-
-
 def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> Iterator[_Segment]:
     """Yield the segments; ``tags`` are the tags of the first."""
     header: list[bytes] | None = None  # The header of the next segment while it is read.
@@ -115,7 +110,8 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
         now = _Segment(tags, labels.rstrip(), at, at, lines_above)
         for number, line in lines_of(stream, path, lines_above + 1):
             at += len(line)
-            if header is None and _begins_segment(line):
+            # Notes are optional and precede the channel count.
+            if header is None and re.match(rb"(Notes|Channels)[\t,]", line) is not None:
                 yield replace(now, stop=at - len(line))
                 header, ended = [line], False
             elif header is None:

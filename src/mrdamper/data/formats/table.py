@@ -91,6 +91,10 @@ class Layout:
         return {key: list(value) if key == "notes" else value for key, value in asdict(self).items()}
 
 
+class NoTableError(InputError):
+    """A readable file without columns of numbers, such as notes or settings next to the runs."""
+
+
 @dataclass(frozen=True, slots=True)
 class Moment:
     """A moment by a clock, in seconds since 1970 or, without a date, in seconds of its day.

@@ -54,7 +54,10 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             else:
                 column = column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
-                column = _select_one(role, [column, *_namesakes(column, table)], place)
+                # Readers number the other columns of the same name: ``force (4)``.
+                again = re.compile(rf"{re.escape(column.name)} \(\d+\)")
+                names = [column.name, *filter(again.fullmatch, table.columns)]
+                column = _select_one(role, [replace(column, name=name) for name in names], place)
             if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
                 raise _unclear_factor(column, table.scales[column.name], place)
         except InputError as fault:
@@ -84,12 +87,6 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
         expected=f"--answer '{column.role}.scale={applied}' if it was, '{column.role}.scale={raw}' if not",
         candidates=[applied, raw],
     )
-
-
-def _namesakes(column: Column, table: Table) -> list[Column]:
-    """Return the other columns of the same name in the file. Readers number them: ``force (4)``."""
-    numbered = re.compile(rf"{re.escape(column.name)} \(\d+\)")
-    return [replace(column, name=name) for name in table.columns if numbered.fullmatch(name)]
 
 
 def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
@@ -193,7 +190,9 @@ def _column_without_unit(
         worded = [
             each
             for each in headers
-            if each.name in shares or ("voltage" in each.of_unit and _may_measure(each, role))
+            if each.name in shares
+            or ("voltage" in each.of_unit and speaks_of(each.word, role))
+            or ("voltage" in each.of_unit and role == "current" and is_monitor(each.word))
         ]
     meant = meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
@@ -217,11 +216,6 @@ def _column_without_unit(
     if not _is_needed(role, headers):
         return None
     raise no_scale(role, [column.name], place) if is_volts else no_unit(role, place, column.name, unit)
-
-
-def _may_measure(header: Header, role: str) -> bool:
-    """Return True if a column of volts may be the sensor of a role. An answer states its scale."""
-    return speaks_of(header.word, role) or (role == "current" and is_monitor(header.word))
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:

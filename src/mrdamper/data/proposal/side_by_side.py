@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -60,7 +60,12 @@ def wide_of_long(table: Table) -> Table:
     A column of texts names at least two roles, one column has the values, and another column the times.
     """
     kinds = [(name, dict.fromkeys(cells)) for name, cells in table.texts.items() if all(cells)]
-    named = [name for name, kind in kinds if 2 <= len(kind) <= MOST_COLUMNS and _roles_in(kind) > 1]
+    named = [
+        name
+        for name, kind in kinds
+        if 2 <= len(kind) <= MOST_COLUMNS
+        and len({header[0] for name in kind if (header := parse_header(name or ""))}) > 1
+    ]
     times = [
         name for name in table.columns if (parse_header(name) or ("",))[0] == "time" or name in table.stamps
     ]
@@ -88,11 +93,6 @@ def wide_of_long(table: Table) -> Table:
     return with_times(
         plain, {n: to_si(table.columns[times[0]][there], unit, "time") for n, there in rows.items()}
     )
-
-
-def _roles_in(names: Iterable[str | None]) -> int:
-    """Return the number of roles with a name."""
-    return len({header[0] for name in names if (header := parse_header(name or ""))})
 
 
 def _split_name(name: str) -> tuple[str, str]:

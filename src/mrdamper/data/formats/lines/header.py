@@ -116,12 +116,12 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
     for k in range(first - 1, -1, -1):
-        fields = _header_fields(lines[k], delimiter, count, filled)
+        above = [cell for cell in split_line(lines[k], delimiter) if cell]
+        is_entries = bool(above) and all("=" in cell for cell in above)  # "dt = 3 ms"
+        fields = None if is_entries else _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
-        elif rows or not (
-            is_comment(lines[k]) or _MARK.fullmatch(lines[k]) or _is_empty(lines[k], delimiter)
-        ):
+        elif rows or (above and not (is_entries or is_comment(lines[k]) or _MARK.fullmatch(lines[k]))):
             break
     if not rows:
         plain = tuple(f"column {k + 1}" for k in range(count))
@@ -166,10 +166,6 @@ def _filled(cells: list[str]) -> list[str]:
     """Return cells without empty ones at the end."""
     last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
     return cells[:last]
-
-
-def _is_empty(line: str, delimiter: str) -> bool:
-    return not any(split_line(line, delimiter))
 
 
 def _apply_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
