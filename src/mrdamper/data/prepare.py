@@ -245,17 +245,6 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     )
 
 
-def shortened(prepared: PreparedRun, samples: int) -> PreparedRun:
-    """Return the first ``samples`` samples of a run."""
-    if samples >= len(prepared):
-        return prepared
-    return replace(
-        prepared,
-        trajectory=prepared.trajectory.part(slice(samples)),
-        force=prepared.force[:samples],
-    )
-
-
 def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: float) -> float:
     """Return the zero of displacement [m] by a rule of ``prepare_run``.
 

@@ -85,7 +85,9 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     at least the rounding error if all displacements are on a grid. Up to 2 % of the record are ignored at its
     end, because the transform of the shorter length is faster.
     """
-    n = fast_length(len(displacement) - 1) + 1
+    from scipy.fft import prev_fast_len
+
+    n = prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
     odd = np.concatenate([kept[:-1], -kept[:0:-1]])  # An odd function has sine terms only.
     coefficient = -np.fft.rfft(odd).imag[1:-1] * np.sqrt(0.5 / (n - 1))
@@ -160,18 +162,6 @@ def differentiate(values: FloatArray, step: float) -> FloatArray:
     derivative[-3:] = -(_ENDS @ values[:-8:-1])[::-1]
     derivative /= step
     return derivative
-
-
-def fast_length(length_max: int) -> int:
-    """Return the largest number 2^i 3^j 5^k up to ``length_max`` (at least 1); its transform is fast."""
-    best, fives = 1, 1
-    while fives <= length_max:
-        threes = fives
-        while threes <= length_max:
-            best = max(best, threes << ((length_max // threes).bit_length() - 1))
-            threes *= 3
-        fives *= 5
-    return best
 
 
 def smallest_step(displacement: FloatArray) -> float:

@@ -50,6 +50,11 @@ class Sampling:
     has_unit: bool = True  # False: a number without a unit, taken in seconds or hertz
 
     @property
+    def is_plausible(self) -> bool:
+        """True if the step has a unit, or is between 1 us and 20 ms in seconds."""
+        return self.has_unit or 1e-6 <= self.step_s <= 0.02
+
+    @property
     def began_s(self) -> float | None:
         """Return the start in seconds, None if the file states no start."""
         return None if self.began is None else self.began.day_first_s
@@ -104,9 +109,7 @@ def with_samplings(
     counts = sizes or {name: len(values) for name, values in table.columns.items()}
     channels = {name: size for name, size in counts.items() if size > 1}
     known = {name: each for name in channels if (each := stated.get(name)) is not None}
-    fastest = min(known.values(), key=lambda each: each.step_s, default=None)
-    # A step or a rate without a unit counts in seconds or hertz only within this range.
-    if fastest is None or not (fastest.has_unit or 1e-6 <= fastest.step_s <= 0.02):
+    if not known or not min(known.values(), key=lambda each: each.step_s).is_plausible:
         return table
     begun = [each.began.later(each.offset_s) for each in known.values() if each.began is not None]
     start = min((each for each in begun if each.has_date), key=lambda each: each.day_first_s, default=None)

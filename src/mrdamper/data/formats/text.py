@@ -17,7 +17,7 @@ from typing import BinaryIO
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.clocks import stated_sampling, with_samplings
+from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
 from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in, with_dates
 from mrdamper.data.formats.lines.encodings import (
@@ -53,7 +53,7 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
-_ENTRY = re.compile(r"\s*([^:=]+?)\s*[:=]\s*(.*?)\s*")
+_COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
 
@@ -107,17 +107,15 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
-    entries = dict(match.groups() for line in header.said if (match := _ENTRY.fullmatch(line)))
-    count = next((value for key, value in entries.items() if key.lower() == "sample count"), "")
-    if count.isdecimal() and table.rows < int(count) and stop is None:
+    count = next((found[1] for line in header.said if (found := _COUNT.fullmatch(line))), "0")
+    if table.rows < int(count) and stop is None:
         raise InputError(
             place=f"{path}",
             found=f"holds {table.rows} samples where its header states {count}: it was cut off",
             remedy="Copy it again, or correct the number if the rest is not wanted",
         )
-    sampling = header.sampling or (None if table.stamps else stated_sampling(entries))
-    if sampling is not None:
-        table = with_samplings(table, dict.fromkeys(table.columns, sampling))
+    if header.sampling is not None:
+        table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
     if not header.scales:
         return table
     scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}

@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS, UNIX_TIME_MIN_s
+from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS, UNIX_TIME_MIN_s, stated_sampling
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
@@ -191,6 +191,10 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     rates = (_rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])) if step is None else ()
     if step is None and len(rates) == 1:
         step = 1.0 / rates[0]
+    entries = [re.split(r"\s*[:=]\s*", line, maxsplit=1) for line in table.said]
+    stated = stated_sampling({entry[0]: entry[1] for entry in entries if len(entry) == 2})
+    if step is None and not rates and stated is not None and stated.is_plausible:
+        step = stated.step_s
     if step is None:
         require_no_text("time", table, place)
         meant = meant_without_unit("time", [header_of(table, name, place) for name in table.columns])

@@ -119,7 +119,8 @@ def column_of(
     if position is not None:
         return _column_of_map(table, channel, table.names[position], headers, place)
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
-        stamps = [name for name in table.names if name in table.stamps]
+        # A logger may repeat the moment of the start in each row.
+        stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
         if stamps and not named:
             return _select_one("time", [Column("time", name, "s", "times of day") for name in stamps], place)

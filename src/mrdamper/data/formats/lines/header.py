@@ -117,7 +117,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     rows: list[tuple[int, list[str]]] = []
     for k in range(first - 1, -1, -1):
         above = [cell for cell in split_line(lines[k], delimiter) if cell]
-        is_entries = bool(above) and all("=" in cell for cell in above)  # "dt = 3 ms"
+        is_entries = not rows and bool(above) and all("=" in cell for cell in above)  # "dt = 3 ms"
         fields = None if is_entries else _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
