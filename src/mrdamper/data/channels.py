@@ -76,11 +76,8 @@ class Channel(ChannelTable):
                 return
             raise InputError(
                 place=f"channel.{self.role}",
-                found=(
-                    f"a gain stands beside {self.unit!r}, which is a unit of {self.role} already; a gain "
-                    f"leads to {quantity.unit}"
-                ),
-                remedy=f"Leave it out, or give unit {quantity.unit!r}",
+                found=f"a gain to {quantity.unit} and {self.unit!r}, a unit of {self.role}",
+                remedy=f"Leave the gain out, or give unit {quantity.unit!r}",
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
@@ -103,7 +100,6 @@ class Channel(ChannelTable):
             raise InputError(
                 place=where,
                 found=f"{wanted!r} is {len(found)} columns",
-                expected="one",
                 remedy="Give its index",
             )
         if not found:
@@ -180,10 +176,7 @@ class ChannelMap:
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
         """Return the map in a TOML document.
 
-        Raises
-        ------
-        InputError
-            The message has a line for each fault and the nearest valid keys for an unknown key.
+        Raise InputError with a line for each fault, and with the nearest valid key for an unknown one.
         """
         document = read_record(_Document, given, place)
         channels = {}

@@ -13,12 +13,9 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 
-_NOISE_RATIO_MIN = 1e-3  # Smaller noise in velocity, divided by the rms velocity, is not filtered.
-_CUT_OFF_RATIO_MIN = 5.0  # The cut-off is at least this multiple of the mean frequency of the motion.
 _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))
 
 _SPLINE_DEGREE = 5
-_PENALTY_WEIGHT = 1e-4  # weight of the fourth differences of the spline coefficients in the fit
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 # First derivative by sixth-order differences: centred, and for the three samples nearest to an end.
@@ -56,7 +53,8 @@ class Spectrum:
         """
         square = self.frequency**2
         velocity_rms = 2 * np.pi * np.sqrt(np.mean(square * self.power))
-        if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= _NOISE_RATIO_MIN * velocity_rms:
+        # Smaller noise in velocity, divided by the rms velocity, is not filtered.
+        if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= 1e-3 * velocity_rms:
             return 0.5 / self.step
         gain = self.power - 2 * self.noise**2
         for low, high in np.searchsorted(self.frequency, np.outer(_MAINS_Hz, (0.99, 1.01))):
@@ -64,7 +62,8 @@ class Spectrum:
         best = int(np.argmax(np.cumsum(square * gain))) + 1
         velocity = square[:best] * self.power[:best]
         mean = float(np.sqrt(np.sum(square[:best] * velocity) / np.sum(velocity)))
-        return max(float(self.frequency[best - 1]), _CUT_OFF_RATIO_MIN * mean)
+        # The cut-off is at least this multiple of the mean frequency of the motion.
+        return max(float(self.frequency[best - 1]), 5.0 * mean)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +135,8 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
             normal[d, j + blocks - 1] += at_end[j + d, j]
     for d in range(len(_FOURTH_DIFFERENCE)):
         for j in range(len(_FOURTH_DIFFERENCE) - d):
-            weight = _PENALTY_WEIGHT * spacing * _FOURTH_DIFFERENCE[j] * _FOURTH_DIFFERENCE[j + d]
+            # weight of the fourth differences of the spline coefficients in the fit
+            weight = 1e-4 * spacing * _FOURTH_DIFFERENCE[j] * _FOURTH_DIFFERENCE[j + d]
             normal[d, j : j + count - len(_FOURTH_DIFFERENCE) + 1] += weight
     padded = np.zeros(blocks * spacing)
     padded[:n] = displacement

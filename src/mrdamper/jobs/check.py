@@ -41,7 +41,6 @@ HELD_OUT_KINDS = frozenset(
     {
         "coarse_steps",
         "duplicate",
-        "few_cycles",
         "few_samples_per_cycle",
         "force_level_changes",
         "force_noise",
