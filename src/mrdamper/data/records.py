@@ -100,7 +100,7 @@ class RigRun(Recording, Picture):
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
-            raise InputError(faults=[fault.at_place(place) for fault in faults])
+            raise InputError(faults=[fault.prepend_place(place) for fault in faults])
 
     def checked(self) -> RigRun:
         return self
