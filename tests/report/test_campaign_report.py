@@ -206,10 +206,6 @@ def test_table_contains_every_run(text, judged):
         assert error.name in text
 
 
-def test_same_campaign_gives_same_bytes(fitted, text):
-    assert PAGE.render(fitted) == text
-
-
 def test_assumed_factors_are_marked(fitted, text):
     assert "assumed" not in said_in(text)
     forms = {
