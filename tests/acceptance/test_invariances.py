@@ -29,15 +29,14 @@ STANDARD_ERROR_RATIO_MAX = 0.05  # Parameters with a larger relative standard er
 
 @dataclass(frozen=True)
 class Case:
-    """A data set with the law and the terms to fit; None: the default model selection."""
+    """A data set with the law to fit, without terms; None: the default model selection."""
 
     runs: Dataset
     hold_out: tuple[str, ...]
     law: str | None = None
-    terms: tuple[str, ...] | None = None
 
     def fit(self, runs: Dataset | None = None, *, jobs: int = 1) -> FitResult:
-        options = FitOptions(hold_out=self.hold_out, terms=self.terms, jobs=jobs)
+        options = FitOptions(hold_out=self.hold_out, terms=None if self.law is None else ("none",), jobs=jobs)
         return fit(self.runs if runs is None else runs, self.law, options=options)
 
 
@@ -93,7 +92,7 @@ def mark_known_failures(request: pytest.FixtureRequest) -> None:
 def case(request: pytest.FixtureRequest) -> Case:
     """Return the data set: the fast tests fit one law, the nightly tests select the law and its terms."""
     if request.param == "small":
-        return replace(virtual_case("nominal", (20.0,)), law="bouc-wen", terms=("none",))
+        return replace(virtual_case("nominal", (20.0,)), law="bouc-wen")
     if request.param == "selected":
         return virtual_case("nominal", (20.0,))
     if request.param == "utfsm":
