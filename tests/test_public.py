@@ -22,7 +22,7 @@ from mrdamper.registry import JOBS, public_names
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
-from tests.support.campaigns import paper_card
+from tests.support.cards import RIG_ENVELOPE, card_of, rig_damper
 from tests.support.interface import FILE, interface
 
 pytestmark = pytest.mark.system
@@ -42,7 +42,9 @@ def test_command_has_option_per_field(name):
 
 
 def test_result_has_summary_and_figure(tmp_path):
-    hot = mrdamper.heat(paper_card(), "paper", ambient_degC=35.0, model="lumped")
+    hot = mrdamper.heat(
+        card_of(rig_damper(), envelope=RIG_ENVELOPE), "paper", ambient_degC=35.0, model="lumped"
+    )
     assert hot.rise.fluid_degC[0] == pytest.approx(35.0)
     assert "Limit of the fluid (130 degC" in hot.summary()
     assert len(repr(hot).splitlines()) <= 10

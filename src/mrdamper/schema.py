@@ -346,7 +346,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     if kind == "value_error":  # raised in __post_init__ of the record
         own, raised = ".".join(map(str, location)), fault["ctx"]["error"]
         error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
-        return (error.at_place(own) if own else error).at_place(place)
+        return (error.prepend_place(own) if own else error).prepend_place(place)
     where = ".".join(str(part)[:_VALUE_LENGTH_MAX] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:

@@ -208,7 +208,7 @@ class Scenario(_Conditions):
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:
-            raise error.at_place(place) from error
+            raise error.prepend_place(place) from error
         own = {each.name: getattr(base, each.name) for each in fields(_Conditions)}
         conditions = write_record(_Conditions(**own), defaults=True)
         table = read_record(_ScenarioTable, {**conditions, **given}, place)

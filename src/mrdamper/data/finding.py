@@ -34,7 +34,7 @@ class Finding:
     to_s: float | None = None
     run: str = ""
 
-    def within(self, error: float) -> Finding:
+    def add_interval(self, error: float) -> Finding:
         """Return the finding with an interval of plus or minus two standard errors."""
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
@@ -75,7 +75,7 @@ def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}
-    for finding in sorted(findings, key=worst_first):
+    for finding in sorted(findings, key=severity_rank):
         groups.setdefault((finding.severity, finding.kind, finding.channel), []).append(finding)
     return [
         (max(group, key=lambda finding: abs(finding.size or 0.0)), _run_count(group, copies))
@@ -96,7 +96,7 @@ def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
     Two tests may report the same fault of a run, such as a delay within the run and between the runs.
     """
     first: dict[tuple[object, ...], Finding] = {}
-    for finding in sorted(findings, key=worst_first):
+    for finding in sorted(findings, key=severity_rank):
         key = (finding.run, finding.kind, finding.channel, finding.from_s, finding.to_s)
         first.setdefault(key if finding.run else (*key, finding.found), finding)
     return list(first.values())
@@ -107,6 +107,6 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
 
 
-def worst_first(finding: Finding) -> int:
+def severity_rank(finding: Finding) -> int:
     """Return a sort key: faults, then warnings, then notes."""
     return SEVERITIES.index(finding.severity)

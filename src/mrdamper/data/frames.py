@@ -190,7 +190,7 @@ def _name_of(name: object) -> str:
 # ------------------------------------------------------------------------------------------- columns
 
 
-def named_columns(
+def columns_by_name(
     given: Runs | None, columns: Mapping[str, str | float | ArrayLike]
 ) -> tuple[Any, ChannelMap | None]:
     """Return runs with additional columns, and the channel map of named columns.

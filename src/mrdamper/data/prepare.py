@@ -191,7 +191,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     return PreparedRun(run, trajectory, force, scored_from, found.period_s, rules, motion)
 
 
-def shown_samples(
+def select_plot_samples(
     prepared: PreparedRun, *, seconds: float | None = None, points: int = 240
 ) -> NDArray[np.intp]:
     """Return the samples of a run to plot: its second cycle because the start has decayed, decimated.

@@ -15,7 +15,7 @@ from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents
-from mrdamper.data.proposal.folders import distinct_names, find_files, known_suffixes
+from mrdamper.data.proposal.folders import distinct_names, find_files, format_suffixes
 from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.proposal.temperature_logs import join_temperature_logs
@@ -199,7 +199,7 @@ def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bo
     foreign : generic suffixes without a run in any of the files
     """
     suffix = file.path.suffix.lower()
-    is_unknown = suffix not in known_suffixes() and isinstance(file.fault, AskingError)
+    is_unknown = suffix not in format_suffixes() and isinstance(file.fault, AskingError)
     has_no_run = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
     return has_no_run and file.path not in given
 

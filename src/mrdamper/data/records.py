@@ -24,7 +24,7 @@ from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
 from mrdamper.results import Picture
-from mrdamper.schema import unknown_name
+from mrdamper.schema import finite_or_none, unknown_name
 
 WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
@@ -92,7 +92,7 @@ class RigRun(Recording, Picture):
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
-            raise InputError(faults=[fault.at_place(place) for fault in faults])
+            raise InputError(faults=[fault.prepend_place(place) for fault in faults])
 
     def checked(self) -> RigRun:
         return self
@@ -325,8 +325,8 @@ def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
                 channel=role,
                 size=float(len(bad)),
                 unit="samples",
-                from_s=_finite(recording.time, first),
-                to_s=_finite(recording.time, last),
+                from_s=finite_or_none(recording.time[first]),
+                to_s=finite_or_none(recording.time[last]),
                 found=f"{role} is {values[first]} at sample {first} ({len(bad)} such samples)",
                 effect="No fit can use the run: an error over such samples has no value",
                 remedy="Fill the empty cells in the source, or cut the segment out of the file",
@@ -367,10 +367,6 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
             if few
             else f"{hint}Check the column's unit and gain in the channel map",
         )
-
-
-def _finite(time: FloatArray, k: int) -> float | None:
-    return float(time[k]) if np.isfinite(time[k]) else None
 
 
 def find_time_faults(time: FloatArray) -> list[Finding]:

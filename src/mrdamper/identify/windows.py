@@ -96,16 +96,16 @@ def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, .
     )
 
 
-def whole_runs(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
+def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
     """Return every run as one window, from its first sample on."""
     coarse = [_decimate(run, settings) for run in runs]
     fractions = run_fractions(runs)
     windows = []
     for k, run in enumerate(coarse):
-        spans = _at_one_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
+        spans = _split_by_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
         scored = len(run) - run.scored_from
         windows += [
-            _window(run, span, fractions[k] * (span.stop - span.start) / scored, _spread(run))
+            _window(run, span, fractions[k] * (span.stop - span.start) / scored, _force_std(run))
             for span in spans
         ]
     return tuple(windows)
@@ -115,7 +115,7 @@ def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT
     """Return one whole run with its measured temperature, as one of a number of runs."""
     coarse = _decimate(run, settings)
     window = _window(
-        coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _spread(coarse)
+        coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _force_std(coarse)
     )
     return replace(window, drive=open_drive(coarse.trajectory))
 
@@ -142,7 +142,7 @@ def representative_windows(
     merged = _merge(coarse, [spans[k] for k in order], [fraction[k] for k in order], settings)
     if sum(span.stop * _relative_cost(coarse[span.run]) for span, _ in merged) <= samples_max:
         merged = [(replace(span, first=0), weight) for span, weight in merged]
-    return tuple(_window(coarse[s.run], s, f, _spread(coarse[s.run])) for s, f in merged)
+    return tuple(_window(coarse[s.run], s, f, _force_std(coarse[s.run])) for s, f in merged)
 
 
 def _decimate(run: PreparedRun, settings: FitSettings) -> PreparedRun:
@@ -161,7 +161,7 @@ def _shortest_period_s(run: PreparedRun) -> float:
     return float(2.0 * path.step * np.quantile(np.diff(turns), 0.1))
 
 
-def _spread(run: PreparedRun) -> float:
+def _force_std(run: PreparedRun) -> float:
     spread = float(np.std(run.force[run.scored_from :]))
     if not spread > 0.0:
         raise InputError(place=run.run.name, found="the force does not change after the motion starts")
@@ -188,7 +188,7 @@ def _relative_cost(run: PreparedRun) -> float:
     return max(run.trajectory.step / _longest_step_s(run) / STEPS_PER_SAMPLE, 1.0)
 
 
-def _at_one_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
+def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
     """Return parts of a span in which the temperature changes little, each with its warm-up.
 
     The kernel is much faster at constant temperature. Each part uses its mean temperature.
@@ -234,7 +234,7 @@ def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list
         ends = np.linspace(low, high, parts + 1).round().astype(int).tolist()
         cuts += [(block, a, b) for a, b in itertools.pairwise(ends) if b > a]
     spans = [_Span(k, 0 if a == start else max(a - warm_up, 0), a, b, block) for block, a, b in cuts]
-    return [part for span in spans for part in _at_one_temperature(run, span, settings)]
+    return [part for span in spans for part in _split_by_temperature(run, span, settings)]
 
 
 def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: FitSettings) -> FloatArray:
@@ -326,7 +326,7 @@ def _merge(
                 is_short
                 and (last.run, last.block, last.stop) == (span.run, span.block, span.start)
                 and abs(ratio - 1.0) < SAME_WEIGHT_TOLERANCE
-                and len(_at_one_temperature(runs[span.run], joined, settings)) == 1
+                and len(_split_by_temperature(runs[span.run], joined, settings)) == 1
             ):
                 merged[-1] = (joined, before + fraction)
                 continue

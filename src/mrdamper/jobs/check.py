@@ -80,7 +80,7 @@ class CheckedRun:
     samples_drawn: FloatArray = field(repr=False, compare=False)  # displacement [mm], force [N], shape (n, 2)
 
     @property
-    def worst(self) -> Severity | None:
+    def max_severity(self) -> Severity | None:
         return self.findings[0].severity if self.findings else None
 
 

@@ -69,7 +69,7 @@ class Actuation:
         """Return the weights of the field with the narrow and the wide dead band."""
         return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
-    def applied(self, command: FloatArray, step: float) -> FloatArray:
+    def apply(self, command: FloatArray, step: float) -> FloatArray:
         """Return the effective command of the law [A or V] on a uniform step [s], shape (n,).
 
         The initial state is settled. The command is linear between its samples.
@@ -93,7 +93,7 @@ class Actuation:
         command = np.full(20_001, float(end))
         command[0] = start
         risen = (
-            replace(self, hysteresis_width_A=0.0, wide_hysteresis_width_A=0.0).applied(command, step) - start
+            replace(self, hysteresis_width_A=0.0, wide_hysteresis_width_A=0.0).apply(command, step) - start
         ) / (end - start)
         return float(np.interp(share, np.maximum.accumulate(risen), step * np.arange(len(command))))
 

@@ -175,8 +175,8 @@ def card_to_json(card: ModelCard) -> Json:
             cost=evidence.cost,
             converged=evidence.converged,
             dataset_fingerprint=evidence.dataset_fingerprint,
-            training=_split_record(evidence, "training"),
-            held_out=_split_record(evidence, "held_out"),
+            training=_error_record(evidence, "training"),
+            held_out=_error_record(evidence, "held_out"),
             runs=tuple({"name": run["name"], "split": run["split"], **run} for run in evidence.runs),
             versions=evidence.versions,
         ),
@@ -221,7 +221,7 @@ def record_of_law(
     )
 
 
-def _split_record(evidence: Evidence, split: str) -> SplitRecord:
+def _error_record(evidence: Evidence, split: str) -> SplitRecord:
     return SplitRecord(**evidence.errors(split))  # type: ignore[arg-type]  # by the names of its fields
 
 
@@ -406,7 +406,7 @@ def _checked_law(
     try:
         form = parameter_law(coefficient)
     except InputError as fault:
-        raise fault.at_place(place) from fault
+        raise fault.prepend_place(place) from fault
     for parameter, expected in zip(form.parameter_names, form.units(unit, command_unit), strict=True):
         found = coefficient.numbers[parameter].unit
         if found != expected:

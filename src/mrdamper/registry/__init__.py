@@ -236,8 +236,8 @@ QUERIES: Mapping[str, str] = MappingProxyType(
 
 PICTURES: Mapping[str, str] = MappingProxyType(
     {
-        "Dataset": "mrdamper.report.figures.runs:measured_loops",
-        "RigRun": "mrdamper.report.figures.runs:measured_loops",
+        "Dataset": "mrdamper.report.figures.runs:plot_runs",
+        "RigRun": "mrdamper.report.figures.runs:plot_runs",
         "ModelCard": "mrdamper.report.cards.picture:card_figure",
     }
 )

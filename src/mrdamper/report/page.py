@@ -107,7 +107,7 @@ class Page(Generic[Result]):
         context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
         return template.render(**context, **self.values(result))
 
-    def shown(self, result: Result) -> Json:
+    def web_json(self, result: Result) -> Json:
         """Return the first screen without its figure, and the tables, for a web page."""
         first = self.first(result)
         return {
@@ -115,7 +115,7 @@ class Page(Generic[Result]):
             "verdict": sentence(first.verdict),
             "flags": [[sentence(lead), sentence(text)] for lead, text in first.flags],
             "notes": [sentence(note) for note in first.notes],
-            "tables": [each.shown() for each in self.sections(result) if isinstance(each, Table)],
+            "tables": [each.web_json() for each in self.sections(result) if isinstance(each, Table)],
         }
 
     def _svg(self, result: Result) -> str:

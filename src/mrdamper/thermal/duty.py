@@ -123,7 +123,7 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
         command, unit = _command(words[-2])
         return motion_from_text(":".join(words[:-2])), command, unit, seconds
     except InputError as fault:
-        told = fault.at_place(f"duty {text!r}")
+        told = fault.prepend_place(f"duty {text!r}")
         if not told.expected:
             told = InputError(told.found, place=told.place, expected=_EXPECTED, remedy=told.remedy)
         raise told from fault

@@ -33,7 +33,7 @@ class CapacityCurve:
     high: float  # [K]
     coefficients: tuple[float, ...]  # of powers of T - low, lowest first
 
-    def at(self, kelvin: float) -> float:
+    def evaluate(self, kelvin: float) -> float:
         """Return the curve at a temperature [K]."""
         x = min(max(kelvin, self.low), self.high) - self.low
         return float(polynomial.polyval(x, self.coefficients))
@@ -42,7 +42,10 @@ class CapacityCurve:
         """Return the integral from the low end to temperatures [K], in their shape."""
         x, width = np.asarray(kelvin, dtype=np.float64) - self.low, self.high - self.low
         inside = polynomial.polyval(np.clip(x, 0.0, width), polynomial.polyint(self.coefficients))
-        below, above = self.at(self.low) * np.minimum(x, 0.0), self.at(self.high) * np.maximum(x - width, 0.0)
+        below, above = (
+            self.evaluate(self.low) * np.minimum(x, 0.0),
+            self.evaluate(self.high) * np.maximum(x - width, 0.0),
+        )
         return np.asarray(inside + below + above)
 
     @property

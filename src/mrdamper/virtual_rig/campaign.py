@@ -172,7 +172,7 @@ class Campaign:
         try:
             usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
         except InputError as error:
-            raise error.at_place(place) from error
+            raise error.prepend_place(place) from error
         document = {name: value for name, value in given.items() if name != "preset"}
         known = write_record(usual, defaults=True)
         if isinstance(given.get("sensors"), Mapping):

@@ -19,7 +19,7 @@ from mrdamper.data.diagnosis.sensors import (
     find_stuck_sensors,
 )
 from mrdamper.data.diagnosis.timing import find_lost_samples, find_phase_jumps
-from mrdamper.data.finding import Finding, worst_first
+from mrdamper.data.finding import Finding, severity_rank
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import (
     Recording,
@@ -46,7 +46,7 @@ def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple
             found = [*find_time_faults(recording.time), *find_implausible_sizes(recording)]
         if not any(finding.severity == "fault" for finding in found):
             found += _diagnose_valid_record(recording, prepared)
-    found.sort(key=worst_first)
+    found.sort(key=severity_rank)
     return tuple(replace(finding, run=recording.name) for finding in found)
 
 

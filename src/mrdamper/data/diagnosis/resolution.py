@@ -8,7 +8,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
-from mrdamper.data.diagnosis.repeatability import alike_cycles, forces_by_phase, repeatability
+from mrdamper.data.diagnosis.repeatability import forces_by_phase, repeatability, select_typical_cycles
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
@@ -91,7 +91,7 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     """
     if prepared.period_s is None or prepared.run.constant_command is None:
         return
-    cycle_forces = forces_by_phase(prepared, alike_cycles(prepared))
+    cycle_forces = forces_by_phase(prepared, select_typical_cycles(prepared))
     if len(cycle_forces) < CYCLE_COUNT_MIN:
         return
     spread = float(np.std(cycle_forces))

@@ -20,7 +20,7 @@ from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
-from mrdamper.data.proposal.refusals import listed, no_unit, perhaps, require_no_text
+from mrdamper.data.proposal.refusals import column_list, no_unit, require_no_text, suggest_columns
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
@@ -204,10 +204,10 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
             "time",
             "rate",
             place,
-            found=f"no time column; the columns are: {listed(table.names)}",
+            found=f"no time column; the columns are: {column_list(table.names)}",
             expected=(
                 "a header such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at "
-                f"its [constant]{perhaps(['time'], table)}"
+                f"its [constant]{suggest_columns(['time'], table)}"
             ),
             candidates=[f"{rate:g}" for rate in rates],
         )

@@ -67,7 +67,7 @@ class _Files:
     numbers: dict[int, Path] = field(default_factory=dict)  # The last number of each stem, if unique.
 
     @classmethod
-    def of(cls, files: Sequence[Path]) -> _Files:
+    def from_paths(cls, files: Sequence[Path]) -> _Files:
         names = {name.lower(): path for path in files for name in (path.stem, path.name)}
         last = [re.findall(r"\d+", path.stem) for path in files]
         numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
@@ -155,7 +155,7 @@ def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table counts if most of its rows name files."""
-    known = _Files.of(files)
+    known = _Files.from_paths(files)
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]

@@ -55,7 +55,7 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             inside = list(_files_below(path))
             if not inside:
                 raise InputError(
-                    place=path, found="no runs in this folder", expected=", ".join(sorted(known_suffixes()))
+                    place=path, found="no runs in this folder", expected=", ".join(sorted(format_suffixes()))
                 )
         elif is_there(path):
             inside = [path]
@@ -76,7 +76,7 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
 def _unpack(file: Path, space: Path) -> list[Path]:
     """Return the unpacked files of an archive, or the file itself if it is not an archive."""
     is_archive = is_file(file) and _head(file).startswith(_ARCHIVES)
-    if not is_archive or file.suffix.lower() in known_suffixes():
+    if not is_archive or file.suffix.lower() in format_suffixes():
         return [file]
     folder = space.joinpath(*file.absolute().parts[-3:-1])
     try:
@@ -137,7 +137,7 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     return found
 
 
-def known_suffixes() -> set[str]:
+def format_suffixes() -> set[str]:
     """Return the suffixes of the supported formats."""
     return {suffix for known in FORMATS for suffix in known.suffixes}
 
@@ -166,7 +166,7 @@ def _may_hold_runs(file: Path) -> bool:
     suffix = file.suffix.lower()
     if suffix in _NO_RUNS or file.name.endswith("~"):
         return False
-    is_known = suffix in known_suffixes()
+    is_known = suffix in format_suffixes()
     if is_known and suffix not in {*_OF_ANYTHING, ".json"}:
         return True
     head = _head(file)

@@ -61,7 +61,7 @@ def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], 
     return [*sorted(edge for edge in edges if edge < len(time)), len(time)], titles
 
 
-def joined(pieces: Sequence[Piece]) -> list[Piece]:
+def join_pieces(pieces: Sequence[Piece]) -> list[Piece]:
     """Join pieces that continue the time of the preceding piece at the same command."""
     found: list[Piece] = []
     for piece in pieces:

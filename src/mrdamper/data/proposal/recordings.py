@@ -38,7 +38,7 @@ from mrdamper.data.proposal.pieces import (
     evened,
     filled,
     integrated,
-    joined,
+    join_pieces,
     run_edges,
     without_repeated_end,
 )
@@ -111,7 +111,7 @@ def runs_in(
         notes += (f"{len(parts)} parts",)
     layout = replace(layout, notes=(*layout.notes, *notes))
     whole = [piece for part in parts for piece in part.pieces]
-    pieces = [(piece, parts[0].role) for piece in (joined(whole) if chosen.segments is None else whole)]
+    pieces = [(piece, parts[0].role) for piece in (join_pieces(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:
         pieces = [(piece, part.role) for part in parts for piece in part.pieces]
     stem = file.name if file.suffix[1:].isdecimal() else file.stem  # A number is no suffix: "test.001".
@@ -187,7 +187,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
         piece, told = with_temperature(piece, told, chosen, place_texts)
         pieces.append(replace(piece, channels={**piece.channels, "command": values}, told=told))
         role = role_now
-    whole = joined(pieces) if chosen.segments is None else pieces
+    whole = join_pieces(pieces) if chosen.segments is None else pieces
     slow = ", ".join(one.interpolated)
     notes: tuple[str, ...] = (f"{slow} interpolated to the fastest clock",) if slow else ()
     skipped = skipped_columns(table, columns, chosen, place)

@@ -17,7 +17,7 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
 from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
-from mrdamper.data.proposal.refusals import command_shares, listed, no_column, no_scale, no_unit
+from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
     is_ambient,
     is_monitor,
@@ -201,7 +201,7 @@ def _column_without_unit(
     if not worded:
         if role in chosen.channels and channel.name is None and not channel.unit:
             found = f"neither channel.{role} nor a header names a column; the columns are: "
-            raise InputError(place=place, found=found + listed(table.names))
+            raise InputError(place=place, found=found + column_list(table.names))
         return None
     left = [each for each in worded if not is_set_point(each.word)] or worded
     left = [each for each in left if not names_by_symbol(each.name)] or left

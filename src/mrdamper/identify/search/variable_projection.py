@@ -218,7 +218,9 @@ def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
         count = PYTHON_LAW_DRAW_COUNT
-    values = Box.of(problem.nonlinear).to_physical(latin_hypercube(problem.nonlinear, count, index))
+    values = Box.from_parameters(problem.nonlinear).to_physical(
+        latin_hypercube(problem.nonlinear, count, index)
+    )
     names = [free.name for free in problem.nonlinear]
     return [problem.template.with_parameters(dict(zip(names, row, strict=True))) for row in values.tolist()]
 
@@ -314,5 +316,5 @@ def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> Flo
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
     unit = (cell + rng.random((count, len(free)))) / count
-    box = Box.of(free)
+    box = Box.from_parameters(free)
     return np.asarray(box.low + (0.1 + 0.8 * unit) * (box.high - box.low))

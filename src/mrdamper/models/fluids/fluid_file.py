@@ -135,7 +135,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
             valid_K=_to_kelvin(valid),
         )
     except InputError as fault:
-        raise fault.at_place(place) from fault
+        raise fault.prepend_place(place) from fault
 
 
 def _completed(given: Json, place: str) -> Json:
@@ -170,7 +170,7 @@ def _section(
     try:
         return record, make_factor(record.law, parameters)
     except InputError as fault:
-        raise fault.at_place(place) from fault
+        raise fault.prepend_place(place) from fault
 
 
 def fluid_to_toml(fluid: Fluid) -> str:

@@ -20,7 +20,7 @@ from mrdamper.report.thermal.heat_page import (
     end_band,
     limit_band,
     limit_rows,
-    shown_intervals,
+    page_intervals,
     sink_in_words,
 )
 from mrdamper.runtime.outputs import write_table
@@ -132,13 +132,13 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
 
 def summary(run: HeatResult) -> list[str]:
     """Return the limits, the temperature of the fluid at the end, and the loss of force."""
-    intervals = shown_intervals(run)
+    intervals = page_intervals(run)
     return _sentences(run.rise, intervals[0] if intervals else None)
 
 
 def show(run: HeatResult, console: Console) -> None:
     """Print the limits, the values at the end, the temperatures at seven times, and notes."""
-    intervals = shown_intervals(run)
+    intervals = page_intervals(run)
     lines = summary(run)
     if run.bare is not None:
         bare_interval = intervals[1] if len(intervals) > 1 else None
