@@ -1,7 +1,7 @@
 /* Fuzzing of the kernel's laws: records, forces, tangents, Gram sums and the curve, from any motion and coefficients.
  *
  * If the coefficients are in their ranges and the motion is finite, then the force is finite. For all other input only
- * the sanitizers must stay silent. The kernel's single translation unit is included.
+ * the sanitizers must stay silent. kernel.c is included; implicit_run.c is compiled separately.
  */
 #include "kernel.c"
 
