@@ -68,9 +68,9 @@ static void gather(const double *const *source, const lane_job *lane, size_t beg
     }
 }
 
-/* The stepped rows of a block: force to `force`, tangents to column[d], both lane by lane. */
-static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lane_job *lane, size_t begin, size_t end,
-                       double *force, double *const *column)
+/* The stepped rows of a block: force to `force`, tangents to column[d], both lane by lane. Packs without a job are skipped. */
+static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lane_job *lane, size_t jobs, size_t begin,
+                       size_t end, double *force, double *const *column)
 {
     double x[LANES * (STEPS + 1)], v[LANES * (STEPS + 1)];
     const double *xs[LANES], *vs[LANES];
@@ -81,7 +81,7 @@ static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lan
     const size_t before = begin ? begin - 1 : 0;
     gather(xs, lane, before, end, x);
     gather(vs, lane, before, end, v);
-    for (size_t part = 0; part < LANES; part += PACK) {
+    for (size_t part = 0; part < jobs; part += PACK) {
         double step[PACK];
         for (size_t k = 0; k < PACK; k++) step[k] = lane[part + k].record->step;
         memcpy(&t->step, step, sizeof step);
@@ -102,8 +102,9 @@ static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lan
     }
 }
 
-/* The sums of LANES jobs of one number of substeps, all records at least one sample long. `block` is [rows][BLOCK]. */
-static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job *lane, double *block)
+/* The sums of up to LANES jobs of one number of substeps, all records at least one sample long; the other lanes repeat a job.
+ * `block` is [rows][BLOCK]. */
+static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job *lane, size_t jobs, double *block)
 {
     law_lanes state[LANES / PACK];
     const mrd_model *model[LANES];
@@ -124,12 +125,12 @@ static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job
         way[ways] = g->by[i];
         column[ways++] = block + i * BLOCK;
     }
-    double *residual = block + (g->rows - 1) * BLOCK, force[BLOCK];
+    double *residual = block + (g->rows - 1) * BLOCK, force[BLOCK] = {0.0};
     lane_samples samples = {pack_of(0.0), substeps_of(t->law, record[0]), NULL, NULL, NULL, NULL, ways, way, NULL, NULL};
     memset(g->lanes, 0, 8 * g->rows * g->rows * sizeof *g->lanes);
     for (size_t begin = 0; begin < longest; begin += STEPS) {
         const size_t end = begin + STEPS < longest ? begin + STEPS : longest, n = LANES * (end - begin);
-        step_block(t->law, state, &samples, lane, begin, end, force, column);
+        step_block(t->law, state, &samples, lane, jobs, begin, end, force, column);
         for (size_t i = 0; i + 1 < g->rows; i++) {
             if (!lane[0].row[i]) continue;
             for (size_t k = 0; k < LANES; k++) source[k] = lane[k].row[i];
@@ -138,7 +139,7 @@ static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job
         for (size_t k = 0; k < LANES; k++) source[k] = lane[k].left;
         gather(source, lane, begin, end, residual);
         for (size_t i = 0; i < n; i++) residual[i] -= force[i];
-        for (size_t k = 0; k < LANES; k++)
+        for (size_t k = 0; k < jobs; k++)
             for (size_t i = begin; lane[k].residual && i < end && i < record[k]->n; i++)
                 lane[k].residual[i] = residual[LANES * (i - begin) + k];
         for (size_t k = 0; k < LANES; k++) {
@@ -155,7 +156,7 @@ static mrd_status gram_in_lanes(const gram_room *g, const gram_task *t, size_t l
 {
     const size_t jobs = t->candidates * t->runs, each = (g->rows + 1) * longest, square = g->rows * g->rows;
     job_order *order = malloc((jobs + 1) * sizeof *order);
-    double *store = malloc((LANES * each + g->rows * BLOCK) * sizeof *store);
+    double *store = calloc(LANES * each + g->rows * BLOCK, sizeof *store);
     lane_job *lane = malloc(LANES * sizeof *lane);
     mrd_status status = order && store && lane ? MRD_OK : MRD_NO_MEMORY;
     for (size_t job = 0; job < jobs && status == MRD_OK; job++) {
@@ -165,13 +166,13 @@ static mrd_status gram_in_lanes(const gram_room *g, const gram_task *t, size_t l
     }
     if (status == MRD_OK) qsort(order, jobs, sizeof *order, compare_jobs);
     for (size_t first = 0, next; first < jobs && order[first].n && status == MRD_OK; first = next) {
-        /* A lane without a job of its own repeats the first. */
         for (next = first; next < jobs && next < first + LANES && order[next].n; next++)
             if (order[next].substeps != order[first].substeps) break;
-        for (size_t k = 0; k < LANES && status == MRD_OK; k++)
-            status = lane_open(lane + k, g, t, order[first + k < next ? first + k : first].job, longest, store + k * each);
+        for (size_t k = 0; first + k < next && status == MRD_OK; k++)
+            status = lane_open(lane + k, g, t, order[first + k].job, longest, store + k * each);
+        for (size_t k = next - first; k < LANES; k++) lane[k] = lane[0];
         if (status != MRD_OK) break;
-        gram_of_lanes(g, t, lane, store + LANES * each);
+        gram_of_lanes(g, t, lane, next - first, store + LANES * each);
         for (size_t k = 0; first + k < next; k++) {
             double *out = t->out + lane[k].job * square;
             for (size_t i = 0; i < g->rows; i++)
