@@ -46,7 +46,8 @@ typedef struct {
     compliance compliance;
     pack_mask plastic, cavity_on, bypass_on, gas_on;
     int some_plastic, some_cavity, some_bypass, some_gas, thins, knee, fades, bristle_on[BRISTLES];
-    pack q, y, y_rate;        /* valve travel, velocity and its rate of change */
+    pack q, y;                /* valve travel and velocity */
+    pack lag, change;         /* velocity that the valve lags behind, and its change from step to step */
     pack play, cavity;        /* displacement behind the play, travel that the cavity takes (z) */
     pack bristle[BRISTLES];
     pack followed[2];         /* yield and memory force that the bristles follow */
@@ -459,7 +460,7 @@ static void chain_advance(chain_lanes *l, const lane_samples *t, pack h, double 
     at->play = choose(along, x - side * half, at->play);
     v = only(along, v);
     chain_prepare(at, h, v, first, &s);
-    chain_solve(at, &s, first ? v : at->y + h * at->y_rate, &p);
+    chain_solve(at, &s, first ? v : v - (at->lag + at->change), &p);
     if (t->ways) {
         for (size_t w = 0; w < t->ways; w++) {
             const pack moved = t->way[w] == CH_PLAY ? -side * seed_between(t, w, fraction) : pack_of(0.0);
@@ -470,7 +471,8 @@ static void chain_advance(chain_lanes *l, const lane_samples *t, pack h, double 
     }
     for (int j = 0; j < BRISTLES; j++)
         if (at->bristle_on[j]) at->bristle[j] = p.bristle[j];
-    if (!first) at->y_rate = (p.y - at->y) / h;
+    if (!first) at->change = v - p.y - at->lag;
+    at->lag = v - p.y;
     at->y = p.y;
     at->q += h * p.y;
     at->cavity = p.cavity;

@@ -16,14 +16,15 @@ static void state_read(mrd_law law, const mrd_state *state, law_lanes *l)
 {
     if (law != MRD_CHAIN_LAW) {
         l->valve.y = state->y;
-        l->valve.q = state->q;
-        l->valve.q_rate = state->q_rate;
+        memcpy(l->valve.lag, state->lag, sizeof state->lag);
+        memcpy(l->valve.change, state->change, sizeof state->change);
         return;
     }
     chain_state *at = &l->chain.at;
     at->q = state->y;
     at->y = state->q;
-    at->y_rate = state->q_rate;
+    at->lag = state->lag[0];
+    at->change = state->change[0];
     at->play = state->play;
     at->cavity = state->cavity;
     memcpy(at->bristle, state->bristle, sizeof at->bristle);
@@ -34,14 +35,15 @@ static void state_write(mrd_law law, const law_lanes *l, mrd_state *state)
 {
     if (law != MRD_CHAIN_LAW) {
         state->y = l->valve.y;
-        state->q = l->valve.q;
-        state->q_rate = l->valve.q_rate;
+        memcpy(state->lag, l->valve.lag, sizeof state->lag);
+        memcpy(state->change, l->valve.change, sizeof state->change);
         return;
     }
     const chain_state *at = &l->chain.at;
     state->y = at->q;
     state->q = at->y;
-    state->q_rate = at->y_rate;
+    state->lag[0] = at->lag;
+    state->change[0] = at->change;
     state->play = at->play;
     state->cavity = at->cavity;
     memcpy(state->bristle, at->bristle, sizeof at->bristle);

@@ -103,7 +103,8 @@ typedef struct {
     double kappa, n;                        /* of the first batch */
     double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
-    double y, q, q_rate;                    /* Spencer, series valve, chain */
+    double y, q, q_rate;                    /* Spencer; series valve: y; chain: y, q */
+    double lag[2], change[2];               /* series valve, chain */
     double e, side, place;                  /* Spencer */
     double play, cavity, bristle[5], level[2]; /* chain */
 } mrd_state;

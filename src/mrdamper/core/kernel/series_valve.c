@@ -12,12 +12,14 @@
 
 #define SDIRK_FIRST 0.29289321881345247560 /* 1 - sqrt(1/2), length of both stages divided by the step */
 
-/* State and coefficients of PACK lanes; `by` is the derivative of the valve travel by each direction. */
+/* Coefficients and state of PACK lanes. The first guess of a stage extrapolates the elastic velocity, because it changes
+ * less than the valve velocity. It is that of the same stage in the step before: both stages have different errors. */
 typedef struct {
     pack c[SV_COUNT], per_velocity;
     compliance compliance;
     int thins;
-    pack y, q, q_rate, by[WAYS_MAX];
+    pack y, lag[2], change[2]; /* valve travel; elastic velocity at both stages, and its change from step to step */
+    pack by[WAYS_MAX];         /* derivatives of the valve travel */
 } valve_lanes;
 
 /* The equation of a stage: displacement, velocity and yield force at its end, valve travel at its start, length. */
@@ -126,7 +128,7 @@ static void valve_lanes_first(valve_lanes *l, const lane_samples *t, double *for
     const valve_stage s = valve_stage_at(l, t->x[1], t->v[1], t->x[1], pack_of(0.0));
     valve_solve(l, &s, s.v, &p);
     l->y = s.x;
-    l->q = p.q;
+    l->lag[0] = l->lag[1] = p.k.rate;
     memcpy(force, &p.force, sizeof p.force);
     if (!t->ways) return;
     valve_partials(l, &s, &p, force_by, residual_by);
@@ -144,18 +146,17 @@ static void valve_lanes_step(valve_lanes *l, const lane_samples *t, double *forc
     const lane_motion motion = motion_between(t);
     valve_point p;
     for (size_t j = 0; j < t->substeps; j++) {
-        pack base = l->y, before = l->q, base_by[WAYS_MAX];
+        pack base = l->y, base_by[WAYS_MAX];
         for (int stage = 0; stage < 2; stage++) {
             const double fraction = ((double)j + (stage ? 1.0 : SDIRK_FIRST)) / (double)t->substeps;
             const int last = stage && j + 1 == t->substeps;
-            const pack ahead = stage ? rest : first;
             pack x, v, force_by[SV_COUNT], residual_by[SV_COUNT];
             motion_at(&motion, fraction, &x, &v);
             if (coefficients_between(t, fraction, SV_COUNT, l->c)) valve_set(l);
             const valve_stage s = valve_stage_at(l, x, v, base, first);
-            valve_solve(l, &s, before + ahead * l->q_rate, &p);
-            l->q_rate = (p.q - before) / ahead;
-            before = p.q;
+            valve_solve(l, &s, v - (l->lag[stage] + l->change[stage]), &p);
+            l->change[stage] = p.k.rate - l->lag[stage];
+            l->lag[stage] = p.k.rate;
             base = l->y + rest * p.q;
             if (!t->ways) continue;
             valve_partials(l, &s, &p, force_by, residual_by);
@@ -175,7 +176,6 @@ static void valve_lanes_step(valve_lanes *l, const lane_samples *t, double *forc
             }
         }
         l->y = p.y;
-        l->q = p.q;
     }
     memcpy(force, &p.force, sizeof p.force);
 }
