@@ -381,7 +381,8 @@ static void chain_partials_at(const chain_state *l, const chain_step *s, const c
     for (int j = 0; j < BRISTLES; j++)
         if (l->bristle_on[j]) chain_bristle_partials(l, s, p, j, d);
     compliance_partials(&l->compliance, &p->k, d->compliance + CH_SPRING);
-    d->compliance[CH_SPEED] = (1.0 - c[CH_LEAK_EXPONENT]) * c[CH_LEAK] * d->compliance[CH_LEAK] * per[CH_SPEED];
+    const pack by_speed = (1.0 - c[CH_LEAK_EXPONENT]) * c[CH_LEAK] * d->compliance[CH_LEAK] * per[CH_SPEED];
+    d->compliance[CH_SPEED] = only(is_bent(&l->compliance, p->k.rate), by_speed);
 }
 
 /* Return the derivative of z along a direction at fixed y. The force's is `force`, that of z before the step `before`. */

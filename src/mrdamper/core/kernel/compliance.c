@@ -21,6 +21,12 @@ IN_LANES compliance compliance_of(const pack *c, pack per_speed)
     return out;
 }
 
+/* Return true if the dashpot's force is a power of the rate there, not a straight line. */
+IN_LANES pack_mask is_bent(const compliance *c, pack rate)
+{
+    return is_less(pack_of(LEAK_SPEED_RATIO_MIN), size_of(rate) * c->per_speed);
+}
+
 /* The dashpot's force divided by leak and rate, and the logarithm of the speed. */
 IN_LANES pack leak_power(const compliance *c, pack rate, pack *log_speed)
 {
@@ -38,8 +44,7 @@ IN_LANES pack compliance_force(const compliance *c, compliance_point *p)
     if (c->bent) {
         pack log_speed;
         power = c->leak * leak_power(c, p->rate, &log_speed);
-        const pack_mask moves = is_less(pack_of(LEAK_SPEED_RATIO_MIN), size_of(p->rate) * c->per_speed);
-        p->leak_slope = choose(moves, c->exponent * power, power);
+        p->leak_slope = choose(is_bent(c, p->rate), c->exponent * power, power);
     }
     return 0.5 * c->spring * (2.0 * p->e + su - sv) + power * p->rate;
 }
