@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from itertools import count, takewhile
-from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.core import _kernel, _single
+from mrdamper.core._kernel import ffi as double_ffi
+from mrdamper.core._kernel import lib as double_lib
+from mrdamper.core._single import ffi as single_ffi
+from mrdamper.core._single import lib as single_lib
 
 __all__ = ["DOUBLE", "SINGLE", "Build", "doubles", "ffi", "level", "levels", "lib", "use_level"]
 
@@ -19,8 +21,8 @@ class Build:
 
     __slots__ = ("api", "ffi", "levels", "lib", "real", "state", "state_size")
 
-    def __init__(self, extension: ModuleType, real: type[np.floating[Any]]) -> None:
-        self.ffi, self.lib, self.real = extension.ffi, extension.lib, real
+    def __init__(self, ffi: Any, lib: Any, real: type[np.floating[Any]]) -> None:  # noqa: ANN401 made by cffi
+        self.ffi, self.lib, self.real = ffi, lib, real
         self.state = self.ffi.typeof("mrd_track_state *")
         self.state_size = self.ffi.sizeof(self.state.item)
         found = takewhile(bool, map(self.lib.mrd_level, count()))
@@ -28,8 +30,8 @@ class Build:
         self.api = [*self.levels.values()][-1]
 
 
-DOUBLE: Final = Build(_kernel, np.float64)
-SINGLE: Final = Build(_single, np.float32)
+DOUBLE: Final = Build(double_ffi, double_lib, np.float64)
+SINGLE: Final = Build(single_ffi, single_lib, np.float32)
 ffi: Any = DOUBLE.ffi
 lib: Any = DOUBLE.lib
 

@@ -1,4 +1,4 @@
-/* Functions and types of the two extensions that Python uses; build.py reads the declarations from here.
+/* Functions and types of the two extensions that Python uses; cmake/generate_binding.py reads the declarations from here.
  *
  * `_kernel` has the whole kernel in double precision, `_single` (MRD_SINGLE) a controller in single precision.
  */

@@ -1,4 +1,4 @@
-"""Generate the C source of an extension for cffi: ``python build.py NAME OUTPUT``.
+"""Generate the C source of an extension for cffi: ``python generate_binding.py NAME OUTPUT``.
 
 The declarations are those of ``interface.h`` and of the headers that it includes.
 """
@@ -11,8 +11,8 @@ from pathlib import Path
 
 from cffi import FFI
 
-HERE = Path(__file__).parent
-FOLDERS = (HERE, HERE.parent / "kernel")
+CORE = Path(__file__).parents[1] / "src" / "mrdamper" / "core"
+FOLDERS = (CORE / "binding", CORE / "kernel")
 
 
 def declarations(header: str, *, single: bool) -> str:
