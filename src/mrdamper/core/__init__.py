@@ -1,6 +1,6 @@
 """The compiled kernel behind NumPy: shapes and types are checked here, the arithmetic is in C.
 
-The arithmetic is ``kernel/`` (C99, one translation unit, compiled once per instruction set with equal bits).
+The arithmetic is ``kernel/`` (C99, compiled once per instruction set with equal bits).
 cffi calls it and releases the GIL during a call. Law numbers and the order of their coefficients are those of
 ``models.laws``.
 """

@@ -8,17 +8,11 @@
 #include "record.c"
 #include "coefficients.c"
 #include "hysteresis.c"
-#include "series_valve.c"
-#include "chain.c"
+#include "implicit.c"
 #include "lugre.c"
 #include "spencer.c"
 #include "common.c"
 #include "laws.c"
-#if PACK > 1
-#include "lane_search.c"
-#include "series_lanes.c"
-#include "chain_lanes.c"
-#endif
 #include "gram.c"
 #include "actuation.c"
 #include "controller.c"
