@@ -9,8 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.schema import Json
-from mrdamper.web.context import AppContext, json_response, read_body, send_file, stream
-from mrdamper.web.events import job_events
+from mrdamper.web.context import AppContext, json_response, read_body, send_file
 from mrdamper.web.job_record import job_ids
 from mrdamper.web.schemas import read_order
 from mrdamper.web.workspace import NotThereError, WorkFolder
@@ -39,14 +38,6 @@ def job_routes(context: AppContext) -> APIRouter:
     async def one(job_id: str) -> Response:
         record = queue.record(job_id)
         return json_response({**record.shown(), "answer": await asyncio.to_thread(record.answer)})
-
-    @routes.get("/api/jobs/{job_id}/events")
-    async def follow(job_id: str, request: Request) -> Response:
-        record = queue.record(job_id)
-        record.read()
-        last = request.headers.get("last-event-id", "0")
-        after = int(last) if last.isdecimal() and len(last) < 9 else 0
-        return stream(job_events(record, after, context.is_closing))
 
     @routes.post("/api/jobs/{job_id}/cancel")
     async def cancel(job_id: str) -> Response:
