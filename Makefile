@@ -34,7 +34,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYTHONDONTWRITEBYTECODE :=
 
 # What the extension and the installed metadata are made of; a change inside a Python file needs no rebuild.
-COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
+COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null) cmake/generate_binding.py
 
 .DELETE_ON_ERROR:
 .PHONY: help install demo test test-fast test-system test-nightly release-check coverage check lint docs fuzz audit bench interface lock \

@@ -181,13 +181,12 @@ class ForceController(Stepper):
         if not self.known_ahead:
             rows = rows.copy()
             rows[:, 1] = np.nan
-        current, flags = np.empty(len(rows)), np.empty(len(rows))
-        return self._native.run(state, rows, current, flags), current, flags.astype(np.int64)
+        return self._native.run(state, rows)
 
     @property
     def compiled(self) -> Tracker | None:
-        """Return the controller in C; None for a subclass with its own step in Python."""
-        return self._native if type(self).step is ForceController.step else None
+        """The controller in C; None in single precision, or if a subclass has its own step in Python."""
+        return self._native if type(self).step is ForceController.step and not self.single else None
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0

@@ -26,7 +26,7 @@ class FitSettings:
     # Windows. A warm-up of one period leaves a force error of 0.02 % (median) and 1 % (worst) of the spread.
     window_periods: float = 1.0  # scored length, in periods of the motion
     warm_up_periods: float = 1.0  # simulated length before a window that is not scored
-    window_samples_min: int = 64  # scored length of a window, and of its warm-up, if periods are shorter
+    window_samples_min: int = 32  # scored length of a window, and of its warm-up, if periods are shorter
     # The kernel evaluates windows with changing current one by one. More samples are replaced by a subset.
     changing_samples_max: int = 5_000
     windows_error_ratio_max: float = 1.2  # error on all data divided by that on the subset; above it, fit all

@@ -184,9 +184,10 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
                 samples_max=samples_max,
             )
             selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
-        total = sum(len(window.force) for window in whole_runs(data.steady, data.settings))
+        whole = whole_runs(data.steady, data.settings)
+        scored, total = (sum(len(w.force) - w.start for w in each) for each in (evaluator.windows, whole))
         subset_percent = selection.chosen.training_rms_percent
-        is_subset = samples_max < total
+        is_subset = scored < total
         selection = replace(
             selection,
             subset_error_percent=subset_percent,

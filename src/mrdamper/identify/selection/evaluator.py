@@ -78,7 +78,10 @@ class CandidateEvaluator:
             self.runs, data.settings, samples_max=samples_max, blocks=blocks
         )
         self.screening_windows = representative_windows(
-            self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
+            self.runs,
+            data.settings,
+            samples_max=min(data.settings.screening_samples_max, samples_max / 3),
+            blocks=blocks,
         )
         # The last validated candidate with its response to the current.
         self._response: Damper | None = None
