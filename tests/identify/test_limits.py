@@ -50,7 +50,6 @@ def test_factor_near_zero_keeps_the_size() -> None:
     limited, _ = limit_coefficients(damper, ENVELOPE)
     temperatures = np.linspace(*TEMPERATURES_K, 9)
     before, after = (
-        form.value(np.zeros(9), temperatures)
-        for form in (vanishing, limited.coefficients["friction_force"])
+        form.value(np.zeros(9), temperatures) for form in (vanishing, limited.coefficients["friction_force"])
     )
     np.testing.assert_allclose(after, before, atol=0.01 * np.max(before))
