@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents
@@ -20,7 +21,7 @@ from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Qu
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.proposal.temperature_logs import join_temperature_logs
 from mrdamper.data.records import Dataset, Recording, RigRun
-from mrdamper.data.tables import NoTableError, read_tables
+from mrdamper.data.tables import read_tables
 from mrdamper.data.words.labels import Place
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder

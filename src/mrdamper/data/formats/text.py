@@ -107,7 +107,7 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
-    count = next((found[1] for line in header.said if (found := _COUNT.fullmatch(line))), "0")
+    count = next((stated[1] for line in header.said if (stated := _COUNT.fullmatch(line))), "0")
     if table.rows < int(count) and stop is None:
         raise InputError(
             place=f"{path}",

@@ -127,11 +127,8 @@ class Timestamps:
             day = days_of(dates[k])
             readings = day if self._reading is None else (day[self._reading],) * 2
             has_date = not math.isnan(day[0])
-            self.first = Moment(
-                *(DAY_S * (each if has_date else 0.0) + float(of_day[k]) for each in readings),
-                has_date=has_date,
-                is_utc=is_utc[k],
-            )
+            first, second = (DAY_S * (each if has_date else 0.0) + float(of_day[k]) for each in readings)
+            self.first = Moment(first, second, has_date=has_date, is_utc=is_utc[k])
         first_day, first_s = self._start
         return np.asarray(DAY_S * (days - first_day) + (of_day - first_s), dtype=np.float64)
 

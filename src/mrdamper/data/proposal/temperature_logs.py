@@ -133,7 +133,7 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
         return table.columns[stamps[0]]
     column = column_of("time", table, headers, chosen, place)
     if column is None:
-        return np.arange(table.rows) * (table.step_s or np.nan)
+        return np.arange(table.rows, dtype=np.float64) * float(table.step_s or np.nan)
     return column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
 
 

@@ -116,12 +116,12 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
     for k in range(first - 1, -1, -1):
-        above = [cell for cell in split_line(lines[k], delimiter) if cell]
-        is_entries = not rows and bool(above) and all("=" in cell for cell in above)  # "dt = 3 ms"
+        line = [cell for cell in split_line(lines[k], delimiter) if cell]
+        is_entries = not rows and bool(line) and all("=" in cell for cell in line)  # "dt = 3 ms"
         fields = None if is_entries else _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
-        elif rows or (above and not (is_entries or is_comment(lines[k]) or _MARK.fullmatch(lines[k]))):
+        elif rows or (line and not (is_entries or is_comment(lines[k]) or _MARK.fullmatch(lines[k]))):
             break
     if not rows:
         plain = tuple(f"column {k + 1}" for k in range(count))
