@@ -37,7 +37,7 @@ def test_command_has_option_per_field(name):
     job = JOBS[name]
     made = {parameter.name for parameter in parameters_of(job)}
     shown = {field.name for field in job.fields if field.option.flag != "-"}
-    assert shown | {each.name for each in job.inputs if each.flag != "-"} <= made
+    assert shown | {each.name for each in job.inputs if each.option.flag != "-"} <= made
     assert {field.name for field in job.reading} <= made
 
 
@@ -134,7 +134,9 @@ def test_logger_file_gives_compiled_controller(logged, tmp_path, monkeypatch):
 
 
 def test_card_has_method_per_job():
-    begins = {job.name for job in JOBS.values() if job.inputs and job.inputs[0].kind.startswith("card")}
+    begins = {
+        job.name for job in JOBS.values() if job.inputs and job.inputs[0].option.kind.startswith("card")
+    }
     assert begins <= {*vars(mrdamper.ModelCard)}
 
 

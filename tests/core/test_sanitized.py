@@ -20,8 +20,9 @@ def compile_with(compiler: Path, *arguments: str | Path) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("optimised", ["-O1", "-O3"])
-def test_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
-    source = CORE / "kernel" / "kernel.c"
+@pytest.mark.parametrize("file", ["kernel.c", "implicit_run.c"])
+def test_kernel_compiles_without_a_warning(tool, tmp_path, file, optimised):
+    source = CORE / "kernel" / file
     compile_with(tool("gcc"), "-std=c99", optimised, *WARNINGS, "-c", source, "-o", tmp_path / "kernel.o")
 
 

@@ -356,7 +356,7 @@ def test_other_schema_version_is_rejected(version):
         ),
         (
             document("actuation", "fall_s", value=-1, of=WARM_DOCUMENT),
-            "actuation: fall_s is -1.0; expected a finite number, 0 or more",
+            "actuation.fall_s is -1; expected a number, at least 0",
         ),
         (
             document(COEFFICIENTS, "viscosity", "temperature", "kind", value="arhenius", of=WARM_DOCUMENT),

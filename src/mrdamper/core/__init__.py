@@ -1,6 +1,6 @@
 """The compiled kernel behind NumPy: shapes and types are checked here, the arithmetic is in C.
 
-The arithmetic is ``kernel/`` (C99, one translation unit, compiled once per instruction set with equal bits).
+The arithmetic is ``kernel/`` (C99, compiled once per instruction set with equal bits).
 cffi calls it and releases the GIL during a call. Law numbers and the order of their coefficients are those of
 ``models.laws``.
 """
@@ -40,7 +40,6 @@ __all__ = [
     "open_batch",
     "open_record",
     "run",
-    "solve_banded",
     "squared_errors",
     "turning_points",
     "use_level",
@@ -471,27 +470,6 @@ def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArr
     out = [np.empty_like(tau) for _ in range(4)]
     DOUBLE.api.curve(kappa, n, tau.size, doubles(tau, "tau"), *(doubles(each, "curve") for each in out))
     return out[0], out[1], out[2], out[3]
-
-
-def solve_banded(lower: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solution of a symmetric positive definite system of a narrow band; ``right`` becomes it.
-
-    Parameters
-    ----------
-    lower : ``lower[d, j]`` is the matrix' element (j + d, j), shape (bands, n); its factor afterwards
-    right : shape (n,)
-
-    Raises
-    ------
-    ValueError
-        The matrix is not positive definite.
-    """
-    if right.size == 0 or lower.size == 0 or lower.size % right.size:
-        raise ValueError("lower must have whole rows of the length of right")
-    arrays = doubles(lower, "lower", write=True), doubles(right, "right", write=True)
-    if not DOUBLE.api.banded(right.size, lower.size // right.size - 1, *arrays):
-        raise ValueError("the matrix is not positive definite")
-    return right
 
 
 def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.intp]:

@@ -6,7 +6,7 @@ An inference: a value of a run from words instead of a column, with its source.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, to_degC
@@ -41,21 +41,9 @@ class Finding:
 
     def to_dict(self) -> Mapping[str, str | float | None]:
         """Return the fields as JSON values."""
-        return {
-            "run": self.run,
-            "kind": self.kind,
-            "severity": self.severity,
-            "channel": self.channel or None,
-            "size": self.size,
-            "unit": self.unit or None,
-            "size_low": self.low,
-            "size_high": self.high,
-            "from_s": self.from_s,
-            "to_s": self.to_s,
-            "found": self.found,
-            "effect": self.effect,
-            "remedy": self.remedy,
-        }
+        names = {"low": "size_low", "high": "size_high"}
+        named = {names.get(key, key): value for key, value in asdict(self).items()}
+        return named | {"channel": self.channel or None, "unit": self.unit or None}
 
     def in_words(self) -> str:
         """Return the finding as one line."""

@@ -191,8 +191,3 @@ def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[Prepa
     if faults:
         raise InputError(faults=faults)
     return tuple(prepared)
-
-
-def finite(value: float) -> float | None:
-    """Return the number, None if it is not finite."""
-    return float(value) if np.isfinite(value) else None

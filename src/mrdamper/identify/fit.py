@@ -20,7 +20,7 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_errors_between_motions,
 )
 from mrdamper.identify.confidence.proposals import propose_tests
-from mrdamper.identify.evaluate import finite, operating_envelope, row
+from mrdamper.identify.evaluate import operating_envelope, row
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.problem import Estimate, FitProblem, FittedDamper, SearchResult, envelope_of
@@ -38,6 +38,7 @@ from mrdamper.models.laws import HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
+from mrdamper.schema import finite_or_none
 
 __all__ = ["Identification", "Law", "assess", "default_law", "fit_law", "versions"]
 
@@ -81,7 +82,7 @@ class Identification(FittedDamper):
         judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
         if self.actuation is not None:
-            errors = {name: finite(error) for name, error in self.actuation.standard_errors.items()}
+            errors = {name: finite_or_none(error) for name, error in self.actuation.standard_errors.items()}
             notes["actuation"] = {"standard_errors": errors, **self.actuation.to_dict()}
         lists = {"method": result.notes, "next_tests": self.next_tests, "assumed": self.damper.assumed}
         notes |= {name: list(texts) for name, texts in lists.items() if texts}
@@ -100,7 +101,7 @@ class Identification(FittedDamper):
                 seed=result.seed,
                 versions=versions(),
             ),
-            standard_errors={e.name: finite(e.standard_error) for e in self.estimates},
+            standard_errors={e.name: finite_or_none(e.standard_error) for e in self.estimates},
             preparation=self.preparation.to_dict(),
             sources=tuple(sources),
             notes=notes,

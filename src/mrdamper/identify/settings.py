@@ -52,8 +52,8 @@ class FitSettings:
     # Thorough search for the chosen candidate
     thorough_count: int = 8  # points that descend
     thorough_iterations_max: int = 20
-    hop_iterations_max: int = 20  # iterations after a perturbation of the best end
-    failed_hop_count_max: int = 5  # perturbations without a smaller cost that end the search
+    hop_iterations_max: int = 20  # iterations after an exchange or a perturbation
+    failed_hop_count_max: int = 3  # rounds without a smaller cost that end the search
 
     # Final fit to all runs
     start_count: int = 4  # parameter sets with the smallest costs that descend

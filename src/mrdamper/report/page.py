@@ -180,12 +180,12 @@ def environment() -> Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.globals["program"] = versions()
-    environment.filters["svg"] = lambda svg: Markup(_zoomed(svg))
-    environment.filters["number"] = lambda value, digits=4: (
-        "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+    environment.globals.update(program=versions())
+    environment.filters.update(
+        svg=lambda svg: Markup(_zoomed(svg)),
+        number=lambda value, digits=4: "" if value is None or math.isnan(value) else f"{value:.{digits}g}",
+        digits=significant,
+        sentence=sentence,
+        percent=lambda value: "-" if math.isnan(value) else f"{value:.1f} %",
     )
-    environment.filters["digits"] = significant
-    environment.filters["sentence"] = sentence
-    environment.filters["percent"] = lambda value: "-" if math.isnan(value) else f"{value:.1f} %"
     return environment

@@ -60,17 +60,15 @@ class CapacityCurve:
 
 
 def _polynomial(part: str, unit: str = "J/(kg K)") -> Option:
-    return Option(f"Of {part}: coefficients of powers of the temperature in degC, lowest first.", unit=unit)
+    return Option(f"Coefficients for {part}: powers of the temperature in degC, lowest first.", unit=unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolynomialHeatCapacity:
     """Heat capacities c(T) = c0 + c1 T + c2 T^2 + ... of parts, T in degC; constant outside the range."""
 
-    range_degC: Annotated[
-        tuple[Annotated[float, Option(least=-100.0, most=500.0)], ...],
-        Option("Lowest and highest temperature that the polynomials hold at.", unit="degC"),
-    ]
+    range_degC: Annotated[tuple[Annotated[float, Option(least=-100.0, most=500.0)], ...], Option(unit="degC")]
+    """Lowest and highest temperature of the polynomials."""
     fluid_J_kg_K: Annotated[Coefficients, _polynomial("the fluid")] = None
     body_J_kg_K: Annotated[Coefficients, _polynomial("tube and caps")] = None
     piston_J_kg_K: Annotated[Coefficients, _polynomial("the piston")] = None

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, JSONResponse, Response
 
 from mrdamper.errors import InputError
 from mrdamper.jobs.previews.choices import choices, run_formats
 from mrdamper.schema import read_record
-from mrdamper.web.events import EventBus
+from mrdamper.web.changes import Changes
 from mrdamper.web.job_queue import JobQueue
-from mrdamper.web.query_worker import Query
 from mrdamper.web.run_index import RunIndex
 from mrdamper.web.security import REPORT_POLICY
-from mrdamper.web.worker_client import PendingAnswers, WorkerClient
+from mrdamper.web.worker_client import WorkerClient
 from mrdamper.web.workspace import WorkFolder
 
 MOST_UPLOAD = 200_000_000  # bytes
@@ -42,7 +40,6 @@ class AppContext:
     Parameters
     ----------
     beside : context of the server's own folder, if this damper is in its ``dampers/``
-    name : name of this damper there
     """
 
     def __init__(
@@ -52,52 +49,27 @@ class AppContext:
         most_upload: int = MOST_UPLOAD,
         local: bool = True,
         beside: AppContext | None = None,
-        name: str = "",
     ) -> None:
         self.folder = WorkFolder(root)
         self.most_upload, self.local = most_upload, local
         self.formats = tuple(run_formats())
         self.choices = choices()
-        events, queue = (beside.events, beside.queue) if beside is not None else (None, None)
-        self.events: EventBus = EventBus(self.folder, name, events)
-        self.queue: JobQueue = JobQueue(self.folder, self.events.publish, queue)
+        self.changes = Changes(self.folder)
+        self.queue: JobQueue = JobQueue(self.folder, self.changes.publish, beside and beside.queue)
         self.reader = WorkerClient()  # Reads whole files for a page.
         self.previewer = WorkerClient()  # Reads the beginning of large files.
         self.heater = WorkerClient()  # Computes heating curves for sliders.
-        self.index = RunIndex(self.folder, self.formats, WorkerClient(), self.events.publish)
-        self._pending = PendingAnswers()
-        self.closing = False
-
-    async def answer(self, client: WorkerClient, query: Query, *version: object) -> Any:  # noqa: ANN401 - any JSON value
-        """Return the answer to a query, or raise ``NotYetError`` while it is computed.
-
-        Parameters
-        ----------
-        version : further parts of the cache key, such as the modification time of a file
-        """
-        return await self.wait((query.key, *version), lambda: client.ask(query))
-
-    async def wait(self, key: object, make: Callable[[], Awaitable[Any]]) -> Any:  # noqa: ANN401 - the result of make
-        """Return a result, or raise ``NotYetError`` while it is computed; equal keys share the work."""
-        return await self._pending.wait(key, make)
+        self.index = RunIndex(self.folder, self.formats, WorkerClient(), self.changes.publish)
 
     def open(self) -> None:
-        """Recover the jobs of the previous server, clean the cache, and watch the folder."""
+        """Recover the jobs of the previous server, and clean the cache."""
         self.queue.recover()
         self.index.sweep()
-        self.events.watch()
 
     async def close(self) -> None:
         """End all processes."""
-        self.closing = True
-        self.events.leave()
         await self.index.close()
         await self.queue.close()
-        self._pending.close()
-
-    def is_closing(self) -> bool:
-        """Return True if the server is stopping."""
-        return self.closing
 
 
 async def read_body(request: Request) -> dict[str, Any]:
@@ -139,8 +111,3 @@ class JsonAnswer(JSONResponse):
     def render(self, content: Any) -> bytes:  # noqa: ANN401 - as Starlette has it
         text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         return text.encode(errors="replace")
-
-
-def stream(events: AsyncIterator[str]) -> Response:
-    """Return server-sent events."""
-    return StreamingResponse(events, media_type="text/event-stream", headers={"x-accel-buffering": "no"})

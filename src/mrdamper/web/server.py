@@ -36,14 +36,12 @@ from mrdamper.web.routes.state import state_routes
 from mrdamper.web.routes.workspaces import Workspaces, workspace_routes
 from mrdamper.web.run_index import SameNameError
 from mrdamper.web.security import Guard, ListenAddress
-from mrdamper.web.worker_client import NotYetError
 from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, WorkFolder, is_full
 
 DEFAULT_PORT = 8765
 
 _STATIC = Path(__file__).parent / "static"
 _CONNECTIONS_MAX_COUNT = 200  # A browser has six; further ones get status 503.
-_RETRY_MS = 300
 _TOKEN_SIGNS = 32
 _STATUS: tuple[tuple[type[Exception], int], ...] = (
     (NotThereError, 404),
@@ -89,7 +87,6 @@ def _app_of(
         app.add_exception_handler(kind, _error_handler(status))
     app.add_exception_handler(OSError, _no_space)
     app.add_exception_handler(FileNotFoundError, _gone)
-    app.add_exception_handler(NotYetError, _not_yet)
     app.add_exception_handler(HTTPException, _plain)
     app.add_exception_handler(Exception, _fault)
     return app
@@ -213,10 +210,6 @@ def _gone(request: Request, fault: Exception) -> Response:
     """Report that a listed file was deleted or moved."""
     name = Path(str(getattr(fault, "filename", None) or "a file")).name
     return _error_handler(404)(request, NotThereError(place=f"{name!r}", found="is no longer there"))
-
-
-def _not_yet(_: Request, _fault: Exception) -> Response:
-    return JSONResponse({"state": "working", "retry_ms": _RETRY_MS}, 202)
 
 
 def _fault(_: Request, _fault: Exception) -> Response:

@@ -8,7 +8,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
-from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.repeatability import forces_by_phase, repeatability, select_typical_cycles
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
@@ -46,21 +45,6 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
             found=f"the fastest cycle has {per_cycle:.3g} samples (at {1 / step:.4g} Hz)",
             effect="Velocity and the corners of the loop are lost between samples",
             remedy=f"Record at {SAMPLE_COUNT_MIN / period:.3g} Hz or more",
-        )
-
-
-def find_few_cycles(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a periodic run with fewer than two comparable whole cycles."""
-    whole = cycles(prepared)
-    if prepared.period_s is not None and len(whole) < 2:
-        yield Finding(
-            kind="few_cycles",
-            severity="note",
-            size=float(len(whole)),
-            unit="cycles",
-            found=f"the run has {len(whole)} whole cycle{'' if len(whole) == 1 else 's'} after its start",
-            effect="Nothing can be said about repeatability and drift",
-            remedy="Record three cycles or more",
         )
 
 

@@ -23,18 +23,7 @@ from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
 from mrdamper.files import PathLike, is_file, is_folder, is_there
 
-_JOBS = (
-    "card",
-    "check",
-    "compare",
-    "cycles",
-    "derate",
-    "heat",
-    "heatsink",
-    "summary",
-    "sweep",
-    "verification",
-)
+_JOBS = tuple("card check compare cycles derate heat heatsink summary sweep verification".split())  # noqa: SIM905
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }
@@ -160,12 +149,13 @@ def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):
             yield file
     for inner in entries:
-        if depth and inner.is_dir() and not inner.is_symlink() and not _holds_results(inner):
+        if (
+            depth
+            and inner.is_dir()
+            and not inner.is_symlink()
+            and not any((inner / name).is_file() for name in _RESULTS)
+        ):
             yield from _files_below(inner, depth - 1)
-
-
-def _holds_results(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in _RESULTS)
 
 
 def _may_hold_runs(file: Path) -> bool:

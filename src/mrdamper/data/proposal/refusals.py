@@ -26,7 +26,6 @@ from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMANDS = ("current", "voltage")
 LEVEL_PARTS = 16  # Medians of this number of parts show a change of level despite noise.
-LEVEL_CHANGE_RATIO = 0.2  # Fraction of the largest value.
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -155,7 +154,7 @@ def _level_changes(values: FloatArray) -> bool:
     if len(finite) < LEVEL_PARTS:
         return False
     levels = [float(np.median(part)) for part in np.array_split(finite, LEVEL_PARTS)]
-    return max(levels) - min(levels) > LEVEL_CHANGE_RATIO * float(np.abs(finite).max())
+    return max(levels) - min(levels) > 0.2 * float(np.abs(finite).max())  # Fraction of the largest value.
 
 
 def command_shares(table: Table) -> list[str]:

@@ -135,8 +135,7 @@ def _figure(run: HeatResult) -> Figure:
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
     """Return energy [kJ] and fraction of the input energy [%], by name."""
-    energy = rise.energy_J
-    total = energy["mechanical"] + energy["coil"]
+    energy, total = rise.energy_J, rise.input_J
     return {
         name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
     }

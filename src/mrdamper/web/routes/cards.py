@@ -48,14 +48,14 @@ def card_routes(context: AppContext) -> APIRouter:
             folder.move(beside, place / "card.json")
         finally:
             beside.unlink(missing_ok=True)
-        context.events.publish("cards")
+        context.changes.publish("cards")
         return json_response({"name": name}, 201)
 
     @routes.delete("/api/cards/{name}")
     async def remove_card(name: str) -> Response:
         folder.card(name)
         kept = folder.discard(folder.cards / name)
-        context.events.publish("cards")
+        context.changes.publish("cards")
         return json_response({"deleted": name, "trash": kept})
 
     return routes

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from pathlib import Path
 
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from mrdamper.schema import Json, write_record
+from mrdamper.schema import Json
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import MapRequest
@@ -27,7 +26,7 @@ def file_routes(context: AppContext) -> APIRouter:
         stated = request.headers.get("content-length")
         size = await folder.store(path, request.stream(), context.most_upload, stated)
         context.index.files()
-        context.events.publish("files")
+        context.changes.publish("files")
         return json_response({"name": name, "bytes": size}, 201)
 
     @routes.delete("/api/files/{name}")
@@ -35,7 +34,7 @@ def file_routes(context: AppContext) -> APIRouter:
         path = folder.run_file(name)
         context.index.forget(path)
         kept = folder.discard(path, folder.map_of(path))
-        context.events.publish("files")
+        context.changes.publish("files")
         return json_response({"deleted": name, "trash": kept})
 
     @routes.get("/api/trash")
@@ -49,7 +48,7 @@ def file_routes(context: AppContext) -> APIRouter:
     async def restore(name: str) -> Response:
         places = folder.restore(name)
         for what in ("files", "inputs", "cards", "jobs"):
-            context.events.publish(what)
+            context.changes.publish(what)
         return json_response({"restored": [path.name for path in places]})
 
     @routes.delete("/api/trash")
@@ -63,13 +62,11 @@ def file_routes(context: AppContext) -> APIRouter:
         path = folder.run_file(name)
         version = context.index.key_of(path)
         if "head" in request.query_params and not context.index.knows(path):
-            beginning = await context.answer(
-                context.previewer, Query("preview_head", {"path": path}), version
-            )
+            beginning = await context.previewer.ask(Query("preview_head", {"path": path}), version)
             if beginning is not None:
                 context.index.files()
                 return json_response(beginning)
-        return json_response(await context.wait(("preview", version), lambda: context.index.preview(path)))
+        return json_response(await context.index.preview(path))
 
     @routes.put("/api/channels")
     async def map_channels(request: Request) -> Response:
@@ -79,12 +76,7 @@ def file_routes(context: AppContext) -> APIRouter:
             previews = await _beginnings(context, paths, order)
             if previews is not None:
                 return json_response({"saved": False, "previews": previews})
-        key = (
-            "channels",
-            json.dumps(write_record(order, defaults=True), sort_keys=True),
-            tuple(map(context.index.key_of, paths)),
-        )
-        return json_response(await context.wait(key, lambda: _map(context, paths, order)))
+        return json_response(await _map(context, paths, order))
 
     return routes
 
@@ -94,7 +86,7 @@ async def _beginnings(context: AppContext, paths: list[Path], order: MapRequest)
     previews = []
     for path in paths:
         query = Query("preview_head", {"path": path}, {"given": order.map or {}})
-        beginning = await context.answer(context.previewer, query, context.index.key_of(path))
+        beginning = await context.previewer.ask(query, context.index.key_of(path))
         if beginning is None:
             return None
         previews.append(beginning)
@@ -113,7 +105,7 @@ async def _map(context: AppContext, paths: list[Path], order: MapRequest) -> Jso
             text = await context.reader.ask(Query("channels", values={"document": given}))
         await asyncio.to_thread(_write_maps, context.folder, paths, text)
         context.index.files()
-        context.events.publish("files")
+        context.changes.publish("files")
     return {"saved": saved, "previews": previews}
 
 

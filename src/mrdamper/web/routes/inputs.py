@@ -26,7 +26,7 @@ def input_routes(context: AppContext) -> APIRouter:
         size = await folder.store(
             path, request.stream(), _INPUT_MAX_BYTES, request.headers.get("content-length")
         )
-        context.events.publish("inputs")
+        context.changes.publish("inputs")
         return json_response({"name": name, "bytes": size}, 201)
 
     @routes.get("/api/inputs/{name}")
@@ -39,13 +39,13 @@ def input_routes(context: AppContext) -> APIRouter:
     @routes.delete("/api/inputs/{name}")
     async def remove_input(name: str) -> Response:
         kept = folder.discard(folder.input(name))
-        context.events.publish("inputs")
+        context.changes.publish("inputs")
         return json_response({"deleted": name, "trash": kept})
 
     @routes.get("/api/dampers/{name}")
     async def damper(name: str) -> Response:
         query = Query("damper", values={"damper": drawing_of(context, name), "shown": name})
-        return json_response(await context.answer(context.heater, query))
+        return json_response(await context.heater.ask(query))
 
     @routes.post("/api/dampers/{name}")
     async def draw(name: str, request: Request) -> Response:
@@ -57,10 +57,10 @@ def input_routes(context: AppContext) -> APIRouter:
         asked = write_record(order, defaults=True, nulls=True)
         values = {"damper": drawing_of(context, name), "shown": file if path else name}
         query = Query("drawn", values={**values, "tables": asked["tables"], "fins": asked["fins"]})
-        found = await context.answer(context.heater, query)
+        found = await context.heater.ask(query)
         if path is not None:
             folder.write(path, found["text"])
-            context.events.publish("inputs")
+            context.changes.publish("inputs")
         return json_response({**found["facts"], "name": values["shown"]}, 201 if path else 200)
 
     return routes

@@ -9,8 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.schema import Json
-from mrdamper.web.context import AppContext, json_response, read_body, send_file, stream
-from mrdamper.web.events import job_events
+from mrdamper.web.context import AppContext, json_response, read_body, send_file
 from mrdamper.web.job_record import job_ids
 from mrdamper.web.schemas import read_order
 from mrdamper.web.workspace import NotThereError, WorkFolder
@@ -39,14 +38,6 @@ def job_routes(context: AppContext) -> APIRouter:
     async def one(job_id: str) -> Response:
         record = queue.record(job_id)
         return json_response({**record.shown(), "answer": await asyncio.to_thread(record.answer)})
-
-    @routes.get("/api/jobs/{job_id}/events")
-    async def follow(job_id: str, request: Request) -> Response:
-        record = queue.record(job_id)
-        record.read()
-        last = request.headers.get("last-event-id", "0")
-        after = int(last) if last.isdecimal() and len(last) < 9 else 0
-        return stream(job_events(record, after, context.is_closing))
 
     @routes.post("/api/jobs/{job_id}/cancel")
     async def cancel(job_id: str) -> Response:
@@ -80,11 +71,10 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
         for name in options.get(key) or ():
             folder.run_file(name)
     if "record" in options:
-        folder.record(options["record"])
-        if options["channels"] is not None:
-            folder.channel_map(options["channels"])
-        if options["model"] is not None:
-            folder.card(options["model"])
+        finders = {"record": folder.record, "channels": folder.channel_map, "model": folder.card}
+        for key, find in finders.items():
+            if options[key] is not None:
+                find(options[key])
     keys = ["first", "second"]
     if "replace" not in options:  # A fit writes its card.
         keys.append("card")

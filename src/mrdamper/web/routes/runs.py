@@ -54,7 +54,7 @@ def run_routes(context: AppContext) -> APIRouter:
         if not whole.is_file():
             files = {"card": card, "path": kept.file, "place": whole}
             query = Query("model", files, {"number": kept.number, "shown": card_name})
-            await context.answer(context.reader, query)
+            await context.reader.ask(query)
             context.index.trim(kept)
         if window == (None, None, None):
             return _binary(whole)
@@ -74,16 +74,14 @@ def run_routes(context: AppContext) -> APIRouter:
             {"card": context.folder.card(order.card)},
             {**asked, "damper": drawing_of(context, order.damper), "options": options},
         )
-        return json_response(await context.answer(context.heater, query))
+        return json_response(await context.heater.ask(query))
 
     return routes
 
 
 async def _kept(context: AppContext, name: str, request: Request) -> Kept:
     file = request.query_params.get("file")
-    found = await context.wait(("find", name, file), lambda: context.index.find(name, file))
-    assert isinstance(found, Kept)
-    return found
+    return await context.index.find(name, file)
 
 
 async def _ask(context: AppContext, kept: Kept, series: Path, place: Path, window: tuple[Any, ...]) -> None:
@@ -92,7 +90,7 @@ async def _ask(context: AppContext, kept: Kept, series: Path, place: Path, windo
     if series != kept.series:
         files["samples_of"] = kept.series
     query = Query("window", files, {"most": most, "from_s": from_s, "to_s": to_s})
-    await context.answer(context.reader, query)
+    await context.reader.ask(query)
     context.index.trim(kept)
 
 

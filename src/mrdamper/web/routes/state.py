@@ -17,7 +17,7 @@ from starlette.responses import Response
 
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.schema import Json
-from mrdamper.web.context import AppContext, json_response, stream
+from mrdamper.web.context import AppContext, json_response
 from mrdamper.web.forms import all_forms
 from mrdamper.web.inputs import kind_of_input
 from mrdamper.web.query_worker import Query
@@ -28,7 +28,7 @@ Item = TypeVar("Item")
 
 
 def state_routes(context: AppContext) -> APIRouter:
-    """Return the routes /api/state, /api/forms, /api/data and /api/events."""
+    """Return the routes /api/state, /api/forms, /api/data and /api/changes."""
     routes = APIRouter()
 
     @routes.get("/api/state")
@@ -43,11 +43,11 @@ def state_routes(context: AppContext) -> APIRouter:
 
     @routes.get("/api/data")
     async def public_data() -> Response:
-        return json_response({"sets": await context.answer(context.reader, Query("catalogue"))})
+        return json_response({"sets": await context.reader.ask(Query("catalogue"))})
 
-    @routes.get("/api/events")
-    async def events() -> Response:
-        return stream(context.events.listen(context.is_closing))
+    @routes.get("/api/changes")
+    async def changes() -> Response:
+        return json_response(await asyncio.to_thread(context.changes.numbers))
 
     return routes
 

@@ -63,7 +63,6 @@ class Workspaces:
             path.mkdir(parents=True)
         except FileExistsError as fault:
             raise ConflictError(f"there is a damper {name!r} already; choose another name") from fault
-        self.main.events.publish("dampers")
 
     def is_at_work(self, name: str) -> bool:
         """Return True if a job of a damper runs or waits."""
@@ -77,7 +76,6 @@ class Workspaces:
         if name in self._opened:
             await self._close(self._opened.pop(name))
         kept = self.main.folder.discard(path)
-        self.main.events.publish("dampers")
         return kept
 
     async def close(self) -> None:
@@ -92,9 +90,7 @@ class Workspaces:
         if name not in self._opened:
             main, place = self.main, self._place(name)
             claim = WorkFolder(place).claim()  # The lock fails before the application starts.
-            context = AppContext(
-                place, most_upload=main.most_upload, local=main.local, beside=main, name=name
-            )
+            context = AppContext(place, most_upload=main.most_upload, local=main.local, beside=main)
             opened = _Opened(self._app_of(context, self), context, claim)
             context.open()
             self._opened[name] = opened

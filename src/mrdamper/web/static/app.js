@@ -1,232 +1,307 @@
-// Frame of the pages: routing, state of the folder, and notification of the page about changes.
-//
-// A page is a module with `show(place, app, query)`, which returns `{changed(what), address(query), close()}`; each member
-// is optional. A page is loaded on its first use. The state of the folder is fetched again after each change.
+// Frame of the pages: navigation, dampers, keyboard shortcuts, messages and the printed head.
 
-import { DAMPER, getForms, getState, watchFolder } from "./api.js";
-import { startDampers } from "./dampers.js";
-import { addressed, button, el, fill, note, rove } from "./dom.js";
-import { drawRail } from "./rail.js";
-import { startShortcuts } from "./shortcuts.js";
-import { startTheme } from "./theme.js";
+import { addDamper, DAMPER_NAME, deleteDamper, getDampers, getForms } from "./api.js";
+import { removal } from "./jobs.js";
+import { ControllerPage } from "./page_controller.js";
+import { DataPage } from "./page_data.js";
+import { JobsPage } from "./page_jobs.js";
+import { ModelPage } from "./page_model.js";
+import { ThermalPage } from "./page_thermal.js";
+import {
+  app,
+  attempt,
+  cardInUse,
+  chosen,
+  dismiss,
+  go,
+  isRunning,
+  PAGES,
+  refresh,
+  route,
+  toast,
+  watch,
+} from "./state.js";
+import { startTheme, switchTheme, theme } from "./theme.js";
+import { button, field, note, table, tags } from "./ui.js";
+import { h, render, useErrorBoundary } from "./vendor/preact.js";
 
-const PAGES = {
-  runs: () => import("./page_runs.js"),
-  loops: () => import("./page_loops.js"),
-  fit: () => import("./page_fit.js"),
-  drawing: () => import("./page_drawing.js"),
-  heating: () => import("./page_heating.js"),
-  heatsink: () => import("./page_heatsink.js"),
-  tracking: () => import("./page_tracking.js"),
-  export: () => import("./page_export.js"),
-  jobs: () => import("./page_jobs.js"),
+const { a, b, dialog, div, form, h1, h2, header, input, kbd, li, main, nav, ol, p, span } = tags;
+const VIEWS = {
+  data: DataPage,
+  model: ModelPage,
+  thermal: ThermalPage,
+  controller: ControllerPage,
+  jobs: JobsPage,
 };
-const TITLES = { runs: "Runs", loops: "Loops", fit: "Fit", drawing: "Drawing", heating: "Heating", heatsink: "Heat sink", tracking: "Tracking", export: "Export", jobs: "Jobs" };
-const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
+const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["track", "export"] };
+const USES_GEOMETRY = ["heat", "heatsink", "export"];
+const FILES_MAX = 12; // Longer lists are shortened in print.
 
-const place = document.getElementById("page");
-const chosen = new Map();
+// -------------------------------------------------------------------------------------------- finished steps
 
-/** Functions and state that all pages share. */
-const app = {
-  state: null,
-  forms: null, // Fields of each kind of job.
+/** Return the state `[state, words]` of the step of a page: `done`, `old` (out of date) or `open`. */
+function stepOf(page) {
+  const { files, jobs } = app.state;
+  const card = cardInUse();
+  if (page === "data")
+    return files.some(({ state }) => state === "ready") ? ["done", "runs are read"] : ["open", ""];
+  if (!card) return ["open", ""];
+  const lastOf = (kind) =>
+    jobs.find((job) => job.kind === kind && job.state === "done" && job.options.card === card.name);
+  if (page === "model") {
+    if (card.cancelled || !card.converged)
+      return ["old", `the fit of ${card.name} was cancelled or did not converge`];
+    const isLater = files.some(
+      ({ modified }) => modified > (lastOf("fit")?.asked_at ?? card.modified),
+    );
+    return isLater
+      ? ["old", `runs were added or changed after the fit of ${card.name}`]
+      : ["done", `card ${card.name}`];
+  }
+  const [job] = (JOBS_OF[page] ?? []).map(lastOf).filter(Boolean);
+  if (!job) return ["open", ""];
+  const reason = reasonOf(job, card);
+  return reason ? ["old", reason] : ["done", job.id];
+}
 
-  /** Fetch the state of the folder. */
-  async refresh() {
-    app.state = await getState();
-    frame();
-    return app.state;
-  },
+/** Return the reason why a job is out of date; empty if it is not. */
+function reasonOf({ kind, asked_at: asked, options }, card) {
+  if (card.modified > asked) return `${card.name} has been fitted since`;
+  if (!USES_GEOMETRY.includes(kind) || !options.damper) return "";
+  const geometry = app.state.inputs.find(({ name }) => name === options.damper);
+  if (geometry?.modified > asked) return `${geometry.name} has changed since`;
+  const now = chosen("drawing");
+  return now && now !== options.damper
+    ? `it is of ${options.damper}, the geometry is ${now} now`
+    : "";
+}
 
-  /** Show a message at the edge of the page for some seconds. */
-  toast(kind, text, ...actions) {
-    const box = note(kind, el("span", { text }), actions);
-    box.append(button("×", () => box.remove(), { class: "quiet", "aria-label": "Close" }));
-    document.getElementById("toasts").append(box);
-    setTimeout(() => box.remove(), TOAST_MS[kind]);
-  },
+// --------------------------------------------------------------------------------------------------- frame
 
-  /** Run an action, and show its error. */
-  async attempt(action) {
+function rail() {
+  const { state } = app;
+  const busy = state?.jobs.filter(isRunning).length ?? 0;
+  const link = ([page, { title }]) => {
+    const [step, words] = state ? stepOf(page) : ["open", ""];
+    const current = page === app.page ? "page" : null;
+    const badge =
+      page === "jobs" &&
+      span({ id: "busy", class: "badge", hidden: !busy, "aria-label": `${busy} at work` }, busy);
+    return li(
+      a(
+        {
+          href: `#/${page}`,
+          "data-page": page,
+          "data-step": step,
+          title: words,
+          "aria-current": current,
+        },
+        title,
+        badge,
+      ),
+    );
+  };
+  return header(
+    { class: "rail" },
+    p(
+      { class: "brand" },
+      b("mrdamper"),
+      button(state?.folder_name ?? "", openDampers, {
+        id: "folder",
+        class: "quiet",
+        "aria-haspopup": "dialog",
+        title: state?.folder,
+      }),
+    ),
+    nav({ "aria-label": "Pages" }, ol(Object.entries(PAGES).map(link))),
+    p(
+      { class: "foot" },
+      button(theme() === "dark" ? "Light" : "Dark", () => (switchTheme(), app.draw()), {
+        id: "theme",
+        "aria-label": "Change the colours",
+      }),
+      span({ id: "version" }, state?.versions.mrdamper),
+    ),
+  );
+}
+
+/** Return damper, date and files for a printed page. */
+function printed() {
+  const { files, folder_name: damper, versions } = app.state;
+  const names = files.slice(0, FILES_MAX).map(({ name }) => name);
+  const more = files.length > FILES_MAX ? ` and ${files.length - FILES_MAX} more` : "";
+  const used = [cardInUse()?.name, chosen("drawing")].filter(Boolean).join(", ");
+  const words = [
+    `Damper: ${damper}`,
+    `Printed: ${new Date().toLocaleString()}`,
+    `Files: ${names.join(", ") || "none"}${more}`,
+    used && `In use: ${used}`,
+    `mrdamper ${versions.mrdamper}`,
+  ];
+  return p({ id: "printed" }, words.filter(Boolean).join(" · "));
+}
+
+function Body() {
+  const [fault, again] = useErrorBoundary();
+  if (fault)
+    return div(h1(PAGES[app.page].title), note("fault", fault.message), button("Try again", again));
+  if (!app.state || !app.forms || !app.runs) return p({ class: "sub" }, "Reading the folder …");
+  return div({ "data-shown": app.page }, h(VIEWS[app.page]));
+}
+
+function App() {
+  const skip = (event) => {
+    event.preventDefault(); // The address of the link is not the address of a page.
+    document.getElementById("page").focus();
+  };
+  return [
+    a({ class: "skip", href: "#page", onclick: skip }, "Skip to the page"),
+    rail(),
+    app.state && printed(),
+    main({ id: "page", tabindex: -1 }, h(Body, { key: app.page })),
+    p(
+      { id: "lost", class: "notice fault", role: "alert", hidden: !app.lost },
+      "The server does not answer. The page shows its last state.",
+    ),
+    div(
+      { id: "toasts", role: "status", "aria-live": "polite" },
+      app.toasts.map((one) =>
+        note(
+          one.kind,
+          span(one.text),
+          one.actions,
+          button("×", () => dismiss(one), { class: "quiet", "aria-label": "Close" }),
+        ),
+      ),
+    ),
+    dampers(),
+    shortcuts(),
+  ];
+}
+
+// -------------------------------------------------------------------------------------------------- dialogs
+
+const sheetOf = (id) => document.getElementById(id);
+
+async function openDampers() {
+  app.dampers = (await attempt(getDampers))?.dampers ?? [];
+  app.draw();
+  sheetOf("dampers").showModal();
+}
+
+/** Return the list of dampers of the server; each has its own folder. */
+function dampers() {
+  const placeOf = (name) => (name === null ? "/" : `/damper/${encodeURIComponent(name)}/`);
+  const isOpen = ({ name }) => (name ?? "") === DAMPER_NAME;
+  const add = async (event) => {
+    event.preventDefault();
     try {
-      return await action();
+      window.location.assign(
+        placeOf((await addDamper(event.target.elements.name.value.trim())).name),
+      );
     } catch (fault) {
-      if (fault.name !== "AbortError") app.toast("fault", fault.message);
-      return undefined;
+      app.faults.dampers = fault.message; // The entry stays, to be corrected.
+      app.draw();
     }
-  },
-
-  /** Return the shared choice of a name in this window. */
-  chosen: (name) => chosen.get(name) ?? fromSession(name),
-
-  choose(name, value) {
-    chosen.set(name, value);
-    if (app.state) drawRail(app);
-    try {
-      sessionStorage.setItem(`mrdamper${DAMPER}-${name}`, value ?? "");
-    } catch {
-      // Without storage the choice is lost with the page.
-    }
-  },
-
-  /** Show the page again, because missing items have arrived. */
-  again: () => route(),
-
-  /** Register a form of the current page. Its changed fields are stored in the address and restored from it. */
-  remember(kind, form) {
-    shown.forms.set(kind, form);
-  },
-
-  /** Store the value of a field in the address. */
-  keepField(kind, name, value) {
-    const query = addressed();
-    query.delete(`${kind}.${name}`); // The address keeps the order of the changes.
-    query.set(`${kind}.${name}`, JSON.stringify(value));
-    app.keep(query);
-  },
-
-  /** Store the displayed job in the address instead of the fields of its form. */
-  keepJob(kind, id) {
-    const query = addressed();
-    for (const name of [...query.keys()]) if (name.startsWith(`${kind}.`)) query.delete(name);
-    query.set("job", id);
-    app.keep(query);
-  },
-
-  /** Store the state of the page in its address. With `step`, Back undoes the change. */
-  keep(query, step = false) {
-    if (pageAsked() !== shown.name) return;
-    const address = `#/${shown.name}${query.size ? `?${query}` : ""}`;
-    if (address === window.location.hash) return;
-    const depth = window.history.state?.depth ?? 0;
-    if (step) window.history.pushState({ depth: depth + 1 }, "", address);
-    else window.history.replaceState({ depth }, "", address);
-  },
-
-  /** Go to a page. */
-  go(page, query = {}) {
-    const asked = new URLSearchParams(query).toString();
-    window.location.hash = `#/${page}${asked ? `?${asked}` : ""}`;
-  },
-};
-
-function fromSession(name) {
-  try {
-    return sessionStorage.getItem(`mrdamper${DAMPER}-${name}`) || null;
-  } catch {
-    return null;
-  }
+  };
+  const link = (one) => (isOpen(one) ? b(one.shown) : a({ href: placeOf(one.name) }, one.shown));
+  const columns = [
+    { title: "damper", class: "name", cell: link },
+    { title: "files", number: true, cell: ({ files }) => String(files) },
+    { title: "fits", number: true, cell: ({ cards }) => String(cards) },
+    {
+      title: "",
+      cell: (one) =>
+        !DAMPER_NAME &&
+        !isOpen(one) &&
+        removal(deleteDamper, one.name, () => sheetOf("dampers").close()),
+    },
+  ];
+  return dialog(
+    { id: "dampers", "aria-label": "Dampers" },
+    h2("Dampers"),
+    p(
+      { class: "small" },
+      "Each has its own runs, geometry, fits, heat sinks, controllers and exports, in a folder of its own.",
+    ),
+    table(columns, app.dampers ?? []),
+    form(
+      { class: "row end", onsubmit: add },
+      field(
+        "Another damper",
+        input({
+          id: "new-damper",
+          name: "name",
+          maxlength: 60,
+          placeholder: "such as RD-8040 no. 2",
+        }),
+      ),
+      tags.button({ class: "main" }, "Create"),
+    ),
+    app.faults.dampers && note("fault", app.faults.dampers),
+    div(
+      { class: "actions" },
+      button("Close", () => sheetOf("dampers").close()),
+    ),
+  );
 }
 
-function frame() {
-  const { state } = app;
-  drawRail(app);
-  document.getElementById("folder").textContent = state.folder_name || "folder";
-  document.getElementById("folder").title = state.folder || "";
-  document.getElementById("version").textContent = state.versions?.mrdamper ?? "";
-  const busy = state.jobs.filter((job) => job.state === "running" || job.state === "queued").length;
-  const badge = document.getElementById("busy");
-  badge.hidden = busy === 0;
-  badge.textContent = String(busy);
-  badge.setAttribute("aria-label", `${busy} at work`);
+function shortcuts() {
+  const pages = Object.values(PAGES).map(({ letter, title }) => [`g ${letter}`, title]);
+  const lists = [
+    ["Tab", "the next field or list"],
+    ["Arrows, Home, End", "within a list or a long table"],
+    ["?", "this sheet"],
+    ["Esc", "close it"],
+  ];
+  return dialog(
+    { id: "shortcuts", "aria-label": "Keys" },
+    h2("Keys"),
+    div(
+      { class: "keys" },
+      [...pages, ...lists].map(([keys, words]) => p(kbd(keys), span(words))),
+    ),
+    button("Close", () => sheetOf("shortcuts").close()),
+  );
 }
 
-let shown = { name: null, page: null, forms: new Map() };
+let before = "";
 
-/** Set the fields that an address contains, in the order of their changes. */
-async function restoreForms(query, forms) {
-  for (const [key, text] of query) {
-    const [kind, name] = key.split(".");
-    if (!name || !forms.has(kind)) continue;
-    try {
-      await forms.get(kind).restore(name, JSON.parse(text));
-    } catch {
-      app.toast("warning", `The address names ${key} with a value that cannot be read; the field keeps its own.`);
-    }
-  }
+function press(event) {
+  const isTyping = event.target.closest(
+    "input:not([type=checkbox]):not([type=range]), textarea, select",
+  );
+  if (isTyping || event.ctrlKey || event.altKey || event.metaKey) return;
+  const page = Object.keys(PAGES).find((name) => PAGES[name].letter === event.key);
+  if (event.key === "?") sheetOf("shortcuts").showModal();
+  else if (before === "g" && page) go(page);
+  before = event.key;
 }
 
-/** Return the name of the page in the address. */
-function pageAsked() {
-  const [path] = window.location.hash.replace(/^#\/?/, "").split("?");
-  return path in PAGES ? path : "runs";
-}
+// --------------------------------------------------------------------------------------------------- start
 
-let turn = 0;
-
-async function route() {
-  const [, asked] = window.location.hash.replace(/^#\/?/, "").split("?");
-  const name = pageAsked();
-  turn += 1;
-  const mine = turn;
-  for (const link of document.querySelectorAll("[data-page]")) {
-    if (link.dataset.page === name) link.setAttribute("aria-current", "page");
-    else link.removeAttribute("aria-current");
-  }
-  document.title = `${TITLES[name]} · mrdamper`;
-  shown.page?.close?.();
-  shown = { name, page: null, forms: new Map() };
-  try {
-    const [module] = await Promise.all([PAGES[name](), app.state ? null : app.refresh(), app.forms ? null : getForms().then((forms) => (app.forms = forms))]);
-    if (mine !== turn) return;
-    const body = el("div", { "data-shown": name });
-    fill(place, body);
-    window.scrollTo(0, 0);
-    const page = (await module.show(body, app, new URLSearchParams(asked ?? ""))) ?? {};
-    if (mine === turn) {
-      shown.page = page;
-      await restoreForms(new URLSearchParams(asked ?? ""), shown.forms);
-    } else page.close?.(); // Another page was requested, so the listeners of this page are closed.
-  } catch (fault) {
-    if (mine === turn) fill(place, el("h1", { text: TITLES[name] }), note("fault", fault.message), button("Try again", route));
-  }
-}
-
-let waiting = null;
-const gathered = new Set();
-
-/** Collect changes for a moment, fetch the state once, and notify the page once. */
-function changed(what) {
-  for (const each of what) gathered.add(each);
-  waiting ??= setTimeout(async () => {
-    waiting = null;
-    const all = [...gathered];
-    gathered.clear();
-    try {
-      await app.refresh();
-    } catch {
-      return; // The events are repeated when the server is available again.
-    }
-    shown.page?.changed?.(all);
-  }, 120);
-}
-
+app.draw = () => render(h(App), document.getElementById("root"));
+startTheme(app.draw);
+document.addEventListener("keydown", press);
 // Without these listeners the browser would open a dropped file and leave the page.
-for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) => event.preventDefault());
-
-document.querySelector("a.skip").addEventListener("click", (event) => {
-  event.preventDefault(); // The address of the link is not the address of a page.
-  place.focus();
+for (const name of ["dragover", "drop"])
+  window.addEventListener(name, (event) => event.preventDefault());
+window.addEventListener("beforeprint", app.draw);
+window.addEventListener("popstate", () => {
+  const page = app.page;
+  route();
+  if (app.page === page) return;
+  window.scrollTo(0, 0);
+  document.getElementById("page").focus({ preventScroll: true });
 });
-window.addEventListener("beforeprint", () => {
-  const { state } = app;
-  const names = state.files.map((file) => file.name);
-  const files = names.length > 12 ? `${names.slice(0, 12).join(", ")} and ${names.length - 12} more` : names.join(", ");
-  const used = ["card", "drawing"].map((name) => app.chosen(name)).filter(Boolean);
-  document.getElementById("printed").textContent = [`Damper: ${state.folder_name}`, `Printed: ${new Date().toLocaleString()}`, `Files: ${files || "none"}`, used.length && `In use: ${used.join(", ")}`, `mrdamper ${state.versions.mrdamper}`].filter(Boolean).join(" · ");
-});
-startDampers(app, document.getElementById("folder"));
-startTheme(document.getElementById("theme"));
-startShortcuts(app.go, TITLES);
-rove(document.querySelector(".rail .apart"))();
-window.addEventListener("hashchange", () => {
-  const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
-  if (path === shown.name && shown.page?.address) shown.page.address(new URLSearchParams(query ?? ""));
-  else route().then(() => place.focus({ preventScroll: true }));
-});
-window.addEventListener("unhandledrejection", (event) => {
-  if (event.reason?.name !== "AbortError") app.toast("fault", event.reason?.message ?? String(event.reason));
+window.addEventListener("unhandledrejection", ({ reason }) => {
+  if (reason?.name !== "AbortError") toast("fault", reason?.message ?? String(reason));
 });
 route();
-watchFolder(changed, (there) => (document.getElementById("lost").hidden = there));
+Promise.all([getForms(), refresh()])
+  .then(([forms]) => {
+    app.forms = forms;
+    route();
+  })
+  .catch((fault) => toast("fault", fault.message))
+  .finally(watch);

@@ -1,345 +1,475 @@
 // Channel map of one file: role, unit and gain of each column. The file is read again after each change.
 
 import { glance, look, putChannels } from "./api.js";
-import { bytes, button, check, el, field, fill, fixed, note, number, numberField, select, svg, table } from "./dom.js";
-import { findingTable, notes } from "./parts.js";
-import { Plot } from "./plot.js";
+import { numberField, numberInput, readNumber } from "./forms.js";
+import { findingList } from "./jobs.js";
+import { plot } from "./plot.js";
+import { app, attempt, toast } from "./state.js";
+import {
+  button,
+  bytes,
+  check,
+  field,
+  fixed,
+  fold,
+  note,
+  notes,
+  number,
+  select,
+  several,
+  table,
+  tags,
+  toggled,
+} from "./ui.js";
+import { h, useEffect, useMemo, useRef, useState } from "./vendor/preact.js";
 
+const { b, div, h2, h3, input, p, path, section, small, span, svg } = tags;
 const WAIT_MS = 350;
+const ANSWERS_MAX = 12;
 // Units of a gain, with their value in SI per volt.
 const GAIN_UNITS = {
-  displacement: [["mm/V", 1e-3], ["m/V", 1]],
-  velocity: [["mm/s per V", 1e-3], ["m/s per V", 1]],
-  force: [["kN/V", 1e3], ["N/V", 1]],
+  displacement: [
+    ["mm/V", 1e-3],
+    ["m/V", 1],
+  ],
+  velocity: [
+    ["mm/s per V", 1e-3],
+    ["m/s per V", 1],
+  ],
+  force: [
+    ["kN/V", 1e3],
+    ["N/V", 1],
+  ],
 };
-const MOST_CHOICES = 12;
+const CONSTANTS = [
+  ["current_A", "Coil current", "A", "in the file"],
+  ["voltage_V", "Coil voltage", "V", "in the file"],
+  ["temperature_degC", "Temperature", "°C", "not known"],
+  ["rate_Hz", "Sampling rate", "Hz", "in the file"],
+];
+
+const roleOf = (name) => app.state.choices.roles.find(({ role }) => role === name);
+const gainUnits = (role) => (role ? (GAIN_UNITS[role] ?? [[`${roleOf(role).unit}/V`, 1]]) : []);
+const scaleOf = ({ role, unit }) => gainUnits(role).find(([name]) => name === unit)?.[1];
+const labelOf = ({ name, index }) => name || `column ${index}`;
+const rounded = (value) => Number(value.toPrecision(12));
+const neededFor = (unit) => `enter how many ${unit.replace(/(\/| per )V$/, "")} are one volt.`;
+
+// ------------------------------------------------------------------------------------------------- entries
+
+/** Return the entries of the sheet: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
+function entriesOf({ columns, map }) {
+  const one = (column) => {
+    const isMapped = ([, told]) => told.name === column.name || told.index === column.index;
+    const [role = column.role ?? column.guess?.role ?? "", told = {}] =
+      Object.entries(map?.channel ?? {}).find(isMapped) ?? [];
+    const [[unit, scale] = []] = gainUnits(role);
+    const gain = told.gain === undefined ? {} : { unit, gain: rounded(told.gain / scale) };
+    const { sign = 1, offset } = told;
+    return [
+      column.index,
+      { role, unit: told.unit ?? column.guess?.unit ?? column.unit ?? "", sign, offset, ...gain },
+    ];
+  };
+  const { constant = {}, segments = {}, session = {}, file } = map ?? {};
+  const levels = segments.current_A ?? segments.voltage_V ?? [];
+  const kind = segments.voltage_V ? "voltage_V" : "current_A";
+  return {
+    columns: Object.fromEntries(columns.filter(({ kind: type }) => type === "number").map(one)),
+    rest: {
+      ...constant,
+      split: segments.split ?? "",
+      levels,
+      kind,
+      session: session.name ?? "",
+      file,
+    },
+  };
+}
+
+const gainOf = (column, one) =>
+  scaleOf(one) * readNumber(`${labelOf(column)} gain`, one.gain, { needed: neededFor(one.unit) });
+
+/** Return the channel map of the entries; an invalid number throws an error. */
+function mapOf({ columns: entries, rest }, { columns }) {
+  const map = {};
+  const channel = {};
+  for (const column of columns) {
+    const one = entries[column.index];
+    if (!one?.role) continue;
+    const isUnique = column.name && columns.filter(({ name }) => name === column.name).length === 1;
+    const entry = isUnique ? { name: column.name } : { index: column.index };
+    if (scaleOf(one)) Object.assign(entry, { unit: "V", gain: rounded(gainOf(column, one)) });
+    else if (one.unit) entry.unit = one.unit;
+    if (one.offset) entry.offset = one.offset;
+    if (one.sign === -1) entry.sign = -1;
+    channel[one.role] = entry;
+  }
+  if (Object.keys(channel).length) map.channel = channel;
+  const constants = CONSTANTS.map(([key, words]) => [key, readNumber(words, rest[key])]).filter(
+    ([, value]) => value !== null,
+  );
+  if (constants.length) map.constant = Object.fromEntries(constants);
+  const levels = readNumber("Currents of the tests", rest.levels, { many: true });
+  if (rest.split && levels.length) map.segments = { split: rest.split, [rest.kind]: levels };
+  if (rest.session) map.session = { name: rest.session };
+  if (rest.file) map.file = rest.file;
+  return map;
+}
+
+// --------------------------------------------------------------------------------------------------- sheet
 
 /**
- * Return the sheet of a file: `{node, close()}`.
+ * Sheet of a file.
  *
- * @param {object} app
- * @param {string} name name of the file
- * @param {string[]} others files for which the same map can be saved
- * @param {{saved: () => void, close: () => void}} heard
+ * @param {{name: string, others: string[], close: () => void}} props others: files for which the map can be saved, too
  */
-export function channelSheet(app, name, others, heard) {
-  const body = el("div", {}, el("p", { class: "sub", text: `Reading ${name} …` }));
-  const node = el("section", { class: "panel", id: "sheet", "aria-label": `Inside ${name}` }, body);
-  let asked = new AbortController();
-  let timer = null;
-  const loop = new Plot({ title: "Loop of these columns", x: "displacement", y: "force", name: "columns", height: 240, bare: true });
-
-  let whole = null; // Request for the complete file.
-  let again = null; // Reads the file with the present entries.
-  let head = false; // Only the beginning of a large file has been read.
-  const failed = (fault) => {
-    if (fault.name !== "AbortError") fill(body, note("fault", fault.message));
+export function ChannelSheet({ name, others, close }) {
+  const [found, setFound] = useState(null);
+  const [entry, setEntry] = useState(null);
+  const [told, setTold] = useState({ previews: [] }); // Answer to the present entries.
+  const [fault, setFault] = useState("");
+  const [same, setSame] = useState([]);
+  const touched = useRef(false);
+  const show = (next, map = next.map) => {
+    setFound(next);
+    setEntry(entriesOf({ ...next, map }));
+    setTold({ previews: [next] });
   };
-  glance(name, asked.signal).then((found) => {
-    drawn(found);
-    head = found.head_share !== undefined;
-    if (!head) return;
-    let touched = false;
-    body.addEventListener("input", () => (touched = true), { once: true });
-    whole = new AbortController();
-    look(name, whole.signal).then((all) => {
-      head = false;
-      if (touched) again?.(); // The entries stay and are applied to the complete file.
-      else drawn(all);
-    }, failed);
-  }, failed);
+  const change = (next) => {
+    touched.current = true;
+    setEntry({ ...entry, ...next });
+  };
 
-  function drawn(found, offered = false) {
-    const title = el("div", { class: "row" }, el("h2", { text: found.name }), button("Close", heard.close, { class: "quiet" }));
-    if (!found.columns.length) {
-      fill(body, title, note("fault", found.error ?? "nothing could be read"), el("p", { class: "small", text: "The file contains no table. Export it again from the software of the rig, or remove it." }));
-      return;
+  useEffect(() => {
+    const asked = new AbortController();
+    const failed = ({ name: kind, message }) => kind !== "AbortError" && setFault(message);
+    glance(name, asked.signal)
+      .then(async (beginning) => {
+        show(beginning);
+        if (beginning.head_share === undefined) return;
+        const whole = await look(name, asked.signal); // Only the beginning of the large file was read.
+        if (touched.current) setFound(whole);
+        else show(whole);
+      })
+      .catch(failed);
+    return () => asked.abort();
+  }, [name]);
+
+  useEffect(() => {
+    if (!touched.current) return undefined;
+    const asked = new AbortController();
+    const timer = setTimeout(() => send(false, [name], asked.signal), WAIT_MS);
+    return () => (clearTimeout(timer), asked.abort());
+  }, [entry, found]);
+
+  async function send(save, files, signal) {
+    try {
+      const head = found.head_share !== undefined && !save ? { head: true } : {};
+      const answer = await putChannels({ files, map: mapOf(entry, found), save, ...head }, signal);
+      setTold(answer);
+      setFault("");
+      if (!answer.saved) return;
+      toast("good", `The map of ${name} is saved.`);
+      setFound({ ...found, map: {} });
+    } catch (error) {
+      if (error.name !== "AbortError") setFault(error.message);
     }
-    const lines = found.columns.filter((column) => column.kind === "number").map((column) => columnLine(app, column, found));
-    const texts = found.columns.filter((column) => column.kind === "text");
-    const rest = restFields(found, texts);
-    const preview = el("div", { "aria-live": "polite", id: "preview" });
-    const same = others.map((other) => ({ other, ...check(other, false) }));
-    const save = button("Save this map", () => keep(true), { class: "main", id: "save-map" });
-    const take = button("Remove the map", () => drop(), { class: "danger" });
-    take.hidden = !found.map || offered;
-
-    const given = () => {
-      const channel = {};
-      for (const line of lines) Object.assign(channel, line.read());
-      return { ...(Object.keys(channel).length ? { channel } : {}), ...rest.read() };
-    };
-    const files = () => [name, ...same.filter(({ box }) => box.checked).map(({ other }) => other)];
-    again = () => keep(false);
-    const tried = () => {
-      drawLoop();
-      clearTimeout(timer);
-      timer = setTimeout(() => keep(false), WAIT_MS);
-    };
-
-    function drawLoop() {
-      const [x, y] = ["displacement", "force"].map((role) => lines.find((line) => line.role.value === role));
-      loop.node.hidden = !x || !y;
-      if (!x || !y) return;
-      Object.assign(loop.options, { x: x.label(), y: y.label() });
-      try {
-        loop.set({ series: [{ name: "loop", kind: "loop", x: x.values(), y: y.values(), colour: (colours) => colours.accent }] });
-      } catch {
-        loop.node.hidden = true; // A gain is missing or invalid; its field is marked.
-      }
-    }
-
-    /** Apply the answer to a question of the reader. */
-    function answer({ role, topic }, value) {
-      if (topic === "column") lines.find(({ column }) => column.name === value)?.take(role);
-      else if (topic === "unit") lines.find((line) => line.role.value === role)?.measure(value);
-      else rest.set(topic === "rate" || topic === "part" ? topic : role, value);
-      tried();
-    }
-
-    async function keep(saving) {
-      asked.abort();
-      asked = new AbortController();
-      try {
-        const told = await putChannels({ files: saving ? files() : [name], map: given(), save: saving, ...(head && !saving ? { head: true } : {}) }, asked.signal);
-        fill(preview, told.previews.map((one) => previewOf(one, told.previews.length > 1, questions)));
-        if (saving && told.saved) {
-          app.toast("good", `The map of ${name} is saved.`);
-          heard.saved();
-          take.hidden = false;
-        }
-      } catch (fault) {
-        if (fault.name !== "AbortError") fill(preview, note("fault", fault.message));
-      }
-    }
-
-    async function drop() {
-      await app.attempt(async () => {
-        await putChannels({ files: [name], map: null, save: true });
-        heard.saved();
-        drawn(await look(name));
-      });
-    }
-
-    const questions = (one) => (one.questions ?? []).map((question) => asking(app, question, (value) => answer(question, value)));
-    const offers = (offered ? [] : found.offers ?? []).map((offer) =>
-      button(`Use ${offer.name.replaceAll("_", " ")}: ${offer.runs} run${offer.runs === 1 ? "" : "s"}`, () => {
-        drawn({ ...found, map: offer.map }, true);
-        again();
-      }, { class: "main" }));
-    const columns = table(
-      [
-        { title: "column", class: "name", cell: ({ column }) => column.name || `column ${column.index}` },
-        { title: "holds", cell: ({ column }) => el("span", {}, thumb(column.thumbnail), el("span", { class: "small", text: `${number(column.least, 4)} to ${number(column.most, 4)} ${column.unit ?? ""}` })) },
-        { title: "is", cell: (line) => line.role },
-        { title: "in", cell: (line) => line.unit },
-        { title: "gain", cell: (line) => line.gain },
-        { title: "turned", cell: (line) => line.turned },
-      ],
-      lines,
-      { caption: "Columns that hold numbers" },
-    );
-    columns.querySelector("table").classList.add("sheet");
-    columns.addEventListener("change", tried);
-    columns.addEventListener("input", tried);
-    rest.node.addEventListener("input", tried);
-
-    fill(
-      body,
-      title,
-      el("p", { class: "small", text: found.understood ?? "" }),
-      offers.length > 0 && note("info", "A known map can read this file. ", el("span", { class: "row" }, offers)),
-      columns,
-      loop.node,
-      el("details", {}, el("summary", { text: "First rows" }), firstRows(found)),
-      el("h3", { text: "Values that the file does not contain" }),
-      rest.node,
-      same.length > 0 && el("details", {}, el("summary", { text: "Save the same map for other files" }), el("div", { class: "picks" }, same.map((one) => one.node))),
-      el("div", { class: "actions" }, save, take),
-      el("h3", { class: "gap", text: "With these channels" }),
-      preview,
-    );
-    fill(preview, previewOf(found, false, questions));
-    drawLoop();
   }
-
-  return {
-    node,
-    close() {
-      asked.abort();
-      whole?.abort();
-      clearTimeout(timer);
-      loop.close();
-    },
+  const drop = async () => {
+    await putChannels({ files: [name], map: null, save: true });
+    touched.current = false;
+    show(await look(name));
   };
-}
 
-/** Return the controls of a column: role, unit, gain and sign. */
-function columnLine(app, column, found) {
-  const roles = app.state.choices.roles;
-  const mapped = Object.entries(found.map?.channel ?? {}).find(([, told]) => told.name === column.name || told.index === column.index);
-  const current = mapped?.[0] ?? column.role ?? column.guess?.role ?? "";
-  const told = mapped?.[1] ?? {};
-  const label = column.name || `column ${column.index}`;
-  const role = select([["", "not used"], ...roles.map((one) => [one.role, one.role])], current, { "aria-label": `${label} is`, "data-column": String(column.index) });
-  const unit = select([], "", { "aria-label": `${label} in` });
-  const gain = numberField(`${label} gain`, "", null, { "aria-label": `${label} gain`, placeholder: "–" });
-  const gainUnits = (about) => (about ? GAIN_UNITS[about.role] ?? [[`${about.unit}/V`, 1]] : []);
-  const scale = () => gainUnits(roles.find((one) => one.role === role.value)).find(([name]) => name === unit.value)?.[1];
-  const turned = check("", told.sign === -1, { "aria-label": `${label} turned` });
-  const units = (chosen) => {
-    const about = roles.find((one) => one.role === role.value);
-    const before = chosen ?? unit.value;
-    const listed = about ? about.units.map((each) => [each, each]) : [];
-    for (const [name] of gainUnits(about)) listed.push([name, `V, gain in ${name}`]);
-    if (about && !listed.some(([value]) => value === before)) listed.unshift(["", "which unit?"]);
-    fill(unit, listed.map(([value, text]) => el("option", { value, text, selected: value === before })));
-    unit.disabled = !about;
-    gain.input.disabled = !scale();
-    gain.require(scale() ? `enter how many ${unit.value.replace(/(\/| per )V$/, "")} are one volt.` : "");
-    turned.box.disabled = !about;
-  };
-  const [firstUnit, firstScale] = gainUnits(roles.find((one) => one.role === role.value))[0] ?? [];
-  const hasGain = told.gain !== undefined && firstUnit;
-  if (hasGain) gain.set(Number((told.gain / firstScale).toPrecision(12)));
-  units(hasGain ? firstUnit : told.unit ?? column.guess?.unit ?? column.unit);
-  role.addEventListener("change", () => units(column.guess?.role === role.value ? column.guess.unit : column.unit));
-  unit.addEventListener("change", () => units());
-  const unique = column.name && found.columns.filter((other) => other.name === column.name).length === 1;
-  return {
-    column,
-    role,
-    unit,
-    gain: gain.input,
-    turned: turned.node,
-    label: () => `${role.value}${scale() ? `, ${roles.find((one) => one.role === role.value).unit}` : unit.value ? `, ${unit.value}` : ""}`,
-    /** Return the values of the quick loop. */
-    values() {
-      const factor = (turned.box.checked ? -1 : 1) * (scale() ? scale() * gain.read() : 1);
-      return (column.sample ?? []).map((value) => (value === null ? NaN : factor * value));
-    },
-    take(wanted) {
-      role.value = wanted;
-      units(column.guess?.role === wanted ? column.guess.unit : column.unit);
-    },
-    measure: (wanted) => units(wanted === "V" ? gainUnits(roles.find((one) => one.role === role.value))[0][0] : wanted),
-    read() {
-      if (!role.value) return {};
-      const entry = unique ? { name: column.name } : { index: column.index };
-      if (scale()) {
-        entry.unit = "V";
-        entry.gain = Number((scale() * gain.read()).toPrecision(12));
-      } else if (unit.value) entry.unit = unit.value;
-      if (told.offset) entry.offset = told.offset;
-      if (turned.box.checked) entry.sign = -1;
-      return { [role.value]: entry };
-    },
-  };
-}
+  const title = div({ class: "row" }, h2(name), button("Close", close, { class: "quiet" }));
+  const frame = (...body) =>
+    section({ class: "panel", id: "sheet", "aria-label": `Inside ${name}` }, title, body);
+  if (!found) return frame(fault ? note("fault", fault) : p({ class: "sub" }, `Reading ${name} …`));
+  const remedy =
+    "The file contains no table. Export it again from the software of the rig, or remove it.";
+  if (!found.columns.length)
+    return frame(
+      note("fault", found.error ?? "Nothing could be read."),
+      p({ class: "small" }, remedy),
+    );
 
-/** Return the fields of constants and segments, and the function that reads them. */
-function restFields(found, texts) {
-  const map = found.map ?? {};
-  let file = map.file;
-  const constant = map.constant ?? {};
-  const current = numberField("Coil current", "A", constant.current_A, { placeholder: "in the file" });
-  const voltage = numberField("Coil voltage", "V", constant.voltage_V, { placeholder: "in the file" });
-  const warmth = numberField("Temperature", "°C", constant.temperature_degC, { placeholder: "not known" });
-  const rate = numberField("Sampling rate", "Hz", constant.rate_Hz, { placeholder: "in the file" });
-  const words = el("input", { type: "text", value: map.segments?.split ?? "", placeholder: "one test" });
-  const levels = numberField("Currents of the tests", "A", map.segments?.current_A ?? map.segments?.voltage_V ?? [], { list: true, empty: [], placeholder: "0; 0.25; 0.5" });
-  const session = el("input", { type: "text", value: map.session?.name ?? "", placeholder: "this file" });
-  const node = el(
-    "div",
-    {},
-    el(
-      "div",
-      { class: "fields" },
-      current.node,
-      voltage.node,
-      warmth.node,
-      rate.node,
-      field("Session", session, { hint: "runs that share one tare" }),
-      texts.length > 0 && field("A new test begins at", words, { hint: `a word in ${texts.map((one) => one.name || `column ${one.index}`).join(", ")}` }),
-      texts.length > 0 && levels.node,
+  const columns = found.columns.filter(({ kind }) => kind === "number");
+  const set = (index, values) =>
+    change({ columns: { ...entry.columns, [index]: { ...entry.columns[index], ...values } } });
+  const setRest = (values) => change({ rest: { ...entry.rest, ...values } });
+  const take = (column, role) => {
+    const unit = column.guess?.role === role ? column.guess.unit : column.unit;
+    set(column.index, { role, unit: unit ?? "" });
+  };
+  const answered = ({ role, topic }, value) => {
+    const column = columns.find(({ index }) => entry.columns[index].role === role);
+    if (topic === "column")
+      take(
+        columns.find((one) => one.name === value),
+        role,
+      );
+    else if (topic === "unit")
+      set(column?.index, { unit: value === "V" ? gainUnits(role)[0][0] : value });
+    else if (topic === "part")
+      setRest({ file: { ...entry.rest.file, common_time: value === "common" } });
+    else {
+      const key =
+        topic === "rate"
+          ? "rate_Hz"
+          : CONSTANTS.find(([, words]) => words.toLowerCase().includes(role))?.[0];
+      setRest({ [key]: parseFloat(value) });
+    }
+  };
+  const offers = touched.current ? [] : (found.offers ?? []);
+  const offer = (one) =>
+    button(
+      `Use ${one.name.replaceAll("_", " ")}: ${several(one.runs, "run")}`,
+      () => {
+        touched.current = true;
+        setEntry(entriesOf({ ...found, map: one.map }));
+      },
+      { class: "main" },
+    );
+  return frame(
+    p({ class: "small" }, found.understood),
+    offers.length > 0 &&
+      note("info", "A known map can read this file. ", span({ class: "row" }, offers.map(offer))),
+    div({ class: "sheet" }, columnTable(columns, entry.columns, set, take)),
+    h(QuickLoop, { columns, entries: entry.columns }),
+    fold("First rows", firstRows(found)),
+    h3("Values that the file does not contain"),
+    restFields(found, entry.rest, setRest),
+    others.length > 0 &&
+      fold(
+        "Save the same map for other files",
+        div(
+          { class: "picks" },
+          others.map((one) => check(one, same.includes(one), () => setSame(toggled(same, one)))),
+        ),
+      ),
+    div(
+      { class: "actions" },
+      button("Save this map", () => attempt(() => send(true, [name, ...same])), {
+        class: "main",
+        id: "save-map",
+      }),
+      found.map && button("Remove the map", () => attempt(drop), { class: "danger" }),
+    ),
+    h3({ class: "gap" }, "With these channels"),
+    div(
+      { "aria-live": "polite", id: "preview" },
+      fault && note("fault", fault),
+      told.previews.map((one) => previewOf(one, told.previews.length > 1, answered)),
     ),
   );
-  return {
-    node,
-    /** Fill the field of a constant, from an answer such as `0.5 A`. */
-    set(what, value) {
-      if (what === "part") file = { ...file, common_time: value === "common" };
-      const one = { current, voltage, temperature: warmth, rate }[what];
-      if (one) one.set(parseFloat(value));
-    },
-    read() {
-      const told = {};
-      for (const [key, one] of [["current_A", current], ["voltage_V", voltage], ["temperature_degC", warmth], ["rate_Hz", rate]]) {
-        if (one.read() !== null) told[key] = one.read();
-      }
-      const made = Object.keys(told).length ? { constant: told } : {};
-      const numbers = levels.read();
-      if (words.value && numbers.length) made.segments = { split: words.value, [map.segments?.voltage_V ? "voltage_V" : "current_A"]: numbers };
-      if (session.value) made.session = { name: session.value };
-      if (file) made.file = file;
-      return made;
-    },
+}
+
+/** Return the table of the columns with role, unit, gain and sign. */
+function columnTable(columns, entries, set, take) {
+  const roles = [["", "not used"], ...app.state.choices.roles.map(({ role }) => role)];
+  const unitOf = (column) => {
+    const { role, unit } = entries[column.index];
+    const units = role ? roleOf(role).units.map((one) => [one, one]) : [];
+    for (const [name] of gainUnits(role)) units.push([name, `V, gain in ${name}`]);
+    if (role && !units.some(([value]) => value === unit)) units.unshift(["", "which unit?"]);
+    const props = { "aria-label": `${labelOf(column)} in`, disabled: !role };
+    return select(units, unit, (next) => set(column.index, { unit: next }), props);
   };
+  const roleField = (column) =>
+    select(roles, entries[column.index].role, (role) => take(column, role), {
+      "aria-label": `${labelOf(column)} is`,
+    });
+  const gainField = (column) => {
+    const one = entries[column.index];
+    const needed = scaleOf(one) ? neededFor(one.unit) : "";
+    const props = {
+      disabled: !scaleOf(one),
+      "aria-label": `${labelOf(column)} gain`,
+      placeholder: "–",
+      needed,
+    };
+    return numberInput(scaleOf(one) ? one.gain : "", (gain) => set(column.index, { gain }), props);
+  };
+  const turned = (column) => {
+    const { role, sign } = entries[column.index];
+    const props = { "aria-label": `${labelOf(column)} turned`, disabled: !role };
+    return check(
+      "",
+      sign === -1,
+      (isTurned) => set(column.index, { sign: isTurned ? -1 : 1 }),
+      props,
+    );
+  };
+  const range = ({ least, most, unit }) =>
+    small(`${number(least, 4)} to ${number(most, 4)} ${unit ?? ""}`);
+  return table(
+    [
+      { title: "column", class: "name", cell: labelOf },
+      { title: "holds", cell: (column) => [thumb(column.thumbnail), range(column)] },
+      { title: "is", cell: roleField },
+      { title: "in", cell: unitOf },
+      { title: "gain", cell: gainField },
+      { title: "turned", cell: turned },
+    ],
+    columns,
+    { label: "Columns that hold numbers" },
+  );
+}
+
+/** Plot of the columns that are displacement and force. */
+function QuickLoop({ columns, entries }) {
+  const [x, y] = ["displacement", "force"].map((role) =>
+    columns.find(({ index }) => entries[index].role === role),
+  );
+  const key = JSON.stringify(
+    [x, y].map((column) => column && [column.index, entries[column.index]]),
+  );
+  const data = useMemo(() => {
+    try {
+      const [xs, ys] = [x, y].map((column) => {
+        const one = entries[column.index];
+        const factor = one.sign * (scaleOf(one) ? gainOf(column, one) : 1);
+        return Float64Array.from(column.sample ?? [], (value) => factor * (value ?? NaN));
+      });
+      return {
+        series: [{ name: "loop", kind: "loop", x: xs, y: ys, colour: (colours) => colours.accent }],
+      };
+    } catch {
+      return null; // A column or gain is missing.
+    }
+  }, [key]);
+  if (!data) return null;
+  const words = ({ index }) => {
+    const one = entries[index];
+    return `${one.role}, ${scaleOf(one) ? roleOf(one.role).unit : one.unit || "as in the file"}`;
+  };
+  return plot({
+    title: "Loop of these columns",
+    x: words(x),
+    y: words(y),
+    name: "columns",
+    height: 240,
+    isLoop: true,
+    bare: true,
+    data,
+  });
+}
+
+/** Return the fields of constants, segments and session. */
+function restFields({ columns }, rest, set) {
+  const texts = columns.filter(({ kind }) => kind === "text").map(labelOf);
+  const line = (key, placeholder) =>
+    input({
+      type: "text",
+      id: `rest-${key}`,
+      value: rest[key],
+      placeholder,
+      oninput: (event) => set({ [key]: event.target.value }),
+    });
+  return div(
+    { class: "fields" },
+    CONSTANTS.map(([key, words, unit, placeholder]) =>
+      numberField(words, rest[key], (value) => set({ [key]: value }), {
+        unit,
+        placeholder,
+        id: `rest-${key}`,
+      }),
+    ),
+    field("Session", line("session", "this file"), { title: "Runs of a session share one tare." }),
+    texts.length > 0 && [
+      field("A new test begins at", line("split", "one test"), {
+        title: `A word in ${texts.join(", ")}`,
+      }),
+      numberField("Currents of the tests", rest.levels, (levels) => set({ levels }), {
+        many: true,
+        unit: "A",
+        placeholder: "0; 0.25; 0.5",
+        id: "rest-levels",
+      }),
+    ],
+  );
 }
 
 /** Return a question of the reader with its possible answers. */
-function asking(app, question, answered) {
-  const { role, topic, candidates } = question;
-  const units = topic === "unit" ? app.state.choices.roles.find((one) => one.role === role)?.units ?? [] : [];
-  const offered = candidates.length ? candidates : units;
-  const choices = topic === "unit" ? [...offered, "V"] : offered;
-  const said = { column: `Which column is the ${role}?`, unit: `In which unit is the ${role}?`, rate: "How many samples a second?", value: `What was the ${role}?`, scale: `How much ${role} is one volt?`, part: "Which part of the time?" }[topic];
-  return el("div", { class: "notice warning" }, el("b", { text: said }), " ", choices.length ? el("span", { class: "row" }, choices.slice(0, MOST_CHOICES).map((value) => button(value, () => answered(value), { "aria-label": `${said} ${value}` }))) : "Fill it in above.");
+function questionOf({ role, topic, candidates }, answered) {
+  const units = topic === "unit" ? (roleOf(role)?.units ?? []) : [];
+  const offered = [...(candidates.length ? candidates : units), ...(topic === "unit" ? ["V"] : [])];
+  const words = {
+    column: `Which column is the ${role}?`,
+    unit: `In which unit is the ${role}?`,
+    rate: "How many samples a second?",
+    value: `What was the ${role}?`,
+    scale: `How much ${role} is one volt?`,
+    part: "Which part of the time?",
+  }[topic];
+  const one = (value) =>
+    button(value, () => answered({ role, topic }, value), { "aria-label": `${words} ${value}` });
+  const choices = span({ class: "row" }, offered.slice(0, ANSWERS_MAX).map(one));
+  return note("warning", b(words), " ", offered.length ? choices : "Fill it in above.");
 }
 
-/** Return the runs of a file with a map, or its errors; `questions` returns the open questions. */
-function previewOf(found, named, questions) {
-  const head = named && el("h3", { text: found.name });
-  const runs = found.runs ?? [];
-  return el(
-    "div",
-    {},
-    head,
-    questions(found),
-    found.error && (found.questions?.length ? el("details", {}, el("summary", { text: "In full" }), note("fault", found.error)) : note("fault", found.error)),
-    found.head_share !== undefined && note("info", `Seen so far: the first ${number(100 * found.head_share, 2)} % of ${bytes(found.bytes)}. Its runs are made when all of it has been read.`),
-    runs.length > 0 && !found.error && note(runs.some((run) => run.error) ? "warning" : "good", `${runs.length} run${runs.length > 1 ? "s" : ""}${runs.some((run) => run.error) ? `, ${runs.filter((run) => run.error).length} not usable` : ""}: ${runs.map((run) => run.name).join(", ")}`),
-    runs.length > 0 &&
-      notes(
-        runs.map((run) =>
-          `${run.name}: ${run.motion || "no motion recognised"}, ${run.command === null ? "varying command" : `${fixed(run.command, 2)} ${run.command_unit}`}, ${number(run.stroke_mm)} mm stroke, ${run.force_range_N ? `${fixed(run.force_range_N[0], 0)} to ${fixed(run.force_range_N[1], 0)} N` : "no force"}${run.error ? `: ${run.error}` : ""}`,
-        ),
+/** Return the runs of a file with a map, or its errors and questions. */
+function previewOf(found, isNamed, answered) {
+  const { runs = [], questions = [], findings = [], error } = found;
+  const unusable = runs.filter((run) => run.error).length;
+  const command = (run) =>
+    run.command === null ? "varying command" : `${fixed(run.command, 2)} ${run.command_unit}`;
+  const force = ({ force_range_N: range }) =>
+    range ? `${fixed(range[0], 0)} to ${fixed(range[1], 0)} N` : "no force";
+  const line = (run) =>
+    `${run.name}: ${run.motion || "no motion recognised"}, ${command(run)}, ${number(run.stroke_mm)} mm stroke, ` +
+    `${force(run)}${run.error ? `: ${run.error}` : ""}`;
+  const bad = unusable ? `, ${unusable} not usable` : "";
+  return div(
+    isNamed && h3(found.name),
+    questions.map((one) => questionOf(one, answered)),
+    error && (questions.length ? fold("In full", note("fault", error)) : note("fault", error)),
+    found.head_share !== undefined &&
+      note(
+        "info",
+        `Only the first ${number(100 * found.head_share, 2)} % of ${bytes(found.bytes)} have been read.`,
       ),
-    (found.findings ?? []).length > 0 && el("details", {}, el("summary", { text: `${found.findings.length} findings` }), findingTable(found.findings)),
+    runs.length > 0 &&
+      !error && [
+        note(
+          unusable ? "warning" : "good",
+          `${several(runs.length, "run")}${bad}: ${runs.map(({ name }) => name).join(", ")}`,
+        ),
+        notes(runs.map(line)),
+      ],
+    findings.length > 0 && fold(several(findings.length, "finding"), findingList(findings)),
   );
 }
 
-function firstRows(found) {
-  const count = Math.max(...found.columns.map((column) => column.first?.length ?? 0));
-  const made = table(
-    found.columns.map((column) => ({ title: column.name || `column ${column.index}`, unit: column.unit, number: column.kind === "number", cell: (k) => told(column.first?.[k]) })),
-    [...Array(count).keys()],
-    { caption: found.rows === null ? `The first ${count} rows` : `The first ${count} of ${found.rows} rows` },
-  );
-  made.querySelector("table").classList.add("sheet");
-  return made;
+function firstRows({ columns, rows }) {
+  const count = Math.max(...columns.map(({ first }) => first?.length ?? 0));
+  const value = (one) => (typeof one === "number" ? number(one, 6) : one);
+  const column = (one) => ({
+    title: labelOf(one),
+    unit: one.unit,
+    number: one.kind === "number",
+    cell: (k) => value(one.first?.[k]),
+  });
+  return table(columns.map(column), [...Array(count).keys()], {
+    label: `The first ${count} of ${rows ?? "all"} rows`,
+  });
 }
-
-const told = (value) => (typeof value === "number" ? number(value, 6) : value);
 
 /** Return a small picture of a column. */
-function thumb(values) {
-  const known = (values ?? []).filter((value) => Number.isFinite(value));
+function thumb(values = []) {
+  const known = values.filter(Number.isFinite);
   if (known.length < 2) return null;
   const [low, high] = [Math.min(...known), Math.max(...known)];
-  const span = high - low || 1;
-  const path = values
-    .map((value, k) => `${k ? "L" : "M"}${((k / (values.length - 1)) * 100).toFixed(1)} ${(27 - (24 * ((value ?? low) - low)) / span).toFixed(1)}`)
-    .join("");
-  return svg("svg", { class: "thumb", viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" }, svg("path", { d: path, "vector-effect": "non-scaling-stroke" }));
+  const point = (value, k) => {
+    const y = 27 - (24 * ((value ?? low) - low)) / (high - low || 1);
+    return `${k ? "L" : "M"}${((100 * k) / (values.length - 1)).toFixed(1)} ${y.toFixed(1)}`;
+  };
+  const box = {
+    class: "thumb",
+    viewBox: "0 0 100 30",
+    preserveAspectRatio: "none",
+    "aria-hidden": "true",
+  };
+  return svg(box, path({ d: values.map(point).join(""), "vector-effect": "non-scaling-stroke" }));
 }

@@ -1,143 +1,241 @@
-// Jobs: list of jobs with states and files, inputs, further jobs, and trash.
+// Jobs: list of jobs with states and results, a form for any other job, inputs, and trash.
 
-import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, restore, resumeJob, startJob } from "./api.js";
-import { bytes, button, duration, el, empty, fill, opening, table } from "./dom.js";
-import { inputPicker, jobForm } from "./forms.js";
-import { heading, keepInput, removal } from "./parts.js";
+import {
+  cancelJob,
+  deleteInput,
+  deleteJob,
+  emptyTrash,
+  getTrash,
+  inputFile,
+  restore,
+  resumeJob,
+} from "./api.js";
+import { bringInput, fillForm, formOf } from "./forms.js";
+import {
+  filesOf,
+  firstScreen,
+  formPanel,
+  groundsOf,
+  jobStatus,
+  keepInput,
+  removal,
+  resultOf,
+  section,
+  startButton,
+  tabsOf,
+} from "./jobs.js";
+import { app, attempt, choose, chosen, go, isRunning, once } from "./state.js";
+import {
+  button,
+  bytes,
+  duration,
+  empty,
+  field,
+  note,
+  opening,
+  select,
+  table,
+  tag,
+  tags,
+  when,
+} from "./ui.js";
 
-const PAGE_OF = { fit: "fit", evaluate: "fit", heat: "heating", heatsink: "heatsink", track: "tracking", export: "export", check: "runs" };
-const MORE_JOBS = {
-  fluid: ["A fluid from rheometer tables", "Fit a fluid"],
-  derate: ["The largest current that keeps every limit", "Derate"],
-  cycles: ["The cycles of a long record", "Count the cycles"],
-  sweep: ["Many fits, random dampers or heat sinks", "Start the sweep"],
-  demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
-}; // Jobs without a page: [title, label of the button].
-
-export function show(place, app) {
-  const list = el("div");
-  const inputs = el("div");
-  const more = el("div");
-  const thrown = el("div");
-  const forms = [];
-  fill(place, heading("Jobs", "Two jobs run at a time. Their results are files in the folder, which the command line reads as well."), list, inputs, more, thrown);
-
-  const actions = (job) => {
-    const busy = job.state === "running" || job.state === "queued";
-    return el(
-      "span",
-      { class: "row" },
-      busy && button("Cancel", () => app.attempt(() => cancelJob(job.id)), { class: "quiet", "aria-label": `Cancel ${job.id}` }),
-      (job.state === "done" || (job.state === "cancelled" && job.kind === "fit")) && PAGE_OF[job.kind] &&
-        button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
-      job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepInput(app, job, "fluid.toml", `${job.id}.toml`, "Identify can take it.")), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
-      job.resumable && button("Resume", () => app.attempt(() => resumeJob(job.id)), { class: "quiet", "aria-label": `Resume ${job.id}` }),
-      !busy && removal(app, deleteJob, job.id),
-    );
-  };
-  const draw = () => {
-    const { jobs } = app.state;
-    if (!jobs.length) {
-      fill(list, empty("No jobs yet", "Fits, heat sinks, tracking and exports are listed here, with their files. Begin with runs of your damper.", button("Go to Runs", () => app.go("runs"))));
-      return;
-    }
-    fill(
-      list,
-      table(
-        [
-          { title: "job", class: "whole", cell: (job) => el("b", { text: job.id }) },
-          { title: "subject", class: "name", cell: (job) => subjectOf(job) },
-          { title: "state", cell: (job) => el("span", { class: `tag ${job.state}`, text: job.state }) },
-          { title: "asked", class: "whole", cell: (job) => when(job.asked_at) },
-          { title: "took", number: true, cell: (job) => took(job) },
-          { title: "progress", cell: (job) => job.message ?? (job.state === "done" ? "" : job.progress?.text ?? "") },
-          { title: "files", class: "name", cell: (job) => files(job) },
-          { title: "", cell: actions },
-        ],
-        jobs,
-        { caption: "Jobs, newest first" },
-      ),
-    );
-  };
-
-  function drawInputs() {
-    fill(
-      inputs,
-      el("h2", { text: "Inputs" }),
-      el("p", { class: "small", text: "Geometry, sinks, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV)." }),
-      app.state.inputs.length > 0 &&
-        table(
-          [
-            { title: "input", class: "name", cell: (input) => opening(inputFile(input.name), input.name) },
-            { title: "size", number: true, cell: (input) => bytes(input.bytes) },
-            { title: "", cell: (input) => removal(app, deleteInput, input.name) },
-          ],
-          app.state.inputs,
-          { caption: "Inputs in the folder" },
-        ),
-      inputPicker(app, "Bring an input", ".toml,.csv", drawInputs),
-    );
-  }
-  /** Return the form of a job without a page. */
-  function jobPanel(kind, title, what) {
-    const form = jobForm(app, kind);
-    forms.push(form);
-    const start = button(what, () => app.attempt(async () => startJob(kind, form.read())), { id: `start-${kind}` });
-    return el("details", { id: `job-${kind}` }, el("summary", { text: title }), form.panel(title, start));
-  }
-
-  /** Show the trash, whose entries can be restored. */
-  async function drawTrash() {
-    const { trash } = (await app.attempt(getTrash)) ?? { trash: [] };
-    fill(
-      thrown,
-      trash.length > 0 && [
-        el("h2", { text: "Trash" }),
-        table(
-          [
-            { title: "removed", class: "name", cell: (one) => one.names.join(", ") },
-            { title: "", class: "whole", cell: (one) => button("Put back", () => app.attempt(() => restore(one.id)).then(drawTrash), { class: "quiet", "aria-label": `Put back ${one.names[0]}` }) },
-          ],
-          trash,
-          { caption: "Newest first, in .trash of the folder" },
-        ),
-        el("div", { class: "actions" }, button("Empty the trash", () => window.confirm("Delete all items in the trash permanently?") && app.attempt(emptyTrash).then(drawTrash), { class: "danger" })),
-      ],
-    );
-  }
-
-  draw();
-  drawInputs();
-  drawTrash();
-  fill(more, el("h2", { text: "More jobs" }), Object.entries(MORE_JOBS).map(([kind, [title, what]]) => jobPanel(kind, title, what)));
-  return {
-    changed(what) {
-      if (what.includes("jobs")) draw();
-      if (what.includes("inputs")) drawInputs();
-      drawTrash();
-      forms.forEach((form) => form.draw());
-    },
-  };
-}
+const { b, div, h1, h2, p, span } = tags;
+const PAGE_OF = {
+  fit: "model",
+  heat: "thermal",
+  heatsink: "thermal",
+  track: "controller",
+  export: "controller",
+};
+const TAB_OF = {
+  heat: { "heat.tab": "Heating" },
+  heatsink: { "heat.tab": "Heat sink" },
+  track: { "track.page": "Try" },
+  export: { "track.page": "Export" },
+};
+/** Jobs without a page of their own: titles of their forms. */
+const OTHERS = {
+  evaluate: "Predict runs with a card",
+  compare: "Compare two cards",
+  check: "Check all runs",
+  rig: "Runs of the virtual rig",
+  cycles: "Count the cycles of a long record",
+  derate: "The largest current that keeps every limit",
+  fluid: "Fit a fluid to rheometer tables",
+  sweep: "Sweep: many fits, random dampers or heat sinks",
+  demo: "Demonstration on the virtual rig",
+};
 
 /** Return the subject of a job: a card, a record, an input. */
 function subjectOf({ options, card }) {
-  const { first, second, record, campaign, curve, name, tables } = options;
-  return options.card ?? card ?? record ?? (first ? `${first}, ${second}` : [campaign ?? curve ?? tables ?? name ?? []].flat().join(", "));
+  const { first, second, record, campaign, name, tables } = options;
+  const both = first && `${first}, ${second}`;
+  return (
+    options.card ?? card ?? record ?? both ?? [campaign ?? tables ?? name ?? []].flat().join(", ")
+  );
 }
 
-const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");
-
-function took(job) {
-  if (!job.started_at) return "–";
-  const end = job.ended_at ? new Date(job.ended_at) : new Date();
-  const seconds = (end - new Date(job.started_at)) / 1000;
-  return seconds < 120 ? `${Math.round(seconds)} s` : duration(seconds);
+/** Show a job on its page, with its options in the form there. */
+function open({ id, kind, options }) {
+  if (!(kind in PAGE_OF))
+    return choose({ "show.job": id, "show.kind": kind in OTHERS ? kind : null });
+  fillForm(kind, options);
+  return go(PAGE_OF[kind], { [`${kind}.job`]: id, card: options.card ?? null, ...TAB_OF[kind] });
 }
 
-function files(job) {
-  const all = job.files ?? [];
-  const list = el("ul", { class: "plain" }, all.map((file) =>
-    el("li", {}, el("a", { href: jobFile(job.id, file.path, !file.path.endsWith(".html")), target: file.path.endsWith(".html") ? "_blank" : null, rel: "noopener", text: file.path }), " ", el("span", { class: "small", text: bytes(file.bytes) }))));
-  return all.length > 4 ? el("details", {}, el("summary", { text: `${all.length} files` }), list) : list;
+function jobTable(jobs) {
+  const took = ({ started_at: from, ended_at: to }) =>
+    from && duration(((to ? new Date(to) : new Date()) - new Date(from)) / 1000);
+  const actions = (job) => {
+    const { id, kind, state, resumable } = job;
+    const isShown = state === "done" || (state === "cancelled" && kind === "fit");
+    return span(
+      { class: "row" },
+      isRunning(job) &&
+        button("Cancel", () => attempt(() => cancelJob(id)), {
+          class: "quiet",
+          "aria-label": `Cancel ${id}`,
+        }),
+      isShown && button("Show", () => open(job), { class: "quiet", "aria-label": `Show ${id}` }),
+      resumable &&
+        button("Resume", () => attempt(() => resumeJob(id)), {
+          class: "quiet",
+          "aria-label": `Resume ${id}`,
+        }),
+      !isRunning(job) && removal(deleteJob, id),
+    );
+  };
+  return table(
+    [
+      { title: "job", class: "whole", cell: ({ id }) => b(id) },
+      { title: "subject", class: "name", cell: subjectOf },
+      { title: "state", cell: ({ state }) => tag(state) },
+      { title: "started", class: "whole", cell: ({ asked_at: asked }) => when(asked) },
+      { title: "duration", number: true, cell: took },
+      {
+        title: "progress",
+        class: "name",
+        cell: ({ message, progress, state }) =>
+          message ?? (state === "done" ? "" : (progress?.text ?? "")),
+      },
+      { title: "files", number: true, cell: ({ files }) => String(files.length) },
+      { title: "", cell: actions },
+    ],
+    jobs,
+    { label: "Jobs, newest first", tall: true },
+  );
+}
+
+/** Return the result of a job without a page. */
+function resultView(job) {
+  const result = resultOf(job);
+  const use = () => attempt(() => keepInput(job, "fluid.toml", `${job.id}.toml`));
+  return div(
+    { id: "job-result" },
+    h2(`${job.id}: ${subjectOf(job)}`),
+    jobStatus(job.kind, job),
+    result && [
+      firstScreen(result),
+      groundsOf(result),
+      result.answer.title &&
+        note(
+          "good",
+          `${result.answer.title}: ${result.answer.runs?.join(", ")}. Licence: ${result.answer.licence}.`,
+        ),
+      filesOf(result),
+      job.kind === "fluid" &&
+        button("Use this fluid", use, { "aria-label": `Use the fluid of ${job.id}` }),
+      tabsOf("show.tab", result),
+    ],
+  );
+}
+
+/** Return the form of a job without a page. */
+function otherJob() {
+  const kind = chosen("show.kind", "evaluate");
+  const form = formOf(kind);
+  const started = () => choose({ "show.job": app.choice[`${kind}.job`] });
+  const kinds = field(
+    "Job",
+    select(Object.entries(OTHERS), kind, (next) => choose({ "show.kind": next }), {
+      id: "other-kind",
+    }),
+  );
+  return formPanel("Another job", form, startButton(kind, "Start", form.read, { started }), kinds);
+}
+
+function inputTable() {
+  const { inputs } = app.state;
+  const columns = [
+    { title: "input", class: "name", cell: ({ name }) => opening(inputFile(name), name) },
+    { title: "kind", cell: ({ kind }) => kind },
+    { title: "size", number: true, cell: ({ bytes: size }) => bytes(size) },
+    { title: "", cell: ({ name }) => removal(deleteInput, name) },
+  ];
+  return section(
+    "Inputs",
+    p(
+      { class: "small" },
+      "Geometry, heat sinks, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV).",
+    ),
+    inputs.length > 0 && table(columns, inputs, { label: "Inputs in the folder" }),
+    bringInput("Bring an input", ".toml,.csv", () => {}),
+  );
+}
+
+function trashTable() {
+  const { trash = [] } =
+    once(
+      `trash ${app.trashed ?? 0} ${JSON.stringify(app.state.files.map(({ name }) => name))} ${app.state.jobs.length} ${app.state.inputs.length} ${app.state.cards.length}`,
+      getTrash,
+    ) ?? {};
+  if (!trash.length) return null;
+  const clear = () =>
+    window.confirm("Delete all items in the trash permanently?") &&
+    attempt(emptyTrash).then(() => Object.assign(app, { trashed: Date.now() }).draw());
+  const back = (one) =>
+    button("Put back", () => attempt(() => restore(one.id)), {
+      class: "quiet",
+      "aria-label": `Put back ${one.names[0]}`,
+    });
+  const columns = [
+    { title: "removed", class: "name", cell: ({ names }) => names.join(", ") },
+    { title: "", class: "whole", cell: back },
+  ];
+  return section(
+    "Trash",
+    table(columns, trash, { label: "Trash, newest first" }),
+    div({ class: "actions" }, button("Empty the trash", clear, { class: "danger" })),
+  );
+}
+
+export function JobsPage() {
+  const { jobs } = app.state;
+  const shown = jobs.find(({ id }) => id === chosen("show.job"));
+  const nothing = empty(
+    "No jobs yet",
+    "Fits, heat sinks, tracking and exports are listed here, with their files.",
+    button("Go to Data", () => go("data")),
+  );
+  return [
+    h1("Jobs"),
+    p(
+      { class: "sub" },
+      "Two jobs run at a time. Their results are files in the folder, which the command line reads as well.",
+    ),
+    jobs.length ? jobTable(jobs) : nothing,
+    div(
+      { class: "split gap" },
+      otherJob(),
+      div(
+        shown && resultView(shown),
+        !shown &&
+          app.faults[chosen("show.kind", "evaluate")] &&
+          note("fault", app.faults[chosen("show.kind", "evaluate")]),
+      ),
+    ),
+    inputTable(),
+    trashTable(),
+  ];
 }

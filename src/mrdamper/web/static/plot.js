@@ -1,463 +1,562 @@
-// Plot: time series, loops or points on a canvas, with axes, units, legend, zoom, cursor and saving.
+// Plot of time series, loops or points on uPlot, with legend, zoom, cursor and saved files.
 //
-// A series is `{name, x, y, t, colour, kind, width, dash, radius, hollow, key, quiet, since}`. Series with the same `key`
-// share one entry of the legend, which hides them together; `quiet` series have no entry. `colour` is a function of the
-// palette. `kind` is `series` (x sorted), `loop` or `points`. `t` are the times of the samples of a loop. The y axis ignores
-// samples before `since`. A plot also has `areas` (between two curves), `spans` (vertical stripes) and `rules` (straight
-// lines). Saved pictures have the light colours. `plot_hand.js` handles mouse and keyboard.
+// `data` is `{series, areas, spans, rules}` and must be a new object after each change. A series is `{name, x, y, t, colour,
+// kind, width, dash, radius, hollow, key, quiet, since}`. Series with the same `key` share one entry of the legend; `quiet`
+// series have no entry. `kind` is `series` (x sorted), `loop` or `points`; `t` are the times of a loop's samples. The y axis
+// ignores samples before `since`. `areas` are between two curves, `spans` are vertical stripes, `rules` are straight lines.
 
-import { extent, isSorted, loopPieces, lowerBound, seriesPath, ticks } from "./decimate.js";
-import { button, el, fill } from "./dom.js";
-import { CanvasPen } from "./pens.js";
-import { saveCsv, savePng, saveSvg, svgOf } from "./plot_files.js";
-import { drawOver, listen } from "./plot_hand.js";
-import { onTheme, palette } from "./theme.js";
+import { palette } from "./theme.js";
+import { button, csvText, save, tags } from "./ui.js";
+import { h, useEffect, useRef, useState } from "./vendor/preact.js";
 
-const SMALL = 11.5;
-const MANY = 40000; // Loops with more samples are drawn in pieces.
-const SLICE_MS = 6; // Drawing time before the browser can handle events.
+const { uPlot } = window;
+const { div, figcaption, figure, p, span } = tags;
+const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
+const STEP_MAX_PX = 3; // Longer segments of a loop are checked pixel by pixel.
+const PICK_PX = 18;
+const FONT = '12px "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 
-const due = new Set(); // Plots to be drawn.
-
-/** Draw one waiting plot; the others follow in the next frames. */
-function drawDue() {
-  for (const plot of due) {
-    due.delete(plot);
-    if (plot.paint()) plot.node.removeAttribute("data-drawing");
-    else due.add(plot);
-    if (plot.box.clientWidth) break; // Invisible plots cost no time.
-  }
-  if (due.size) requestAnimationFrame(drawDue);
-}
-
-/** Shared state of plots: hidden series, cursor, and the range of equal x axes. */
-export class Link {
-  constructor() {
-    this.members = new Set();
-    this.hidden = new Set();
-  }
-
-  /** Return the plots with the same x axis. */
-  alike(plot) {
-    return [...this.members].filter((one) => one.options.x === plot.options.x);
-  }
-
-  toggle(key) {
-    if (!this.hidden.delete(key)) this.hidden.add(key);
-    for (const plot of this.members) plot.set(plot, { keepView: true });
-    this.onToggle?.();
-  }
-
-  /** Move the cursor of all plots to a time; the pointer is in plot `from` at `hit`. */
-  point(t, from, hit = null) {
-    for (const plot of this.members) drawOver(plot, { t, hit: plot === from ? hit : null });
-  }
-}
+const keyOf = (one) => one.key ?? one.name;
 
 /** Return the function of the k-th colour of a palette. */
 export const nth = (k) => (colours) => colours.colours[k % colours.colours.length];
 
-export class Plot {
-  /**
-   * @param {object} options
-   * @param {string} options.title title above the plot
-   * @param {string} options.x label of the axis with its unit, such as "time, s"
-   * @param {string} options.y
-   * @param {string} [options.name] stem of saved files
-   * @param {number} [options.height] height of the canvas [px]
-   * @param {boolean} [options.fromZero] whether the y axis always contains zero
-   * @param {boolean} [options.bare] without toolbar (small plots)
-   * @param {(series: object, index: number) => void} [options.onPick] called after a click on a point
-   * @param {Link} [options.link] shared state of linked plots
-   * @param {() => void} [options.onView] called after the user has changed the range
-   * @param {(span: number[] | null) => void} [options.onSelect] called while a span is dragged; null: the drag has ended
-   */
-  constructor(options) {
-    this.options = { height: 300, name: "plot", ...options };
-    this.series = [];
-    this.areas = [];
-    this.spans = [];
-    this.rules = [];
-    this.link = options.link ?? new Link();
-    this.link.members.add(this);
-    this.view = null;
-    this.span = null; // Time span of the drawn part of the loops.
-    this.drawn = [];
-    this.stale = true; // The canvas must be drawn again.
-    this.build();
-    this.stopTheme = onTheme(() => this.draw());
-    this.toPaper = () => this.showPaper();
-    this.fromPaper = () => this.hidePaper();
-    window.addEventListener("beforeprint", this.toPaper);
-    window.addEventListener("afterprint", this.fromPaper);
+/** Return the first index in sorted `x` from `low` to `high` whose value is at least `value`. */
+export function lowerBound(x, value, low = 0, high = x.length) {
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (x[middle] < value) low = middle + 1;
+    else high = middle;
   }
-
-  build() {
-    const { options } = this;
-    this.legend = el("div", { class: "legend" });
-    this.readout = el("p", { class: "readout" });
-    this.canvas = el("canvas", { class: "plot-canvas" });
-    this.over = el("canvas", {
-      class: "plot-over",
-      tabindex: 0,
-      role: "img",
-      "aria-label": `${options.title}. ${options.y} over ${options.x}. Arrow keys move, plus and minus zoom, 0 shows all.`,
-    });
-    this.box = el("div", { class: "plot-box" }, this.canvas, this.over);
-    this.box.style.height = `${options.height}px`;
-    const tools = el(
-      "div",
-      { class: "tools" },
-      button("Whole", () => this.whole(), { title: "Show all (double click, or 0)" }),
-      button("SVG", () => saveSvg(this), { title: "Save this plot as SVG" }),
-      button("PNG", () => savePng(this), { title: "Save this plot as PNG" }),
-      button("CSV", () => saveCsv(this), { title: "Save the data shown as CSV" }),
-    );
-    const head = el("div", { class: "plot-head" }, el("figcaption", { text: options.title }), !options.bare && tools);
-    this.node = el("figure", { class: "plot" }, head, this.legend, this.box, this.readout);
-    this.observer = new ResizeObserver(() => this.draw());
-    this.observer.observe(this.box);
-    listen(this);
-  }
-
-  /** Stop watching sizes and colours. */
-  close() {
-    due.delete(this);
-    this.link.members.delete(this);
-    this.observer.disconnect();
-    this.stopTheme();
-    window.removeEventListener("beforeprint", this.toPaper);
-    window.removeEventListener("afterprint", this.fromPaper);
-  }
-
-  /** Show other data; with `keepView` the ranges stay. */
-  set({ series = [], areas = [], spans = [], rules = [] }, { keepView = false } = {}) {
-    this.series = series.map((one) => ({ kind: "series", width: 1.4, dash: [], ...one }));
-    for (const one of this.series) {
-      if (one.kind === "series" && !isSorted(one.x)) one.kind = "loop";
-    }
-    Object.assign(this, { areas, spans, rules });
-    if (!keepView) this.view = null;
-    this.drawLegend();
-    this.draw();
-    return this;
-  }
-
-  /** Show this range of x (and of y); null: everything. */
-  setView(x, y = null) {
-    this.view = x ? { x, y } : null;
-    this.draw();
-  }
-
-  /** Draw the part of the loops in a time span; null: everything. */
-  setSpan(span) {
-    this.span = span;
-    if (this.series.some((one) => one.t)) this.draw();
-  }
-
-  /** Return the first sample of a series in the span, and one past the last. */
-  within(one) {
-    return one.t && this.span ? [lowerBound(one.t, this.span[0]), lowerBound(one.t, this.span[1])] : [0, one.x.length];
-  }
-
-  /** Change the range of all plots with this x axis. */
-  look(x, y = null) {
-    for (const plot of this.link.alike(this)) plot.setView(rounded(x), plot === this ? rounded(y) : null);
-    this.options.onView?.();
-  }
-
-  whole() {
-    this.look(null);
-  }
-
-  /** Return true if only x is zoomed, because all series are time series. */
-  isFlat() {
-    return this.drawn.every(({ one }) => one.kind === "series");
-  }
-
-  // ------------------------------------------------------------------------------------------ drawing
-
-  visible() {
-    return this.series.filter((one) => !this.link.hidden.has(keyOf(one)));
-  }
-
-  /** Return the ranges of both axes. */
-  ranges() {
-    const shown = this.visible();
-    let x = this.view?.x ?? null;
-    const loops = shown.some((one) => one.kind !== "series");
-    if (!x) {
-      const ends = [];
-      for (const one of shown) {
-        const found = one.kind === "series" && one.x.length ? [one.x[0], one.x[one.x.length - 1]] : extent(one.x, ...this.within(one));
-        if (found) ends.push(...found);
-      }
-      for (const area of this.areas) if (area.x.length) ends.push(area.x[0], area.x[area.x.length - 1]);
-      x = extent(ends) ?? [0, 1];
-      if (loops) x = padded(x);
-    }
-    let y = this.view?.y ?? null;
-    if (!y) {
-      const ends = [];
-      for (const one of shown) {
-        let [from, to] = this.within(one);
-        if (one.kind === "series") {
-          from = Math.max(0, lowerBound(one.x, x[0]) - 1, lowerBound(one.x, one.since ?? -Infinity));
-          to = Math.min(one.x.length, lowerBound(one.x, x[1]) + 1);
-        }
-        const found = extent(one.y, from, to);
-        if (found) ends.push(...found);
-      }
-      for (const area of this.areas) {
-        for (const side of [area.low, area.high]) {
-          const found = extent(side, lowerBound(area.x, x[0]), lowerBound(area.x, x[1]));
-          if (found) ends.push(...found);
-        }
-      }
-      for (const rule of this.rules) if (rule.y !== undefined && rule.inside) ends.push(rule.y);
-      if (this.options.fromZero) ends.push(0);
-      y = padded(extent(ends) ?? [0, 1]);
-    }
-    return { x: apart(x), y: apart(y) };
-  }
-
-  /** Draw the plot in one of the next frames. */
-  draw() {
-    this.stale = true;
-    this.node.toggleAttribute("data-drawing", true);
-    if (!due.size) requestAnimationFrame(drawDue);
-    due.add(this);
-  }
-
-  /** Draw the plot, or the next pieces of long loops; return true if it is complete. */
-  paint() {
-    if (this.stale && !this.begin()) return true;
-    const { left, top, width, height } = this.frame.inner;
-    const end = performance.now() + SLICE_MS;
-    this.pen.clip(left, top, width, height);
-    while (this.later.length && performance.now() < end) if (!this.later[0]()) this.later.shift();
-    this.pen.unclip();
-    return !this.later.length;
-  }
-
-  /** Draw everything except long loops; return false if the plot has no size. */
-  begin() {
-    const width = this.box.clientWidth;
-    const height = this.box.clientHeight;
-    this.stale = false;
-    if (!width || !height) return false;
-    const scale = window.devicePixelRatio || 1;
-    for (const canvas of [this.canvas, this.over]) {
-      canvas.width = Math.round(width * scale);
-      canvas.height = Math.round(height * scale);
-    }
-    const context = this.canvas.getContext("2d");
-    context.setTransform(scale, 0, 0, scale, 0, 0);
-    this.pen = new CanvasPen(context);
-    this.later = [];
-    this.frame = this.render(this.pen, width, height, palette(), { later: this.later });
-    this.drawLegendColours();
-    drawOver(this, null);
-    return true;
-  }
-
-  /** Draw everything with a pen and return the frame (ranges and pixel scales); with `later` long loops are postponed. */
-  render(pen, width, height, colours, { legend = false, later = null } = {}) {
-    const ranges = this.ranges();
-    const empty = !this.series.length && !this.areas.length; // Empty plots have no ticks.
-    const none = { values: [], decimals: 0 };
-    const yTicks = empty ? none : ticks(...ranges.y, Math.max(3, height / 55));
-    const labels = yTicks.values.map((value) => told(value, yTicks.decimals));
-    const left = 30 + Math.max(38, ...labels.map((label) => pen.width(label, SMALL)));
-    const top = legend ? 30 : 8;
-    const right = 14;
-    const bottom = 42;
-    const inner = { left, top, width: Math.max(10, width - left - right), height: Math.max(10, height - top - bottom) };
-    const frame = {
-      ...ranges,
-      inner,
-      toX: linear(ranges.x, left, left + inner.width),
-      toY: linear(ranges.y, top + inner.height, top),
-    };
-    pen.rect(0, 0, width, height, colours.back);
-    const xTicks = empty ? none : ticks(...ranges.x, Math.max(3, inner.width / 90));
-    for (const value of yTicks.values) {
-      const y = Math.round(frame.toY(value)) + 0.5;
-      pen.line([left, y, left + inner.width, y], { colour: colours.grid });
-    }
-    for (const value of xTicks.values) {
-      const x = Math.round(frame.toX(value)) + 0.5;
-      pen.line([x, top, x, top + inner.height], { colour: colours.grid });
-    }
-    pen.clip(left, top, inner.width, inner.height);
-    for (const span of this.spans) {
-      const [a, b] = [frame.toX(span.from), frame.toX(span.to)];
-      pen.rect(a, top, Math.max(b - a, 0.5), inner.height, span.colour(colours));
-    }
-    for (const area of this.areas) this.renderArea(pen, area, frame, colours);
-    this.drawn = [];
-    for (const one of this.visible()) this.renderSeries(pen, one, frame, colours, later);
-    for (const rule of this.rules) {
-      const flat = rule.y !== undefined;
-      const at = flat ? frame.toY(rule.y) : frame.toX(rule.x);
-      const ends = flat ? [left, at, left + inner.width, at] : [at, top, at, top + inner.height];
-      pen.line(ends, { colour: (rule.colour ?? ((c) => c.soft))(colours), width: 1.2, dash: [5, 4] });
-      const place = flat ? [left + 6, at - top < 18 ? at + 14 : at - 5, "left"] : [at + 5, top + 12, "left"];
-      if (rule.name) pen.text(place[0], place[1], rule.name, { colour: colours.soft, size: SMALL, align: place[2] });
-    }
-    pen.unclip();
-    this.renderAxes(pen, frame, xTicks, yTicks, labels, height, colours);
-    if (legend) this.renderLegend(pen, left, colours);
-    return frame;
-  }
-
-  renderArea(pen, area, frame, colours) {
-    const from = Math.max(0, lowerBound(area.x, frame.x[0]) - 1);
-    const to = Math.min(area.x.length, lowerBound(area.x, frame.x[1]) + 1);
-    const step = Math.max(1, Math.floor((to - from) / (2 * frame.inner.width)));
-    const there = [];
-    const back = [];
-    for (let k = from; k < to; k += step) {
-      const end = Math.min(k + step, to); // Of all samples in half a pixel only min and max are drawn.
-      const [low] = extent(area.low, k, end) ?? [NaN];
-      const [, high] = extent(area.high, k, end) ?? [NaN, NaN];
-      if (!Number.isFinite(low) || !Number.isFinite(high)) continue;
-      const x = frame.toX(area.x[k]);
-      there.push(x, frame.toY(low));
-      back.push([x, frame.toY(high)]);
-    }
-    if (there.length) pen.area([...there, ...back.reverse().flat()], area.colour(colours));
-  }
-
-  renderSeries(pen, one, frame, colours, later) {
-    const { inner, toX, toY } = frame;
-    const colour = one.colour(colours);
-    if (one.kind === "loop") {
-      const drawn = { one, pieces: [] };
-      this.drawn.push(drawn);
-      const [from, to] = this.within(one);
-      const pieces = loopPieces(one.x, one.y, from, to, toX, toY, inner.left + inner.width, inner.top + inner.height);
-      const next = () => {
-        const { value, done } = pieces.next();
-        if (done) return false;
-        drawn.pieces.push(value);
-        pen.line(value.points, { colour, width: one.width, dash: one.dash });
-        return true;
-      };
-      if (later && to - from > MANY) later.push(next);
-      else while (next());
-      return;
-    }
-    let points;
-    if (one.kind === "series") {
-      const from = Math.max(0, lowerBound(one.x, frame.x[0]) - 1);
-      const to = Math.min(one.x.length, lowerBound(one.x, frame.x[1]) + 2);
-      points = seriesPath(one.x, one.y, from, to, toX, toY, inner.width);
-    } else {
-      points = new Float64Array(2 * one.x.length);
-      for (let k = 0; k < one.x.length; k += 1) {
-        points[2 * k] = toX(one.x[k]);
-        points[2 * k + 1] = toY(one.y[k]);
-      }
-    }
-    this.drawn.push({ one, pieces: [{ points }] });
-    if (one.kind !== "points") pen.line(points, { colour, width: one.width, dash: one.dash });
-    else if (one.line) pen.line(points, { colour, width: 1, dash: one.dash });
-    if (one.kind === "points" || one.radius) {
-      const each = (k) => (typeof one.radius === "function" ? one.radius(k) : one.radius ?? 4);
-      for (let k = 0; k < points.length / 2; k += 1) {
-        pen.marks(points.subarray(2 * k, 2 * k + 2), { colour, radius: each(k), hollow: one.hollow ? colours.back : "" });
-      }
-    }
-  }
-
-  renderAxes(pen, frame, xTicks, yTicks, labels, height, colours) {
-    const { left, top, width, height: tall } = frame.inner;
-    pen.line([left + 0.5, top, left + 0.5, top + tall + 0.5, left + width, top + tall + 0.5], { colour: colours.line });
-    yTicks.values.forEach((value, k) => {
-      pen.text(left - 7, frame.toY(value), labels[k], { colour: colours.soft, size: SMALL, align: "right", baseline: "middle" });
-    });
-    for (const value of xTicks.values) {
-      pen.text(frame.toX(value), top + tall + 15, told(value, xTicks.decimals), { colour: colours.soft, size: SMALL, align: "center" });
-    }
-    pen.text(left + width, height - 8, this.options.x, { colour: colours.ink, size: 12, align: "right" });
-    pen.text(12, top + tall / 2, this.options.y, { colour: colours.ink, size: 12, align: "center", turn: -Math.PI / 2, baseline: "middle" });
-  }
-
-  renderLegend(pen, left, colours) {
-    let x = left;
-    const said = [...this.visible().filter((one) => one.quiet !== true), ...this.areas.filter((area) => area.name), ...this.stripes()];
-    for (const one of said) {
-      pen.line([x, 15, x + 16, 15], { colour: one.colour(colours), width: one.y ? 2.4 : 8, dash: one.dash ?? [] });
-      pen.text(x + 21, 19, keyOf(one), { colour: colours.ink, size: SMALL });
-      x += 34 + pen.width(keyOf(one), SMALL);
-    }
-  }
-
-  // ------------------------------------------------------------------------------------------- legend
-
-  /** Return the first stripe with a name, as the legend entry of all stripes. */
-  stripes() {
-    return this.spans.filter((span) => span.name).slice(0, 1);
-  }
-
-  drawLegend() {
-    const named = this.series.filter((one) => one.quiet !== true);
-    const items = named.map((one) => {
-      const off = this.link.hidden.has(keyOf(one));
-      const swatch = el("span", { class: one.kind === "points" ? "swatch dot" : one.dash.length ? "swatch dashed" : "swatch" });
-      const item = button("", () => this.link.toggle(keyOf(one)), { class: "key", "aria-pressed": String(!off), title: "Show or hide" });
-      item.append(swatch, el("span", { text: keyOf(one) }));
-      return { item, swatch, one };
-    });
-    const bands = this.areas.filter((area) => area.name);
-    const blocks = [...bands, ...this.stripes()].map((one) => {
-      const swatch = el("span", { class: "swatch block" });
-      return { item: el("span", { class: "key" }, swatch, el("span", { text: one.name })), swatch, one };
-    });
-    this.keys = [...items, ...blocks];
-    fill(this.legend, this.keys.length > 1 || bands.length ? this.keys.map((key) => key.item) : []);
-  }
-
-  drawLegendColours() {
-    const colours = palette();
-    for (const { swatch, one } of this.keys ?? []) swatch.style.setProperty("--swatch", one.colour(colours));
-  }
-
-  // ------------------------------------------------------------------------------------------- paper
-
-  /** Show the SVG instead of the canvas during printing. */
-  showPaper() {
-    this.hidePaper();
-    const sheet = new DOMParser().parseFromString(svgOf(this), "image/svg+xml").documentElement;
-    this.paper = document.importNode(sheet, true);
-    this.paper.setAttribute("class", "plot-paper");
-    this.box.after(this.paper);
-  }
-
-  hidePaper() {
-    if (!this.paper) return;
-    this.paper.remove();
-    this.paper = null;
-    this.draw();
-  }
+  return low;
 }
 
-// ---------------------------------------------------------------------------------------------- numbers
+/** Return the index of the sample of sorted `x` that is nearest to a value. */
+export function nearest(x, value) {
+  const at = lowerBound(x, value);
+  return at > 0 && (at === x.length || value - x[at - 1] < x[at] - value) ? at - 1 : at;
+}
 
-const keyOf = (one) => one.key ?? one.name;
-const linear = ([low, high], a, b) => {
-  const slope = (b - a) / (high - low);
-  return (value) => a + (value - low) * slope;
-};
-const rounded = (range) => range && range.map((value) => Number(value.toPrecision(7))); // The address contains rounded values.
-const apart = ([low, high]) => (high - low > 1e-12 * Math.max(1, Math.abs(low)) ? [low, high] : [low - 0.5, high + 0.5]);
+/** Return the lowest and highest value from `from` to `to`; null if all are NaN. */
+export function extent(values, from = 0, to = values.length) {
+  let [low, high] = [Infinity, -Infinity];
+  for (let k = from; k < to; k += 1) {
+    const value = values[k];
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return low <= high ? [low, high] : null;
+}
+
+// ------------------------------------------------------------------------------------------------ ranges
+
 const padded = ([low, high]) => {
   const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
   return [low - margin, high + margin];
 };
-const told = (value, decimals) => {
-  const size = Math.abs(value);
-  if (size >= 1e6) return value.toExponential(1).replace("e+", "e");
-  return (size < 1e-12 ? 0 : value).toFixed(decimals).replace("-", "−");
-};
+const joined = (ranges) => extent(ranges.filter(Boolean).flat());
+
+/** Return the drawn samples of a series: the first index, and one past the last. */
+function samplesOf(one, span) {
+  if (!one.t || !span) return [0, one.x.length];
+  return [lowerBound(one.t, span[0]), lowerBound(one.t, span[1])];
+}
+
+/** Return the ranges of both axes. */
+export function rangesOf({ series, areas = [], rules = [] }, { view, span, fromZero } = {}) {
+  const isTime = series.every((one) => (one.kind ?? "series") === "series");
+  const ends = ({ x }) => (x.length ? [x[0], x[x.length - 1]] : null);
+  let x = view?.x;
+  if (!x && isTime) x = joined([...series, ...areas].map(ends)) ?? [0, 1];
+  x ??= padded(joined(series.map((one) => extent(one.x, ...samplesOf(one, span)))) ?? [0, 1]);
+  const visible = (one, since = -Infinity) => [
+    Math.max(lowerBound(one.x, x[0]) - 1, lowerBound(one.x, since), 0),
+    Math.min(lowerBound(one.x, x[1]) + 1, one.x.length),
+  ];
+  const y = view?.y ?? [
+    ...series.map((one) =>
+      extent(one.y, ...(isTime ? visible(one, one.since) : samplesOf(one, span))),
+    ),
+    ...areas.flatMap((one) => [one.low, one.high].map((side) => extent(side, ...visible(one)))),
+    ...rules.map((rule) => rule.inside && [rule.y, rule.y]),
+    fromZero && [0, 0],
+  ];
+  return { x, y: view?.y ?? padded(joined(y) ?? [0, 1]) };
+}
+
+// ------------------------------------------------------------------------------------------------- paths
+
+/** Return the linear functions of the two axes to pixels of the canvas. */
+function scalesOf({ bbox: { left, top, width, height }, scales: { x, y } }) {
+  const [ax, ay] = [width / (x.max - x.min), -height / (y.max - y.min)];
+  return [ax, left - ax * x.min, ay, top - ay * y.max];
+}
+
+/** Return the path of a time series; of many samples only the extremes of each pixel column. */
+function seriesPath(u, { x, y }) {
+  const path = new Path2D();
+  const [ax, bx, ay, by] = scalesOf(u);
+  const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
+  const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
+  let open = false;
+  const add = (px, value) => {
+    if (Number.isNaN(value)) open = false;
+    else if (open) path.lineTo(px, by + ay * value);
+    else path.moveTo(px, by + ay * value);
+    open = !Number.isNaN(value);
+  };
+  const isDense = to - from > 4 * u.bbox.width;
+  for (let k = from; k < to;) {
+    const column = Math.floor(bx + ax * x[k]);
+    const end = isDense ? lowerBound(x, (column + 1 - bx) / ax, k + 1, to) : k + 1;
+    if (!isDense) add(bx + ax * x[k], y[k]);
+    else
+      for (const value of [y[k], ...(extent(y, k, end) ?? []), y[end - 1]])
+        add(column + 0.5, value);
+    k = end;
+  }
+  return path;
+}
+
+/** Return the path of a loop; of many samples only the segments that touch a new pixel. */
+function loopPath(u, one, span) {
+  const { x, y } = one;
+  const path = new Path2D();
+  const [ax, bx, ay, by] = scalesOf(u);
+  const { left, top, width, height } = u.bbox;
+  const [from, to] = samplesOf(one, span);
+  const [across, down] = [Math.ceil(width) + 1, Math.ceil(height) + 1];
+  const seen = to - from > ALL_SAMPLES_MAX ? new Uint8Array(across * down) : null;
+  const isNew = (px, py) => {
+    const [a, b] = [Math.floor(px - left), Math.floor(py - top)];
+    if (a < 0 || b < 0 || a >= across || b >= down || seen[b * across + a]) return false;
+    seen[b * across + a] = 1;
+    return true;
+  };
+  let [px, py, open] = [NaN, NaN, false];
+  for (let k = from; k < to; k += 1) {
+    const [qx, qy] = [bx + ax * x[k], by + ay * y[k]];
+    const length = Math.max(Math.abs(qx - px), Math.abs(qy - py));
+    let fresh = length >= 0; // False for the first sample and for NaN.
+    if (fresh && seen) {
+      const steps = length > STEP_MAX_PX ? Math.min(Math.ceil(length), 4 * across) : 1;
+      fresh = false;
+      for (let s = 1; s <= steps; s += 1) {
+        if (isNew(px + ((qx - px) * s) / steps, py + ((qy - py) * s) / steps)) fresh = true;
+      }
+    }
+    if (fresh && !open) path.moveTo(px, py);
+    if (fresh) path.lineTo(qx, qy);
+    [px, py, open] = [qx, qy, fresh];
+  }
+  return path;
+}
+
+/** Draw stripes and areas below the series. */
+function drawBelow(u, { areas = [], spans = [] }, colours) {
+  const [ax, bx, ay, by] = scalesOf(u);
+  const { ctx, bbox } = u;
+  for (const one of spans) {
+    ctx.fillStyle = one.colour(colours);
+    ctx.fillRect(bx + ax * one.from, bbox.top, ax * (one.to - one.from), bbox.height);
+  }
+  for (const { x, low, high, colour } of areas) {
+    const sides = [low, high].map((side) =>
+      x.map((value, k) => [bx + ax * value, by + ay * side[k]]),
+    );
+    ctx.fillStyle = colour(colours);
+    ctx.beginPath();
+    for (const [px, py] of [...sides[0], ...sides[1].reverse()]) ctx.lineTo(px, py);
+    ctx.fill();
+  }
+}
+
+/** Draw points and rules above the series. */
+function drawAbove(u, { series, rules = [] }, colours) {
+  const [ax, bx, ay, by] = scalesOf(u);
+  const { ctx, bbox } = u;
+  const scale = uPlot.pxRatio;
+  for (const one of series.filter(({ kind }) => kind === "points")) {
+    ctx.strokeStyle = one.colour(colours);
+    ctx.fillStyle = one.hollow ? colours.back : one.colour(colours);
+    ctx.lineWidth = 1.4 * scale;
+    for (let k = 0; k < one.x.length; k += 1) {
+      ctx.beginPath();
+      ctx.arc(
+        bx + ax * one.x[k],
+        by + ay * one.y[k],
+        scale * (one.radius?.(k) ?? 5),
+        0,
+        2 * Math.PI,
+      );
+      ctx.fill();
+      ctx.stroke();
+    }
+  }
+  ctx.setLineDash([5 * scale, 4 * scale]);
+  for (const { y, name } of rules) {
+    ctx.strokeStyle = colours.soft;
+    ctx.fillStyle = colours.soft;
+    ctx.lineWidth = scale;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, by + ay * y);
+    ctx.lineTo(bbox.left + bbox.width, by + ay * y);
+    ctx.stroke();
+    ctx.textAlign = "left";
+    if (name) ctx.fillText(name, bbox.left + 6 * scale, by + ay * y - 5 * scale);
+  }
+  ctx.setLineDash([]);
+}
+
+// ----------------------------------------------------------------------------------------------- drawing
+
+const rounded = (range) => range.map((value) => Number(value.toPrecision(7))); // The address contains these numbers.
+
+/** Return a new uPlot in an element; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
+function build(place, spec, colours, heard = {}) {
+  const { data, x, y, height, span, isLoop } = spec;
+  const range = rangesOf(data, spec);
+  const label = (u, values, _axis, _space, step) => {
+    const decimals = Math.min(12, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
+    const digits =
+      step * 10 ** decimals > 2.4 && step * 10 ** decimals < 2.6 ? decimals + 1 : decimals;
+    return values.map((value) =>
+      Math.abs(value) >= 1e6 ? value.toExponential(1) : value.toFixed(digits),
+    );
+  };
+  const axis = {
+    stroke: colours.soft,
+    font: FONT,
+    labelFont: FONT,
+    labelSize: 18,
+    grid: { stroke: colours.grid, width: 1 },
+    ticks: { show: false },
+    values: label,
+  };
+  const widest = (u, values) => 14 + 7 * Math.max(2, ...(values ?? []).map((text) => text.length));
+  const path = (one) => (u) => {
+    if (one.kind === "points" && !one.line) return null;
+    const stroke =
+      (one.kind ?? "series") === "series" ? seriesPath(u, one) : loopPath(u, one, span);
+    return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 1 };
+  };
+  const dashOf = (one) =>
+    one.dash?.length ? one.dash.map((length) => length * uPlot.pxRatio) : undefined;
+  const facets = ["x", "y"].map((scale) => ({ scale, auto: false }));
+  const options = {
+    mode: 2,
+    width: Math.max(50, place.clientWidth),
+    height,
+    pxAlign: false,
+    padding: [8, 12, 0, 0],
+    legend: { show: false },
+    scales: {
+      x: { time: false, range: () => range.x },
+      y: { range: () => range.y },
+    },
+    cursor: {
+      y: isLoop,
+      points: { show: false },
+      drag: { x: true, y: isLoop, dist: 5, setScale: false },
+      bind: { dblclick: () => () => heard.onRange?.(null) },
+    },
+    axes: [
+      { ...axis, size: 22, label: x, space: 70 },
+      { ...axis, size: widest, label: y, space: Math.min(40, height / 6) },
+    ],
+    series: [
+      null,
+      ...data.series.map((one) => ({
+        facets,
+        auto: false,
+        paths: path(one),
+        points: { show: false },
+        stroke: one.colour(colours),
+        width: one.kind === "points" ? 1 : (one.width ?? 1.4),
+        dash: dashOf(one),
+      })),
+    ],
+    hooks: {
+      drawAxes: [(u) => drawBelow(u, data, colours)],
+      draw: [(u) => drawAbove(u, data, colours)],
+      setCursor: [(u) => heard.onCursor?.(u)],
+      setSelect: [
+        (u) => {
+          const { left, width, top, height: tall } = u.select;
+          if (width < 4) return;
+          const at = (pixel, scale) => u.posToVal(pixel, scale);
+          heard.onRange?.({
+            x: rounded([at(left, "x"), at(left + width, "x")]),
+            y: isLoop ? rounded([at(top + tall, "y"), at(top, "y")]) : null,
+          });
+          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+        },
+      ],
+    },
+  };
+  const u = new uPlot(options, [null, ...data.series.map((one) => [one.x, one.y])], place);
+  u.over.addEventListener("click", (event) => {
+    const found = heard.onPick && hitOf(u, data, event.offsetX, event.offsetY);
+    if (found) heard.onPick(...found);
+  });
+  return u;
+}
+
+/** Return the point `[series, index]` next to a pixel. */
+function hitOf(u, { series }, px, py) {
+  const near = series.flatMap((one) =>
+    Array.from(one.x, (value, k) => [
+      Math.hypot(u.valToPos(value, "x") - px, u.valToPos(one.y[k], "y") - py),
+      one,
+      k,
+    ]),
+  );
+  const [best] = near.sort((a, b) => a[0] - b[0]);
+  return best?.[0] < PICK_PX ? best.slice(1) : null;
+}
+
+/** Shared cursor of plots: `point(t)` moves it to a time, null removes it; `heard(t)` is called then. */
+export class Link {
+  constructor(heard = null) {
+    Object.assign(this, { members: new Set(), heard, t: null });
+  }
+
+  point(t, from) {
+    if (t === this.t) return;
+    this.t = t;
+    for (const member of this.members) if (member.u !== from) member.move(t);
+    this.heard?.(t);
+  }
+}
+
+const due = []; // Plots to be drawn, one in a frame.
+
+function drawDue() {
+  due.shift()?.();
+  if (due.length) requestAnimationFrame(drawDue);
+}
+
+/**
+ * Plot with title, toolbar and legend.
+ *
+ * Without `view` and `hidden` the plot holds its own range and hidden series. `link`: shared cursor; `span`: time span of the
+ * loops; `bare`: without toolbar; `fromZero`: the y axis contains zero.
+ */
+export function Plot(props) {
+  const {
+    title,
+    x,
+    y,
+    data,
+    height = 300,
+    isLoop = false,
+    span: part = null,
+    link,
+    name,
+    bare,
+    onPick,
+  } = props;
+  const [own, setOwn] = useState({ view: null, hidden: [] });
+  const [view, hidden] = [
+    props.view === undefined ? own.view : props.view,
+    props.hidden ?? own.hidden,
+  ];
+  const setView = props.onRange ?? ((next) => setOwn({ ...own, view: next }));
+  const box = useRef();
+  const words = useRef();
+  const mine = useRef({});
+  const visible = { ...data, series: data.series.filter((one) => !hidden.includes(keyOf(one))) };
+  const spec = { ...props, data: visible, height, isLoop, view, span: part };
+
+  useEffect(() => {
+    const { current: member } = mine;
+    member.move = (t) => move(member, visible, t);
+    link?.members.add(member);
+    const onCursor = (u) => {
+      const t = u.cursor.left >= 0 && !isLoop ? u.posToVal(u.cursor.left, "x") : null;
+      if (words.current) words.current.textContent = t === null ? "" : readout(spec, t);
+      if (!isLoop && u === member.u) link?.point(t, u);
+    };
+    const draw = () => {
+      const before = member.u;
+      if (!box.current) return;
+      member.u = build(box.current, spec, palette(), { onRange: setView, onPick, onCursor });
+      before?.destroy();
+      box.current.closest("figure").removeAttribute("data-drawing");
+    };
+    box.current.closest("figure").setAttribute("data-drawing", "");
+    due.push(draw);
+    if (due.length === 1) requestAnimationFrame(drawDue);
+    return () => due.includes(draw) && due.splice(due.indexOf(draw), 1);
+  }, [data, palette(), JSON.stringify([view, part, hidden, x, y])]);
+
+  useEffect(() => {
+    const { current: member } = mine;
+    const observer = new ResizeObserver(() =>
+      member.u?.setSize({ width: Math.max(50, box.current.clientWidth), height }),
+    );
+    observer.observe(box.current);
+    return () => {
+      observer.disconnect();
+      link?.members.delete(member);
+      member.u?.destroy();
+    };
+  }, []);
+
+  const press = (event) => {
+    const range = rangesOf(visible, spec);
+    const next = moved(range, event.key);
+    if (next === undefined || event.ctrlKey || event.metaKey) return;
+    event.preventDefault();
+    setView(next && { x: rounded(next.x), y: isLoop ? rounded(next.y) : null });
+  };
+  const toggle = (key) => {
+    const next = hidden.includes(key) ? hidden.filter((one) => one !== key) : [...hidden, key];
+    if (props.onHide) props.onHide(next);
+    else setOwn({ ...own, hidden: next });
+  };
+  const tools = [
+    button("Whole", () => setView(null), { title: "Show all (double click, or 0)" }),
+    button("PNG", () => savePng(spec), { title: "Save this plot as PNG" }),
+    button("CSV", () => saveCsv(spec), { title: "Save the data shown as CSV" }),
+  ];
+  return figure(
+    { class: "plot" },
+    div({ class: "plot-head" }, figcaption(title), !bare && div({ class: "tools" }, tools)),
+    props.legend !== false && legendOf(data, hidden, toggle),
+    div({
+      ref: box,
+      class: "plot-box",
+      tabindex: 0,
+      role: "img",
+      "aria-label": `${title}. ${y} over ${x}. Arrow keys move, plus and minus zoom, 0 shows all.`,
+      onkeydown: press,
+    }),
+    props.legend !== false && !isLoop && p({ class: "readout", ref: words }),
+  );
+}
+
+/** Return the ranges after a key: null is everything, undefined is no change. */
+function moved({ x, y }, key) {
+  const shift = { ArrowLeft: -0.1, ArrowRight: 0.1 }[key] * (x[1] - x[0]);
+  if (shift) return { x: x.map((value) => value + shift), y };
+  const factor = { "+": 0.8, "=": 0.8, "-": 1.25 }[key];
+  const zoomed = ([low, high]) =>
+    [-1, 1].map((side) => (low + high + side * factor * (high - low)) / 2);
+  if (factor) return { x: zoomed(x), y: zoomed(y) };
+  return key === "0" || key === "Escape" ? null : undefined;
+}
+
+/** Move the cursor of a plot to a time, in a loop to the sample of the first series at this time. */
+function move({ u }, { series: [first] }, t) {
+  if (!u || !first) return;
+  const at = t !== null && first.t ? nearest(first.t, t) : null;
+  const [x, y] = at === null ? [t, u.scales.y.min] : [first.x[at], first.y[at]];
+  u.setCursor(
+    t === null ? { left: -10, top: -10 } : { left: u.valToPos(x, "x"), top: u.valToPos(y, "y") },
+    false,
+  );
+}
+
+/** Return the values of the series at a time as text. */
+function readout({ data, x }, t) {
+  const decimals = (value) =>
+    Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(value) || 1))));
+  const values = data.series.map((one) => [one.name, one.y[nearest(one.x, t)]]);
+  const [quantity, unit] = x.split(", ");
+  return [[quantity, t, unit], ...values]
+    .filter(([, value]) => Number.isFinite(value))
+    .slice(0, 9)
+    .map(([name, value, after = ""]) => `${name} ${value.toFixed(decimals(value))} ${after}`)
+    .join(" · ");
+}
+
+/** Return the buttons of the legend. */
+export function legendOf({ series = [], areas = [], spans = [] }, hidden, toggle) {
+  const colours = palette();
+  const named = [
+    ...new Map(series.filter((one) => !one.quiet).map((one) => [keyOf(one), one])).values(),
+  ];
+  const blocks = [
+    ...areas.filter((one) => one.name),
+    ...spans.filter((one) => one.name).slice(0, 1),
+  ];
+  if (named.length + blocks.length < 2) return null;
+  const swatch = (one, kind) =>
+    span({ class: `swatch ${kind}`, style: { "--swatch": one.colour(colours) } });
+  const kindOf = (one) => (one.kind === "points" ? "dot" : one.dash?.length ? "dashed" : "");
+  return div(
+    { class: "legend" },
+    named.map((one) =>
+      button([swatch(one, kindOf(one)), span(keyOf(one))], () => toggle(keyOf(one)), {
+        class: "key",
+        key: keyOf(one),
+        "aria-pressed": String(!hidden.includes(keyOf(one))),
+        title: "Show or hide",
+      }),
+    ),
+    blocks.map((one) => span({ class: "key" }, swatch(one, "block"), span(one.name))),
+  );
+}
+
+// ------------------------------------------------------------------------------------------------- files
+
+/** Save a plot as PNG with the light colours, its title and legend. */
+async function savePng(spec) {
+  const place = document.createElement("div");
+  place.className = "offscreen";
+  document.body.append(place);
+  const colours = palette(true);
+  const u = build(place, spec, colours);
+  await new Promise((done) => setTimeout(done)); // uPlot draws in a microtask.
+  const picture = u.ctx.canvas;
+  const [canvas, head] = [document.createElement("canvas"), 44 * uPlot.pxRatio];
+  Object.assign(canvas, { width: picture.width, height: picture.height + head });
+  const context = canvas.getContext("2d");
+  context.fillStyle = colours.back;
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(picture, 0, head);
+  context.scale(uPlot.pxRatio, uPlot.pxRatio);
+  context.font = FONT;
+  context.fillStyle = colours.ink;
+  context.fillText(spec.title, 8, 16);
+  let left = 8;
+  for (const [key, one] of new Map(spec.data.series.map((each) => [keyOf(each), each]))) {
+    context.fillStyle = one.colour(colours);
+    context.fillRect(left, 30, 16, 3);
+    context.fillStyle = colours.ink;
+    context.fillText(key, left + 21, 35);
+    left += 38 + context.measureText(key).width;
+  }
+  canvas.toBlob((blob) => save(`${spec.name}.png`, blob));
+  u.destroy();
+  place.remove();
+}
+
+/** Save the visible series inside the view as CSV: one table for a shared x, else rows by name. */
+function saveCsv(spec) {
+  const { series } = spec.data;
+  const isShared = series.every((one) => one.x === series[0].x);
+  const within = (one) => {
+    if (spec.isLoop || !spec.view) return samplesOf(one, spec.span);
+    return [lowerBound(one.x, spec.view.x[0]), lowerBound(one.x, spec.view.x[1])];
+  };
+  const head = isShared
+    ? [spec.x, ...series.map((one) => `${one.name} (${spec.y})`)]
+    : ["series", spec.x, spec.y];
+  const rows = [head];
+  for (const one of isShared ? series.slice(0, 1) : series) {
+    const [from, to] = within(one);
+    for (let k = from; k < to; k += 1) {
+      rows.push(
+        isShared
+          ? [one.x[k], ...series.map((other) => other.y[k])]
+          : [one.name, one.x[k], one.y[k]],
+      );
+    }
+  }
+  save(`${spec.name}.csv`, new Blob(csvText(rows), { type: "text/csv" }));
+}
+
+/** Return a plot as a vnode. */
+export const plot = (props) => h(Plot, props);

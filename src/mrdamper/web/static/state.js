@@ -1,0 +1,212 @@
+// One state for all pages: the folder as the server reports it, and the choices of the user, which the address contains.
+//
+// A choice has a key such as `card` or `fit.law`. `choose` changes choices, writes the address and draws the page again. The
+// address of a page contains the choices of its prefixes; shared choices (card, drawing, duty, controller) hold for all pages.
+// The browser's session keeps all choices, so that a page is found again as it was left.
+
+import * as api from "./api.js";
+
+const SHARED = ["card", "drawing", "duty", "controller"];
+
+/** Pages: title, letter of the keyboard shortcut, and prefixes of the choices in their addresses. */
+export const PAGES = {
+  data: { title: "Data", letter: "d", keys: ["view", "list", "file", "rig", "check", "fetch"] },
+  model: { title: "Model", letter: "m", keys: ["card", "fit", "choose", "loops", "fits"] },
+  thermal: {
+    title: "Thermal",
+    letter: "t",
+    keys: ["card", "drawing", "duty", "heat", "heatsink", "design"],
+  },
+  controller: {
+    title: "Controller",
+    letter: "c",
+    keys: ["card", "drawing", "controller", "track", "export"],
+  },
+  jobs: { title: "Jobs", letter: "j", keys: ["card", "drawing", "duty", "show"] },
+};
+
+export const app = {
+  state: null,
+  forms: null,
+  runs: null,
+  reading: 0,
+  page: "data",
+  choice: restored(),
+  toasts: [],
+  faults: {}, // Errors of jobs that did not start, by kind.
+  draw: () => {},
+};
+
+// ------------------------------------------------------------------------------------------------- choices
+
+function restored() {
+  try {
+    return JSON.parse(sessionStorage.getItem(`mrdamper${api.DAMPER}`)) ?? {};
+  } catch {
+    return {};
+  }
+}
+
+const encode = (value) =>
+  typeof value === "string" && decode(value) === value ? value : JSON.stringify(value);
+
+function decode(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return text;
+  }
+}
+
+const belongs = (key, page) => {
+  const [prefix] = key.split(/[.-]/);
+  return PAGES[page].keys.includes(prefix) || (page === "jobs" && prefix in (app.forms ?? {}));
+};
+
+/** Return the address of a page with choices. */
+export function address(page, choices = {}) {
+  const query = new URLSearchParams(
+    Object.entries(choices).map(([key, value]) => [key, encode(value)]),
+  );
+  return `#/${page}${query.size ? `?${query}` : ""}`;
+}
+
+/** Return a choice, or `otherwise` if there is none. */
+export const chosen = (key, otherwise = null) => app.choice[key] ?? otherwise;
+
+/** Set choices, null for the default; with `step` the Back button undoes the change. */
+export function choose(values, step = false) {
+  if ("drawing" in values && values.drawing !== app.choice.drawing) {
+    // The entries of the geometry form belong to the previous geometry.
+    for (const key of Object.keys(app.choice))
+      if (key.startsWith("drawing-")) delete app.choice[key];
+  }
+  for (const [key, value] of Object.entries(values)) {
+    if (value === null || value === undefined) delete app.choice[key];
+    else app.choice[key] = value;
+  }
+  write(step);
+  app.draw();
+}
+
+/** Go to another page and set choices. */
+export function go(page, values = {}) {
+  choose(values);
+  window.location.hash = address(page);
+}
+
+function write(step) {
+  try {
+    sessionStorage.setItem(`mrdamper${api.DAMPER}`, JSON.stringify(app.choice));
+  } catch {
+    // Without storage the choices are in the address only.
+  }
+  const own = Object.entries(app.choice).filter(([key]) => belongs(key, app.page));
+  const next = address(app.page, Object.fromEntries(own));
+  if (next === window.location.hash) return;
+  const depth = window.history.state?.depth ?? 0;
+  if (step) window.history.pushState({ depth: depth + 1 }, "", next);
+  else window.history.replaceState({ depth }, "", next);
+}
+
+/** Read page and choices from the address; an address without choices shows the page as it was left. */
+export function route() {
+  const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
+  app.page = path in PAGES ? path : "data";
+  document.title = `${PAGES[app.page].title} · mrdamper`;
+  if (query) {
+    for (const key of Object.keys(app.choice))
+      if (belongs(key, app.page) && !SHARED.includes(key)) delete app.choice[key];
+    for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
+  }
+  write(false);
+  app.draw();
+}
+
+// -------------------------------------------------------------------------------------------------- folder
+
+/** Fetch the state of the folder, and its runs if files have changed. */
+export async function refresh(files = true) {
+  const [state, found] = await Promise.all([
+    api.getState(),
+    files || !app.runs ? api.getRuns() : null,
+  ]);
+  app.state = state;
+  if (found) Object.assign(app, { runs: found.runs, reading: found.reading });
+  app.draw();
+}
+
+const WATCH_MS = 1000;
+let before = null;
+
+/** Look for changes every second; the state is fetched after a change and during a job. */
+export async function watch() {
+  try {
+    if (document.visibilityState === "visible") {
+      const now = await api.getChanges();
+      const isBusy = app.state?.jobs.some(isRunning);
+      const isNew = JSON.stringify(now) !== JSON.stringify(before);
+      if (isNew || isBusy || app.lost) await refresh(now.files !== before?.files || app.lost);
+      before = now;
+      if (app.lost) Object.assign(app, { lost: false }).draw();
+    }
+  } catch {
+    Object.assign(app, { lost: true }).draw();
+  }
+  setTimeout(watch, WATCH_MS);
+}
+
+export const isRunning = ({ state }) => state === "queued" || state === "running";
+
+/** Show a message for some seconds; `actions` are buttons. */
+export function toast(kind, text, ...actions) {
+  const one = { kind, text, actions };
+  app.toasts = [...app.toasts, one];
+  setTimeout(() => dismiss(one), kind === "fault" ? 15000 : 6000);
+  app.draw();
+}
+
+export function dismiss(one) {
+  app.toasts = app.toasts.filter((other) => other !== one);
+  app.draw();
+}
+
+/** Run an action, fetch the state, and show an error. */
+export async function attempt(action) {
+  try {
+    const result = await action();
+    await refresh();
+    return result;
+  } catch (fault) {
+    if (fault.name !== "AbortError") toast("fault", fault.message);
+    return undefined;
+  }
+}
+
+const fetched = new Map();
+
+/** Return the answer to a request, null until it has arrived (then the page is drawn again); `key` identifies it. */
+export function once(key, ask) {
+  if (!fetched.has(key)) {
+    const one = { value: null };
+    fetched.set(key, one);
+    ask()
+      .then(
+        (value) => Object.assign(one, { value }),
+        (fault) => Object.assign(one, { value: { fault: fault.message } }),
+      )
+      .then(() => app.draw());
+  }
+  return fetched.get(key).value;
+}
+
+/** Return the cards that can be read. */
+export const cards = () => app.state.cards.filter((card) => !card.error);
+
+/** Return the card in use: the chosen, or the newest card; undefined if there is none. */
+export function cardInUse() {
+  const newest = [...cards()].sort((a, b) =>
+    String(b.modified).localeCompare(String(a.modified)),
+  )[0];
+  return cards().find(({ name }) => name === chosen("card")) ?? newest;
+}
