@@ -264,7 +264,7 @@ def test_single_current_is_accepted_with_option(tmp_path, folder):
 
 def test_python_law_is_fitted_and_evaluated(folder):
     run = short_runs()[-1]
-    short = {name: values[:300:4] for name, values in columns_of(run).items()}  # A law in Python is slow.
+    short = {name: values[:400:4] for name, values in columns_of(run).items()}  # A law in Python is slow.
     runs = [write_csv(folder / "short.csv", short)]
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(
