@@ -210,9 +210,9 @@ def _no_run_finding(file: UnreadableFile) -> Finding:
         kind="no_run",
         severity="note",
         run=file.path.name,
-        found=f"{file.path.name} holds no samples of a damper and is left out",
-        effect="What it says, of temperatures perhaps, is not used",
-        remedy="Name the file by itself to see what is missed in it",
+        found=f"{file.path.name} has no samples of a damper and is left out",
+        effect="Its content, for example a temperature, is not used",
+        remedy="Read this file alone to see why it is not a run",
     )
 
 

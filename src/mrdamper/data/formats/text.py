@@ -170,7 +170,10 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     ):
         return _table_of_rows(rows, delimiter, options)
     if first is None:
-        raise NoTableError(
+        # An empty record has a header alone. Notes have other lines.
+        lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
+        is_empty_record = len(lines) == 1 and len(re.split(r"[,;\t|]", lines[0])) >= 3
+        raise (InputError if is_empty_record else NoTableError)(
             place=f"{path}",
             found=f"no rows of numbers in the first {len(head.lines)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
