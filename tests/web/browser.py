@@ -18,7 +18,7 @@ __all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "log_in", "opened", "pale
 SHOTS = Path(__file__).parents[2] / "build" / "web"
 """Folder of the screenshots that ``MRDAMPER_SHOTS=1`` writes."""
 
-PATIENCE_ms = 15_000  # A loaded machine is slow.
+PATIENCE_ms = 60_000  # A loaded machine is slow.
 expect.set_options(timeout=PATIENCE_ms)
 
 SCREENS = ((1280, 800), (768, 1024))

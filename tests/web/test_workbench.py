@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 import time
+from typing import Literal
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, ViewportSize, expect
 
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.web.browser import opened, shoot
@@ -17,7 +18,7 @@ from tests.web.walking import VIEWS, a_logger_file, a_sine_run
 pytestmark = pytest.mark.nightly
 
 ACTIONS_MAX, RIG_ACTIONS_MAX, TABS_MAX = 30, 20, 25
-HEIGHT_MAX_px, RESULT_TOP_MAX_px, PHONE = 1500, 500, {"width": 390, "height": 844}
+HEIGHT_MAX_px, RESULT_TOP_MAX_px, PHONE = 1500, 500, ViewportSize(width=390, height=844)
 RUNS, COPIES = 91, 7
 FIELDS = (
     ("model", "fit-hold-out"), ("thermal?heat.tab=Geometry", "drawing-body-length-mm"),
@@ -33,7 +34,7 @@ class Hand:
     def __init__(self, page: Page) -> None:
         self.page, self.actions = page, 0
 
-    def press(self, name: str, role: str = "button") -> None:
+    def press(self, name: str, role: Literal["button", "link", "tab"] = "button") -> None:
         self.on(self.page.get_by_role(role, name=name, exact=True)).click()
 
     def fill(self, place: str, value: str) -> None:
@@ -166,7 +167,8 @@ def test_pages_with_many_runs_stay_short(browser, many):
             if page.evaluate("document.documentElement.scrollWidth") > PHONE["width"]:
                 wide.append(address)
             if page.locator(".split > :last-child").count():
-                tops[address] = page.locator(".split > :last-child").first.bounding_box()["y"]
+                box = page.locator(".split > :last-child").first.bounding_box()
+                tops[address] = box["y"] if box else 0.0
             page.set_viewport_size(desk)
         page.goto("/#/model")
         page.reload()
@@ -192,7 +194,9 @@ def test_run_filters_exclude_copies(browser, many):
         page.route("**/api/jobs", lambda route: route.abort())
         with page.expect_request("**/api/jobs") as sent:
             page.click("#start-fit")
-        options = sent.value.post_data_json["options"]
+        asked = sent.value.post_data_json
+        assert asked is not None
+        options = asked["options"]
         assert len(options["files"]) == (RUNS - COPIES) // 3
         assert options["only"] == []
         assert all(int(name[3:6]) % 3 == 1 for name in options["files"])
@@ -218,6 +222,7 @@ def test_form_values_return_with_address(browser, site):
         for place, field in FIELDS:
             page.goto(f"/#/{place}")
             page.fill(f"[id='{field}']", "20")
+            page.wait_for_timeout(300)  # The browser reports the new address later.
             copied = page.url
             page.goto("/#/jobs")
             page.wait_for_selector("[data-shown=jobs] h1")
