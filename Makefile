@@ -24,9 +24,13 @@ PYTEST_ARGS ?= -n 2 --dist loadscope
 # Property tests draw new examples every day; SEED=... draws those of another day again.
 SEED ?= $(shell date -u +%Y%m%d)
 override PYTEST_ARGS += --hypothesis-seed=$(SEED)
+# Changes of the data that must not change the model selection.
+SELECTED := test_order_of_files_changes_no_bit test_time_offset_hardly_changes_model
 # Packages whose nightly tests decide accuracy.
 NIGHTLY ?= $(addprefix tests/,control models rig thermal test_examples.py) \
-  $(patsubst %,tests/acceptance/test_%.py,tempered_rig public_rigs tracking asymmetry)
+  $(patsubst %,tests/acceptance/test_%.py,tempered_rig public_rigs tracking asymmetry) \
+  $(patsubst %,'tests/acceptance/test_invariances.py::%[selected]',$(SELECTED)) \
+  'tests/test_docs.py::test_long_part_of_page_is_correct[docs/start.md]'
 COVERAGE_MIN ?= 88
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -34,7 +38,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYTHONDONTWRITEBYTECODE :=
 
 # What the extension and the installed metadata are made of; a change inside a Python file needs no rebuild.
-COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
+COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null) cmake/generate_binding.py
 
 .DELETE_ON_ERROR:
 .PHONY: help install demo test test-fast test-system test-nightly release-check coverage check lint docs fuzz audit bench interface lock \

@@ -30,7 +30,7 @@ from mrdamper.identify.fit import fit_law
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem
-from mrdamper.identify.scores import RunError, least_command, score_run
+from mrdamper.identify.scores import RunError, command_threshold, score_run
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.settings import FitSettings
@@ -166,7 +166,7 @@ def accuracy_line(preset: str, seed: int | None) -> str:
 
 def _errors_by_kind(tests: RigResult, errors: list[RunError]) -> list[str]:
     planned = {each.plan.name: each for each in tests.runs}
-    least = least_command(each.command for each in errors)
+    least = command_threshold(each.command for each in errors)
     steady = [each for each in errors if each.command is not None]
     chirp = [each for each in steady if isinstance(planned[each.name].plan.motion, Chirp)]
     known = [each for each in steady if each not in chirp]

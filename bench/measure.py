@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from statistics import median
 
-from mrdamper.core import _kernel
+from mrdamper import core
 
 REPEATS = 5
 PACKAGES = ("numpy", "scipy", "pymoo")
@@ -104,7 +104,7 @@ def machine() -> str:
         model = f"{lines[0].partition(': ')[2]} ({len(lines)} logical)" if lines else model
     packages = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
     python = f"Python {platform.python_version()} on {sys.platform}"
-    return f"{model}, kernel {_kernel.level()}, load {os.getloadavg()[0]:.1f}; {python}, {packages}"
+    return f"{model}, kernel {core.level()}, load {os.getloadavg()[0]:.1f}; {python}, {packages}"
 
 
 def _version(package: str) -> str:

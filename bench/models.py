@@ -12,7 +12,6 @@ import numpy as np
 
 from bench.measure import Row, side_by_side
 from mrdamper import core
-from mrdamper.core import _kernel
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
@@ -55,7 +54,7 @@ COEFFICIENTS = {
 
 def run() -> list[Row]:
     """Time the Gram sums of 8 candidates on 12 runs, as a fit asks for them, at every instruction set."""
-    best, rows = _kernel.level(), []
+    best, rows = core.level(), []
     paths = [drive(Sine(0.006 + 0.001 * k, 1.0 + 0.2 * k), duration=3.0 - 0.04 * k, rate_Hz=1e3, command=0.0)
              for k in range(12)]  # fmt: skip
     records, zeros = [core.open_record(path) for path in paths], [np.zeros(len(path)) for path in paths]
@@ -76,13 +75,13 @@ def run() -> list[Row]:
         def sums(
             level: str, number: int = number, near: np.ndarray = near, places: list[int] = places
         ) -> None:
-            _kernel.use_level(level)
+            core.use_level(level)
             core.gram_sums(number, records, zeros, [0] * 12, near, places)
 
-        levels = _kernel.levels()[::-1]
+        levels = core.levels()[::-1]
         jobs = {f"{law}, {len(places)} tangents, {level}": partial(sums, level) for level in levels}
         group = "Gram sums of 8 candidates on 12 runs of 3,000 samples"
         law_rows = side_by_side(group, jobs, dict.fromkeys(jobs, samples))
-        _kernel.use_level(best)
+        core.use_level(best)
         rows += law_rows
     return rows

@@ -69,7 +69,9 @@ def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, li
     for count in range(len(TEMPERATURES_DEGC), 0, -1):
         warm = TEMPERATURES_DEGC[:count]
         try:
-            rows = track(card, damper, TrackOptions(controllers=CONTROLLERS, temperatures_degC=warm)).worst
+            rows = track(
+                card, damper, TrackOptions(controllers=CONTROLLERS, temperatures_degC=warm)
+            ).max_error_rows
         except InputError as fault:
             print(f"{damper.name}: {fault}", flush=True)
         else:

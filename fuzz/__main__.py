@@ -81,10 +81,11 @@ def run_target(name: str, options: list[str]) -> bool:
 
 
 def _fuzz_kernel(words: list[str]) -> NoReturn:
-    program, source = BUILD / "kernel.run", Path(__file__).with_name("laws.c")
-    subprocess.run([*COMPILE, f"-I{KERNEL}", str(source), "-o", str(program), "-lm"], check=True)
+    program = BUILD / "kernel.run"
+    sources = [str(Path(__file__).with_name("laws.c")), str(KERNEL / "implicit_run.c")]
+    subprocess.run([*COMPILE, f"-I{KERNEL}", *sources, "-o", str(program), "-lm"], check=True)
     seeds = BUILD / "kernel"
-    for law in range(9):
+    for law in range(10):
         (seeds / f"seed-{law}").write_bytes(
             bytes([law, 4 * (law % 2), 9, *((37 * k) % 256 for k in range(600))])
         )

@@ -1,7 +1,7 @@
 /* Fuzzing of the kernel's laws: records, forces, tangents, Gram sums and the curve, from any motion and coefficients.
  *
  * If the coefficients are in their ranges and the motion is finite, then the force is finite. For all other input only
- * the sanitizers must stay silent. The kernel's single translation unit is included.
+ * the sanitizers must stay silent. kernel.c is included; implicit_run.c is compiled separately.
  */
 #include "kernel.c"
 
@@ -81,10 +81,12 @@ static range range_of(int law, int k)
     static const range valve[] = {{0, 1e4, 0}, {0, 1e4, 0}, {0.05, 1.5, 0}, {1e-5, 10, 1}, {-2, 2, 0}, {1, 1e12, 1},
                                   {0, 1e-2, 0}, {1e-3, 1, 1}, {0, 1e8, 0}, {0.3, 2, 0}};
     static const range chain_law[] = {{0, 1e4, 0}, {1e-9, 10, 1}, {0, 1e3, 0}, {0, 1e4, 0}, {0.05, 2, 0}, {1e-9, 1e3, 1},
-                                      {0, 1e5, 0}, {-0.5, 0.5, 0}, {-1e3, 1e3, 0}, {-1e3, 1e3, 0}, {1e-6, 1e12, 1},
+                                      {0, 1e5, 0}, {-0.5, 0.5, 0}, {-0.9, 0.9, 0}, {-1e3, 1e3, 0}, {-1e3, 1e3, 0}, {1e-6, 1e12, 1},
                                       {0, 1e-2, 0}, {1e-12, 1, 1}, {0, 1e8, 0}, {0.2, 2, 0}, {0, 1, 0}, {1e-3, 1e12, 1},
                                       {0, 10, 0}, {0, 1e4, 0}, {1e-3, 1e12, 1}, {0, 1e2, 0}, {1e-9, 10, 1}, {0, 1e4, 0},
-                                      {1e-3, 1e12, 1}, {-1e4, 1e4, 0}, {1e-9, 1e3, 1}, {0, 1, 0}, {0, 1, 0}};
+                                      {1e-3, 1e12, 1}, {-1e4, 1e4, 0}, {1e-9, 1e3, 1}, {0, 1, 0}, {0, 1, 0}, {0, 1e-3, 0},
+                                      {0, 1, 0}, {0, 10, 0}, {1e-6, 1e4, 1}, {1e-12, 1, 1}, {0, 1e-2, 0}};
+    _Static_assert(sizeof chain_law / sizeof *chain_law == CH_COUNT - MRD_COMMON, "one range for each coefficient");
     if (k < MRD_COMMON) return common[k];
     k -= MRD_COMMON;
     switch (law) {

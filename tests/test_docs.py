@@ -327,7 +327,7 @@ def test_linked_page_exists():
 
 def test_named_file_exists():
     """A page may also name a file of the user, which begins with "my" or "your"."""
-    folders = ("src", "tests", "bench", "fuzz", "examples", "docs")
+    folders = ("src", "tests", "bench", "fuzz", "examples", "docs", "cmake")
     known = {path.name for folder in folders for path in (ROOT / folder).rglob("*.*")}
     code = re.compile(r"`(?:[\w./]*/)?(\w+\.(?:py|c|h|js|toml|j2))`")
     named = {(page.name, name) for page in PAGES for name in code.findall(page.read_text(encoding="utf-8"))}

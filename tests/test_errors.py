@@ -25,7 +25,7 @@ def test_message_joins_its_parts() -> None:
 
 def test_combined_error_keeps_all_faults() -> None:
     faults = [InputError("no rows", place=f"{k}.csv", remedy="record again") for k in range(14)]
-    many = InputError(faults=faults).at_place("campaign")
+    many = InputError(faults=faults).prepend_place("campaign")
     lines = str(many).split("\n")
     assert lines[0] == "campaign: 0.csv: no rows; record again"
     assert lines[-1] == "... and 6 more like these"
@@ -35,7 +35,7 @@ def test_combined_error_keeps_all_faults() -> None:
 
 
 def test_location_is_added_once() -> None:
-    fault = InputError("is missing", place="force").at_place("a.csv").at_place("a.csv")
+    fault = InputError("is missing", place="force").prepend_place("a.csv").prepend_place("a.csv")
     assert str(fault) == "a.csv: force: is missing"
 
 

@@ -107,6 +107,7 @@ def test_controlled_quarter_car_improves_comfort_and_load():
     assert load[1] < 0.9 * load[0]
 
 
+@pytest.mark.nightly
 def test_quarter_car_with_a_card_is_controlled(card):
     """A card of a bench test can be used. A larger current reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
@@ -114,6 +115,7 @@ def test_quarter_car_with_a_card_is_controlled(card):
     assert rattle[1] < rattle[0]
 
 
+@pytest.mark.nightly
 def test_mean_damper_power_depends_on_tyre_alone():
     """A linear damper dissipates k_t S / 4 on average. S is the one-sided spectrum of a white road velocity.
 

@@ -139,11 +139,10 @@ run = mrdamper.rig(campaign="short").dataset.runs[1]
 rows = zip(run.time, 1e3 * run.displacement, run.force, run.command)
 lines = [";".join(f"{each:.6f}".replace(".", ",") for each in row) + ";note" for row in rows]
 open("own.csv", "w").write("\\n".join(["time_s;displacement_mm;force_N;current_A;remark", *lines]))
-fit = mrdamper.fit("own.csv", "bouc-wen", one_command=True)
-assert fit.cost_percent < 5.0
-fit.save("out")
+found = mrdamper.check("own.csv")
+found.save("out")
 open("own.parquet", "wb").write(b"PAR1" + bytes(100))
-for ask in (fit.to_frame, lambda: mrdamper.read("own.parquet")):
+for ask in (found.to_frame, lambda: mrdamper.read("own.parquet")):
     try:
         ask()
     except mrdamper.MrdamperError as missing:
@@ -154,4 +153,4 @@ for ask in (fit.to_frame, lambda: mrdamper.read("own.parquet")):
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.count("mrdamper[rig-files]") == 2, run.stdout
-    assert (tmp_path / "out" / "report.html").is_file()
+    assert (tmp_path / "out" / "check.html").is_file()

@@ -22,7 +22,7 @@ from mrdamper.registry import JOBS, public_names
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
-from tests.support.campaigns import paper_card
+from tests.support.cards import RIG_ENVELOPE, card_of, rig_damper
 from tests.support.interface import FILE, interface
 
 pytestmark = pytest.mark.system
@@ -37,12 +37,14 @@ def test_command_has_option_per_field(name):
     job = JOBS[name]
     made = {parameter.name for parameter in parameters_of(job)}
     shown = {field.name for field in job.fields if field.option.flag != "-"}
-    assert shown | {each.name for each in job.inputs if each.flag != "-"} <= made
+    assert shown | {each.name for each in job.inputs if each.option.flag != "-"} <= made
     assert {field.name for field in job.reading} <= made
 
 
 def test_result_has_summary_and_figure(tmp_path):
-    hot = mrdamper.heat(paper_card(), "paper", ambient_degC=35.0, model="lumped")
+    hot = mrdamper.heat(
+        card_of(rig_damper(), envelope=RIG_ENVELOPE), "paper", ambient_degC=35.0, model="lumped"
+    )
     assert hot.rise.fluid_degC[0] == pytest.approx(35.0)
     assert "Limit of the fluid (130 degC" in hot.summary()
     assert len(repr(hot).splitlines()) <= 10
@@ -132,7 +134,9 @@ def test_logger_file_gives_compiled_controller(logged, tmp_path, monkeypatch):
 
 
 def test_card_has_method_per_job():
-    begins = {job.name for job in JOBS.values() if job.inputs and job.inputs[0].kind.startswith("card")}
+    begins = {
+        job.name for job in JOBS.values() if job.inputs and job.inputs[0].option.kind.startswith("card")
+    }
     assert begins <= {*vars(mrdamper.ModelCard)}
 
 

@@ -22,13 +22,12 @@ from mrdamper.schema import (
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    length: Annotated[float, Option("its length", key="length_mm", unit="mm", above=0.0, most=1e4)]
-    ambient: Annotated[
-        float, Option("air around it", key="ambient_degC", unit="degC", least=-60, most=150)
-    ] = 293.15
-    share: Annotated[float | None, Option("of the whole", least=0.0, most=1.0)] = None
+    length: Annotated[float, Option(key="length_mm", unit="mm", above=0.0, most=1e4)]
+    """Length of the part."""
+    ambient: Annotated[float, Option(key="ambient_degC", unit="degC", least=-60, most=150)] = 293.15
+    share: Annotated[float | None, Option(least=0.0, most=1.0)] = None
     way: Literal["horizontal", "vertical"] = "horizontal"
-    names: Annotated[tuple[str, ...], Option("its names", most_items=3)] = ()
+    names: Annotated[tuple[str, ...], Option(most_items=3)] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

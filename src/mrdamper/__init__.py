@@ -197,7 +197,7 @@ def fit(
     answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
         scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
     flip_force : Reverse the sign of the force, for load cells with positive compression.
-    only : Use only runs whose names match this pattern. Repeatable. Default: all cores.
+    only : Use only runs whose names match this pattern. Repeatable. Default: all runs.
     hold_out : Exclude runs whose names match this pattern, and use them as a test. Repeatable.
     posterior : Compute this number of posterior samples, for 90 % intervals of parameters and forces.
     one_command : Accept runs with a single current. The model is then valid only for this current.
@@ -374,7 +374,7 @@ def track(
         100, 123.
     rate_Hz : Run the controllers at this sample rate, in Hz [Hz], 100 to 5000.
     controllers : Test this controller: recommended, recommended-causal, paper, ... Repeatable. Default: all
-        cores.
+        controllers.
     seed : Use this seed and the next one for the sensor noise.
     posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
     jobs : Use this number of parallel processes. The result does not depend on it. Default: all cores.

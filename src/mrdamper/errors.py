@@ -71,13 +71,13 @@ class MrdamperError(Exception):
         self.place = place
         self.args = (self._message(),)
 
-    def at_place(self, place: str | PurePath) -> Self:
+    def prepend_place(self, place: str | PurePath) -> Self:
         """Return this error with a place before its own, such as the file before the field.
 
         A place that already is the first part of the own place is not repeated.
         """
         moved = copy.copy(self)
-        moved.faults = tuple(fault.at_place(place) for fault in self.faults)
+        moved.faults = tuple(fault.prepend_place(place) for fault in self.faults)
         if self.place != str(place) and not self.place.startswith(f"{place}: "):
             moved.move_to(f"{place}: {self.place}" if self.place else str(place))
         return moved

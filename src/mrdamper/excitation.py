@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.quantities import to_si
-from mrdamper.schema import Option, check_ranges
+from mrdamper.schema import Option, Positive, check_ranges
 
 ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
     {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
@@ -114,26 +114,15 @@ class Motion(Protocol):
     def acceleration(self, t: ArrayLike) -> FloatArray: ...  # [m/s^2]
 
 
-def _require_positive(motion: object) -> None:
-    """Refuse a motion with a number that is not positive and finite."""
-    for each in fields(motion):  # type: ignore[arg-type]  # every motion is a dataclass
-        value = getattr(motion, each.name)
-        if not (np.isfinite(value) and value > 0.0):
-            kind = type(motion).__name__.lower()
-            raise InputError(
-                place=kind, found=f"{each.name} is {value}", expected="a positive, finite number"
-            )
-
-
 @dataclass(frozen=True, slots=True)
 class Sine:
     """x = A sin(2 pi f t)."""
 
-    amplitude: float  # A [m]
-    frequency: float  # f [Hz]
+    amplitude: Positive  # A [m]
+    frequency: Positive  # f [Hz]
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_ranges(self, "sine")
 
     @property
     def period(self) -> float:
@@ -155,13 +144,13 @@ class Sine:
 class Chirp:
     """x = A sin(phi), its frequency going linearly: phi = 2 pi (f0 t + (f1 - f0) t^2 / 2T)."""
 
-    amplitude: float  # A [m]
-    start: float  # f0 [Hz]
-    stop: float  # f1, reached at t = T [Hz]
-    duration: float  # T [s]
+    amplitude: Positive  # A [m]
+    start: Positive  # f0 [Hz]
+    stop: Positive  # f1, reached at t = T [Hz]
+    duration: Positive  # T [s]
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_ranges(self, "chirp")
 
     def _phase(self, t: ArrayLike) -> tuple[FloatArray, FloatArray, float]:
         """Return the phase [rad], its rate [rad/s] and the rate of that [rad/s^2]."""
@@ -227,11 +216,11 @@ class Triangle:
     point is that of the following stroke.
     """
 
-    amplitude: float  # A [m]
-    speed: float  # [m/s]
+    amplitude: Positive  # A [m]
+    speed: Positive  # [m/s]
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_ranges(self, "triangle")
 
     @property
     def period(self) -> float:
@@ -277,33 +266,14 @@ class Road(_Tones):
     corner to 2.83 cycles/m; they have no common period. The same seed gives the same road at any speed.
     """
 
-    road_class: str = "C"  # A (smooth) to H
-    speed: float = 20.0  # [m/s]
-    seed: int = 5
-    corner: float = 0.01  # [cycles/m]
+    road_class: Annotated[str, Option(among=lambda: ROAD_ROUGHNESS)] = "C"  # A (smooth) to H
+    speed: Annotated[float, Option(unit="m/s", above=0.0)] = 20.0
+    seed: Annotated[int, Option(least=0)] = 5
+    corner: Annotated[float, Option(unit="cycles/m", above=0.0, below=_FINEST_WAVENUMBER)] = 0.01
     tones: Harmonics = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if self.road_class not in ROAD_ROUGHNESS:
-            raise InputError(
-                place="road",
-                found=f"class is {self.road_class!r}",
-                expected=f"one of: {', '.join(ROAD_ROUGHNESS)}",
-            )
-        if not (np.isfinite(self.speed) and self.speed > 0.0):
-            raise InputError(
-                place="road", found=f"speed is {self.speed}", expected="a positive, finite number"
-            )
-        if not 0.0 < self.corner < _FINEST_WAVENUMBER:
-            raise InputError(
-                place="road",
-                found=f"corner is {self.corner} cycles/m",
-                expected=f"0 to {_FINEST_WAVENUMBER}, both excluded",
-            )
-        if self.seed < 0:
-            raise InputError(
-                place="road", found=f"seed is {self.seed!r}", expected="a whole number, zero or more"
-            )
+        check_ranges(self, "road")
         edges = np.geomspace(0.1 * self.corner, _FINEST_WAVENUMBER, _TONE_COUNT + 1)
         power = np.diff(np.arctan(edges / self.corner)) / self.corner  # integrals of 1 / (n^2 + corner^2)
         amplitudes = np.sqrt(2.0 * ROAD_ROUGHNESS[self.road_class] * _REFERENCE_WAVENUMBER**2 * power)
@@ -350,9 +320,11 @@ class RandomCurrent:
     log-uniform. Only such runs reveal a law that is wrong for a changing current.
     """
 
-    highest: Annotated[float, Option("[A]", key="highest_A", unit="A", above=0.0)] = 2.0
-    shortest: Annotated[float, Option("of the holding times", key="shortest_s", unit="s", above=0.0)] = 0.02
-    longest: Annotated[float, Option("of the holding times", key="longest_s", unit="s", above=0.0)] = 0.3
+    highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
+    shortest: Annotated[float, Option(key="shortest_s", unit="s", above=0.0)] = 0.02
+    """Shortest holding time."""
+    longest: Annotated[float, Option(key="longest_s", unit="s", above=0.0)] = 0.3
+    """Longest holding time."""
     seed: Annotated[int, Option(least=0)] = 1
 
     def __post_init__(self) -> None:
@@ -380,8 +352,9 @@ class RandomCurrent:
 class CurrentSteps:
     """A commanded current that is held at each of its levels in turn; the first before, the last after."""
 
-    levels: Annotated[tuple[float, ...], Option("[A]", key="levels_A", least_items=1)]
-    hold: Annotated[float, Option("of each level", key="hold_s", unit="s", above=0.0)]
+    levels: Annotated[tuple[float, ...], Option(key="levels_A", least_items=1)]
+    hold: Annotated[float, Option(key="hold_s", unit="s", above=0.0)]
+    """Holding time of each level."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "current steps")

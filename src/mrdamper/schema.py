@@ -2,19 +2,20 @@
 
 A record is a frozen dataclass. The type of a field defines its values (``float``, ``int``, ``bool``,
 ``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``). An
-``Option`` adds unit, range and help, and the key in files if it differs from the name of the field::
+``Option`` adds unit, range and the key in files if it differs from the name of the field. The text below a
+field is its help::
 
     @dataclass(frozen=True, kw_only=True)
     class Body:
-        length: Annotated[float, Option("without caps", key="length_mm", unit="mm", above=0.0)]
+        length: Annotated[float, Option(key="length_mm", unit="mm", above=0.0)]
+        '''Length including the caps.'''
         orientation: Literal["horizontal", "vertical"] = "horizontal"
 
     body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06, ...): SI inside
     table = write_record(body)                                      # {"length_mm": 60.0, ...}
 
 A field with a ``key`` contains a value in SI (kelvin), and its file contains the value in ``unit``. Other
-fields contain the value of the file. A table can have a short form: the function ``short`` of an ``Option``
-converts a single value (such as a number or ``false``) to a table.
+fields contain the value of the file.
 
 All faults of a document are reported in one ``InputError``, one line for each: place, key, found value and
 expected value. The message for an unknown key contains the nearest known key. ``__post_init__`` checks
@@ -25,16 +26,20 @@ Pydantic checks the values. It is loaded on first use, and the modules of record
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import difflib
+import inspect
 import json
 import math
+import operator
 import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -50,16 +55,38 @@ _SHOWN_NAMES_MAX = 40  # known names in one message
 _VALUE_LENGTH_MAX = 60  # characters of a value in a message
 _UNIT_HINTS = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # hints for typical unit errors
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
-# Caches by type of record.
-_FIELDS: dict[type, tuple[Field, ...]] = {}
-_ADAPTERS: dict[type, Any] = {}
+_FIELDS: dict[type, tuple[Field, ...]] = {}  # cache
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OnPage:
-    """Options of a form field that do not follow from type, unit and range."""
+@dataclass(frozen=True, slots=True)
+class Option:
+    """Properties of a field beyond its type: help, unit, range, and its name in each interface.
 
+    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. All are in ``unit``.
+    """
+
+    help: str = ""  # if there is no text below the field
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+    below: float | None = None
+    key: str = ""  # key in files if it differs from the name; the field is then in SI
+    flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
+    kind: str = ""  # kind of input (``registry.kinds``); empty for an option
+    argument: bool = False  # positional argument of the command line
+    in_answer: bool | None = None  # The answer contains the path. None: if the input is one required file.
+    local: bool = False  # Servers have no such field, because it can execute code.
+    metavar: str = ""
+    among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time
+    default_help: str = ""  # meaning of the default None
+    pattern: str = ""
+    expected: str = ""  # expected value in messages; empty: derived from type, unit and range
+    most_items: int | None = None
+    least_items: int | None = None
+    # Forms:
+    label: str = ""  # empty: derived from the name
     group: str = "More"  # heading of the field; empty: above all headings
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
     begins: Any = None  # initial value if it differs from the default
@@ -71,59 +98,23 @@ class OnPage:
     word: str = ""  # label of an uploaded file
     part: str = ""  # The field enables this part of the geometry file. It is locked if the part is missing.
 
-
-@dataclass(frozen=True, slots=True)
-class Option:
-    """Properties of a field beyond its type: help, unit, range, and its name in each interface.
-
-    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. All are in ``unit``.
-    """
-
-    help: str = ""
-    unit: str = ""
-    least: float | None = None
-    most: float | None = None
-    above: float | None = None
-    below: float | None = None
-    key: str = ""  # key in files if it differs from the name; the field is then in SI
-    flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
-    label: str = ""  # label in forms; empty: derived from the name
-    page: OnPage = OnPage()
-    local: bool = False  # Servers have no such field, because it can execute code.
-    metavar: str = ""
-    among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time
-    default_help: str = ""  # meaning of the default None
-    pattern: str = ""
-    expected: str = ""  # expected value in messages; empty: derived from type, unit and range
-    most_items: int | None = None
-    least_items: int | None = None
-    short: Callable[[Any], Any] | None = None  # converts a single value to a table (or None)
-
     __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
 
     def __iter__(self) -> Iterator[object]:
         """Yield the constraints for Pydantic."""
-        import annotated_types as kinds
+        import pydantic
 
-        pairs = (
-            (kinds.Ge, self.least),
-            (kinds.Le, self.most),
-            (kinds.Gt, self.above),
-            (kinds.Lt, self.below),
-        )
-        yield from (kind(limit) for kind, limit in pairs if limit is not None)
-        if self.least_items is not None:
-            yield kinds.MinLen(self.least_items)
-        if self.most_items is not None:
-            yield kinds.MaxLen(self.most_items)
-        if self.pattern:
-            from pydantic import StringConstraints
-
-            yield StringConstraints(pattern=self.pattern)
+        yield from pydantic.Field(
+            ge=self.least,
+            le=self.most,
+            gt=self.above,
+            lt=self.below,
+            min_length=self.least_items,
+            max_length=self.most_items,
+            pattern=self.pattern or None,
+        ).metadata
         if self.key and self.unit:
-            from pydantic import AfterValidator
-
-            yield AfterValidator(self.to_si)
+            yield pydantic.AfterValidator(self.to_si)
 
     @property
     def remedy(self) -> str:
@@ -144,13 +135,11 @@ class Option:
 
     def holds(self, value: float) -> bool:
         """Return True if a number, in file units, is finite and in the range."""
-        return (
-            math.isfinite(value)
-            and (self.least is None or value >= self.least)
-            and (self.most is None or value <= self.most)
-            and (self.above is None or value > self.above)
-            and (self.below is None or value < self.below)
+        limits = (
+            *((operator.ge, self.least), (operator.le, self.most)),
+            *((operator.gt, self.above), (operator.lt, self.below)),
         )
+        return math.isfinite(value) and all(end is None or fits(value, end) for fits, end in limits)
 
     def to_si(self, value: float | None) -> float | None:
         """Return a value of a file in SI."""
@@ -166,6 +155,10 @@ class Option:
         return value if scale == 1.0 else float(f"{value / scale:.12g}")
 
 
+Positive = Annotated[float, Option(above=0.0)]
+NotNegative = Annotated[float, Option(least=0.0)]
+
+
 @dataclass(frozen=True)
 class Field:
     """A field of a record with its option, as used by command line, file and form."""
@@ -176,6 +169,7 @@ class Field:
     optional: bool  # None is allowed
     default: Any  # dataclasses.MISSING if the field is required
     option: Option
+    record: type
 
     @property
     def required(self) -> bool:
@@ -185,6 +179,13 @@ class Field:
     def flag(self) -> str:
         """Return the name of the option on the command line."""
         return self.option.flag or f"--{self.name.replace('_', '-')}"
+
+    @property
+    def help(self) -> str:
+        """Return the text below the field, or the help of its option."""
+        names = [(each.__module__, each.__name__) for each in self.record.__mro__ if each is not object]
+        texts = (_field_texts(module).get((name, self.name)) for module, name in names)
+        return self.option.help or next(filter(None, texts), "")
 
     @cached_property  # Each check of a record uses it.
     def item(self) -> Any:  # noqa: ANN401 - a type
@@ -237,6 +238,21 @@ class Field:
         return "a list, each " if ... in items else f"a list of {len(items)}, each "
 
 
+@cache
+def _field_texts(module: str) -> dict[tuple[str, str], str]:
+    """Return the strings below the fields of the classes in a module, by names of class and field."""
+    classes = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {
+        (each.name, field.target.id): " ".join(text.value.value.split())
+        for each in classes
+        if isinstance(each, ast.ClassDef)
+        for field, text in pairwise(each.body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        if isinstance(text.value.value, str)
+    }
+
+
 def fields_of(record: type) -> tuple[Field, ...]:
     """Return the fields of a record, in order. Pydantic is not loaded."""
     if record not in _FIELDS:
@@ -257,7 +273,7 @@ def _read_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
         default = each.default
         if default is dataclasses.MISSING and each.default_factory is not dataclasses.MISSING:
             default = each.default_factory()
-        yield Field(each.name, option.key or each.name, kind, optional, default, option)
+        yield Field(each.name, option.key or each.name, kind, optional, default, option, record)
 
 
 def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
@@ -289,42 +305,19 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     from pydantic import ValidationError
 
     try:
-        text = json.dumps(_expand_short_forms(record, document), default=_plain_json)
+        text = json.dumps(document, default=lambda x: dict(x) if isinstance(x, Mapping) else str(x))
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(place=place, found="nested too deep, or not made of plain values") from error
     try:
-        found = _adapter(record).validate_json(text, strict=True)
+        found = _adapter(typing.cast("Any", record)).validate_json(text, strict=True)
     except ValidationError as error:
         faults = [_fault(record, each, place) for each in error.errors(include_url=False)]
         raise InputError(faults=list({str(fault): fault for fault in faults}.values())) from None
     return typing.cast("Record", found)
 
 
-def _expand_short_forms(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type and any value
-    """Return a value of a document with short forms expanded to tables."""
-    origin, parts = get_origin(kind), get_args(kind)
-    if isinstance(value, Mapping) and origin is Mapping:
-        return {key: _expand_short_forms(parts[1], each) for key, each in value.items()}
-    if isinstance(value, list | tuple) and origin is tuple:
-        return [_expand_short_forms(parts[0], each) for each in value]
-    if not (isinstance(value, Mapping) and isinstance(kind, type) and dataclasses.is_dataclass(kind)):
-        return value
-    found = dict(value)
-    for field in fields_of(kind):
-        if field.key in found:
-            given, short = found[field.key], field.option.short
-            given = given if short is None or isinstance(given, Mapping) else short(given)
-            found[field.key] = _expand_short_forms(field.type, given)
-    return found
-
-
-def _plain_json(value: object) -> object:
-    return dict(value) if isinstance(value, Mapping) else str(value)
-
-
+@cache
 def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapter loaded late
-    if record in _ADAPTERS:
-        return _ADAPTERS[record]
     from pydantic import TypeAdapter
 
     for each in _records_in(record):
@@ -332,8 +325,7 @@ def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapte
             keys = {field.name: field.key for field in fields_of(each)}
             config = {"extra": "forbid", "allow_inf_nan": False, "alias_generator": keys.__getitem__}
             each.__pydantic_config__ = config
-    _ADAPTERS[record] = TypeAdapter(record)
-    return _ADAPTERS[record]
+    return TypeAdapter(record)
 
 
 def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
@@ -349,55 +341,46 @@ def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
 
 def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     """Return an error of Pydantic as an error of this package."""
-    *parents, last = [part for part in fault["loc"] if isinstance(part, int | str)] or [""]
-    kind, field = fault["type"], _field_at(record, fault["loc"])
+    location, kind, message = (fault[key] for key in ("loc", "type", "msg"))
+    *parents, last = location or ("",)
     if kind == "value_error":  # raised in __post_init__ of the record
-        own, raised = ".".join(str(part) for part in fault["loc"]), fault["ctx"]["error"]
+        own, raised = ".".join(map(str, location)), fault["ctx"]["error"]
         error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
-        return (error.at_place(own) if own else error).at_place(place)
+        return (error.prepend_place(own) if own else error).prepend_place(place)
     where = ".".join(str(part)[:_VALUE_LENGTH_MAX] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
-        known = [each.key for each in _fields_at(record, parents)]
+        known, _ = _locate(record, parents)
         words = f"{where} has no key" if where else "unknown key"
-        error = unknown_name(f"{words} {str(last)[:_VALUE_LENGTH_MAX]!r}", str(last), known, place)
-        meant = next((each for each in _fields_at(record, parents) if each.key in error.remedy), None)
-        if meant is not None and meant.option.remedy:
-            error.remedy = f"{error.remedy} {meant.option.remedy}"
-            error.move_to(place)
+        unknown = str(last)[:_VALUE_LENGTH_MAX]
+        error = unknown_name(f"{words} {unknown!r}", str(last), [each.key for each in known], place)
+        hints = (each.option.remedy for each in known if each.key in error.remedy)
+        error.remedy = " ".join(filter(None, (error.remedy, next(hints, ""))))
+        error.move_to(place)
         return error
-    expected = str(fault["msg"]).removeprefix("Input should be ")
+    _, field = _locate(record, location)
+    expected, remedy = str(message).removeprefix("Input should be "), ""
     if field is not None:  # The location is an item if the field is a list.
         expected = field.words if last == field.key else field.item_words
+        remedy = field.option.remedy
     if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
         return InputError(f"{whole} is missing", place=place, expected=expected)
     if not whole:
         return InputError(f"it is {_shown(fault['input'])}", place=place, expected="a table")
-    remedy = field.option.remedy if field is not None else ""
     return InputError(f"{whole} is {_shown(fault['input'])}", place=place, expected=expected, remedy=remedy)
 
 
-def _fields_at(record: Any, place: Sequence[int | str]) -> tuple[Field, ...]:  # noqa: ANN401 - a type
+def _locate(record: type, place: Sequence[int | str]) -> tuple[tuple[Field, ...], Field | None]:
+    """Return the known fields at a location in a document, and the innermost field on its path."""
+    known, field = fields_of(record), None
     for part in place:
-        field = next((each for each in fields_of(record) if each.key == part), None)
-        if field is None:
-            continue
-        inner = next((each for each in _records_in(field.type)), None)
-        if inner is None:
-            return ()
-        record = inner
-    return fields_of(record) if isinstance(record, type) and dataclasses.is_dataclass(record) else ()
-
-
-def _field_at(record: type, place: Sequence[int | str]) -> Field | None:
-    """Return the innermost field on the path to a location in a document."""
-    names = [part for part in place if isinstance(part, str)]
-    for k in range(len(names), 0, -1):
-        for field in _fields_at(record, names[: k - 1]):
-            if field.key == names[k - 1]:
-                among_values = k < len(names) and get_origin(field.type) is Mapping
-                return dataclasses.replace(field, type=get_args(field.type)[1]) if among_values else field
-    return None
+        inner = next((each for each in known if each.key == part), None)
+        if inner is not None:
+            field, tables = inner, list(_records_in(inner.type))
+            known = fields_of(tables[0]) if tables else ()
+        elif field is not None and isinstance(part, str) and get_origin(field.type) is Mapping:
+            field = dataclasses.replace(field, type=get_args(field.type)[1])
+    return known, field
 
 
 def _shown(value: object) -> str:
@@ -493,7 +476,7 @@ def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 -
 
 def finite_or_none(value: float) -> float | None:
     """Return a number for JSON: None (null) if it is not finite."""
-    return value if math.isfinite(value) else None
+    return float(value) if math.isfinite(value) else None
 
 
 def toml_text(document: Mapping[str, Any], title: str = "") -> str:

@@ -396,17 +396,17 @@ CASES: tuple[Case, ...] = (
     Case(
         "wrong unit, newtons",
         spoilt(edit("force", lambda f: 1e6 * f)),
-        r"force is .* N at sample 0.*expected -1e\+06 to 1e\+06",
+        r"force is .* N at worst, outside -1e\+06 to 1e\+06",
     ),
     Case(
         "commas for all",
         text(f"{HEADER}\n" + "".join(f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5\n" for k in range(200))),
-        r"commas seem to separate both columns and decimals",
+        r"commas may be decimals",
     ),
     # Numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
     Case("cut in a row", text(GOOD[:-30]), r"is nan at sample"),
-    Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at sample 77 \(1 such"),
+    Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at worst.*\(1 samples"),
     Case("time twice", spoilt(put("time", 100, 0.495)), r"time does not increase .* after sample 99"),
     Case("time goes back", spoilt(put("time", slice(200, 204), np.arange(4) * 0.005)), r"mixed sampling"),
     Case(
@@ -455,11 +455,6 @@ CASES: tuple[Case, ...] = (
         r"not a readable Excel file",
     ),
     # Data loggers
-    Case(
-        "logger, no size",
-        damaged("logger.txt", lambda c: c.replace(b"Header Size", b"Header Length")),
-        r"logger\.txt",
-    ),
     Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
     Case(
         "MTS, no rows",
@@ -481,8 +476,8 @@ CASES: tuple[Case, ...] = (
         Case(f"{name}, nothing but its head", damaged(name, signature_alone), rf"{name}: .*{said}")
         for name, said in (
             ("run.csv", "not a format that is read here"),
-            ("mts.dat", "is not UTF-8 text"),
-            ("logger.txt", "is not UTF-8 text"),
+            ("mts.dat", "not a format that is read here"),
+            ("logger.txt", "not a format that is read here"),
             ("v5.mat", "not a readable MAT file"),
             ("v73.mat", "not a readable HDF5 file"),
             ("run.h5", "not a readable HDF5 file"),

@@ -46,13 +46,23 @@ def folder(tmp_path_factory):
     return place
 
 
+def fit_into(out, folder):
+    return ("fit", folder / "runs", "--out", out, "--law", "bouc-wen", "--hold-out", "*_0.75V_*")
+
+
 @pytest.fixture(scope="module")
 def identified(folder):
     """Fit once, for all tests of the result."""
-    return mrdamper(
-        *("fit", folder / "runs", "--out", folder / "out", "--law", "bouc-wen"),
-        *("--hold-out", "*_0.75V_*", "--json"),
-    )
+    return mrdamper(*fit_into(folder / "out", folder), "--json")
+
+
+@pytest.fixture(scope="module")
+def repeated(folder):
+    """Fit again in a process of its own; return what the terminal shows, and the wall time [s]."""
+    started = time.monotonic()
+    arguments = command(*fit_into(folder / "again", folder))
+    done = subprocess.run(arguments, capture_output=True, check=True, text=True)
+    return done.stdout, time.monotonic() - started
 
 
 def test_fit_json_has_documented_keys(identified, folder):
@@ -69,12 +79,9 @@ def test_fit_json_has_documented_keys(identified, folder):
     assert identified.stderr == ""
 
 
-def test_closing_line_prints_wall_time(folder):
+def test_closing_line_prints_wall_time(repeated):
     """The time of the command is printed. The start of the interpreter is not included."""
-    started = time.monotonic()
-    arguments = ("fit", folder / "runs", "--out", folder / "timed", "--law", "bouc-wen")
-    text = subprocess.run(command(*arguments), capture_output=True, check=True, text=True).stdout
-    elapsed = time.monotonic() - started
+    text, elapsed = repeated
     printed = float(re.findall(r"^Wrote .* \(([\d.]+) s\)\.$", text, re.MULTILINE)[0])
     assert 0.3 * elapsed <= printed <= elapsed + 0.1
 
@@ -148,23 +155,17 @@ def test_motion_text_agrees_with_python(identified, folder):
     assert answer["force_N"] == pytest.approx([force.min(), force.max()], rel=1e-9)
 
 
-def test_same_seed_gives_same_files(identified, folder):
-    again = mrdamper(
-        *("fit", folder / "runs", "--out", folder / "again", "--law", "bouc-wen"),
-        *("--hold-out", "*_0.75V_*", "--json"),
-    )
-    assert again.returncode == 0
+def test_same_seed_gives_same_files(identified, repeated, folder):
     for name in ("card.json", "report.html", "errors.csv"):
         assert (folder / "again" / name).read_bytes() == (folder / "out" / name).read_bytes()
 
 
-def test_terminal_shows_errors_and_report_every_run(folder):
+def test_terminal_shows_errors_and_report_every_run(repeated, folder):
     """The terminal has the verdict and the table of errors, the report has all runs and parameters."""
-    run = mrdamper("fit", folder / "runs", "--out", folder / "table", "--law", "dahl")
-    assert run.returncode == 0
-    assert run.stdout.startswith("Training runs: median error")
-    assert "cross-validation" in run.stdout or "training" in run.stdout
-    page = (folder / "table" / "report.html").read_text(encoding="utf-8")
+    text, _ = repeated
+    assert text.startswith("Held-out runs: median error")
+    assert "training" in text
+    page = (folder / "again" / "report.html").read_text(encoding="utf-8")
     for path in (folder / "runs").iterdir():
         assert path.stem in page
     assert "yield_force" in page
@@ -246,14 +247,14 @@ def test_hold_out_pattern_without_match_is_rejected(folder, tmp_path):
 
 def test_flip_force_accepts_runs_with_wrong_sign(tmp_path):
     place = spoiled(tmp_path, "runs", changed("force_N", lambda f: -f), every=True)
-    arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--json")
+    arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--term", "none", "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--flip-force").returncode == 0
 
 
 def test_single_current_is_accepted_with_option(tmp_path, folder):
     runs = [str(path) for path in sorted((folder / "runs").glob("*_1.50V_*.csv"))]
-    arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--json")
+    arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--term", "none", "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--one-command").returncode == 0
 
@@ -263,7 +264,7 @@ def test_single_current_is_accepted_with_option(tmp_path, folder):
 
 def test_python_law_is_fitted_and_evaluated(folder):
     run = short_runs()[-1]
-    short = {name: values[:400] for name, values in columns_of(run).items()}  # A law in Python is slow.
+    short = {name: values[:400:4] for name, values in columns_of(run).items()}  # A law in Python is slow.
     runs = [write_csv(folder / "short.csv", short)]
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(

@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import NAMES, Safety, controllers_for
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tuning import PREVIEW_RATIO
-from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import drive
 from mrdamper.models.actuation import Actuation
@@ -194,14 +194,14 @@ def test_single_precision_gives_same_command(name):
 
 
 def test_instruction_sets_give_same_bits():
-    rows, before = told(RECOMMENDED, 1.0), _kernel.level()
+    rows, before = told(RECOMMENDED, 1.0), core.level()
     found = set()
     try:
-        for level in _kernel.levels():
-            _kernel.use_level(level)
+        for level in core.levels():
+            core.use_level(level)
             found.add(RECOMMENDED.run(RECOMMENDED.start(), rows)[0])
     finally:
-        _kernel.use_level(before)
+        core.use_level(before)
     assert len(found) == 1
 
 

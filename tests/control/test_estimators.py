@@ -94,7 +94,7 @@ def test_held_commands_pass_the_actuation(period):
         state = observer.step(state, level)
         found.append(state.applied)
     fine = np.concatenate([np.zeros(100), np.repeat(command, 100)])
-    whole = LAGS.applied(fine, period / 100.0)[100:]
+    whole = LAGS.apply(fine, period / 100.0)[100:]
     # A dead time between two samples is interpolated, which is late or early by a fraction of a period.
     blur = 0.6 * period * 2.0 / (LAGS.rise_s + LAGS.second_s)
     assert np.abs(found - whole[99::100]).max() < max(2e-3, blur)
@@ -139,7 +139,7 @@ def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_
         applied.append(made.estimate(state).applied)
         state, given, _ = made.run(state, row[None])
         command.append(float(given[0]))
-    fine = lags.applied(np.concatenate([np.zeros(500), np.repeat(command, 100)]), 1e-5)[500:]
+    fine = lags.apply(np.concatenate([np.zeros(500), np.repeat(command, 100)]), 1e-5)[500:]
     assert max(command) > 1.0
     np.testing.assert_allclose(applied[1:], fine[99::100][: len(applied) - 1], atol=8e-3)
 
@@ -164,7 +164,7 @@ def test_magnetic_hysteresis_is_inverted(wide_hysteresis_width_A, within):
         made = changed(made, inverse__margin=-1.0, inverse__compensation=0.0)
         commands.append(made.run(made.start(), rows)[1])
     plain, given = commands
-    felt = worn.applied(np.concatenate([[0.0], given]), PERIOD)[1:]
+    felt = worn.apply(np.concatenate([[0.0], given]), PERIOD)[1:]
     inside = (given > 0.0) & (given < 2.0) & (plain > 0.0) & (plain < 2.0)
     assert inside.mean() > 0.2
     assert np.abs(given - plain)[inside].max() > 0.03

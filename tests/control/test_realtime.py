@@ -12,12 +12,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.stepper import Flag
-from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive
 from mrdamper.models.simulate import simulate
@@ -220,14 +220,14 @@ def test_state_of_other_precision_is_refused(model, other):
 
 @both_precisions
 def test_instruction_sets_give_same_bits(model):
-    rows, before = rows_for(MOVED, 0.5), _kernel.level()
+    rows, before = rows_for(MOVED, 0.5), core.level()
     found = set()
     try:
-        for level in _kernel.levels():
-            _kernel.use_level(level)
+        for level in core.levels():
+            core.use_level(level)
             found.add(model.run(model.start(), rows)[0])
     finally:
-        _kernel.use_level(before)
+        core.use_level(before)
     assert len(found) == 1
 
 

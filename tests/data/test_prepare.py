@@ -137,7 +137,7 @@ def test_reversed_force_is_rejected():
     run = make_run(SINE)
     flipped = make_run(SINE, changed={"force": 50.0 - run.force})
     with pytest.raises(
-        InputError, match=r"opposite signs \(correlation -0\.\d\d\).*put `sign = -1` at \[channel\.force\]"
+        InputError, match=r"opposite signs \(correlation -0\.\d\d\).*Put `sign = -1` at \[channel\.force\]"
     ):
         prepare_run(flipped)
 
@@ -157,7 +157,7 @@ def test_measured_velocity_must_agree():
     assert not np.array_equal(prepare_run(run).trajectory.velocity, measured)
     assert np.array_equal(prepare_run(run, Preparation(velocity="channel")).trajectory.velocity, measured)
     wrong = make_run(changed=fields | {"velocity": 1.5 * measured})
-    with pytest.raises(InputError, match=r"differs from the displacement's rate by 5\d\.?\d* % of its rms"):
+    with pytest.raises(InputError, match=r"differs from the displacement's rate by 5\d\.?\d* % rms"):
         prepare_run(wrong, Preparation(velocity="channel"))
     with pytest.raises(InputError, match="no velocity channel"):
         prepare_run(make_run(SINE), Preparation(velocity="channel"))

@@ -159,9 +159,7 @@ def test_loggers_text_holds_several_tests(tmp_path):
 
 def test_events_and_commands_must_be_as_many(tmp_path):
     (tmp_path / "log.txt").write_text(_logger_text(2))
-    with pytest.raises(
-        InputError, match=r"'Resume' splits the file into 2 tests and \[segments\].* gives 3 comm"
-    ):
+    with pytest.raises(InputError, match=r"'Resume' splits the file into 2 tests, \[segments\] has 3"):
         read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))
 
 

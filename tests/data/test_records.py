@@ -65,7 +65,7 @@ def test_valid_run_is_not_changed():
         ),
         ("time", lambda t: np.where(t < 2.0, t, t + 0.3), r"time has a gap of 0\.301 s after sample 1999"),
         ("force", lambda f: f[:-1], r"channels differ in length \(time 5001, displacement 5001, force 5000"),
-        ("force", lambda f: 1e4 * f, r"force is 1e\+07 N at sample \d+ .* expected -1e\+06 to 1e\+06 N"),
+        ("force", lambda f: 1e4 * f, r"force is .* N at worst, outside -1e\+06 to 1e\+06 N"),
     ],
 )
 def test_fault_has_location_and_remedy(field, change, message):
@@ -74,7 +74,7 @@ def test_fault_has_location_and_remedy(field, change, message):
 
 
 def test_celsius_as_kelvin_is_rejected():
-    told = r"run: temperature is -248.1 degC \(25 K\) .* -50 to 180 degC. It looks like degC given as K"
+    told = r"run: temperature is -248.1 degC \(25 K\) .* -50 to 180 degC .* It looks like degC given as K"
     with pytest.raises(InputError, match=told):
         make_run(changed={"temperature": np.full(5001, 25.0)})
 

@@ -12,8 +12,7 @@ from mrdamper.codegen.matlab import tables_text, write_matlab
 from mrdamper.codegen.table import ForceMap, force_map
 from mrdamper.quantities import ZERO_CELSIUS_K
 from tests.export.exports import card_of
-from tests.support.campaigns import paper_card
-from tests.support.cards import DAMPERS
+from tests.support.cards import DAMPERS, rig_damper
 
 pytestmark = pytest.mark.system
 
@@ -40,7 +39,7 @@ def expected(table: ForceMap, values: np.ndarray, asked: np.ndarray) -> np.ndarr
 
 @pytest.mark.parametrize("card", ["of three dimensions", "at one temperature"])
 def test_octave_reads_the_card_and_its_map(card, tmp_path, tool):
-    chosen = paper_card() if card == "of three dimensions" else card_of(DAMPERS["bouc-wen"])
+    chosen = card_of(rig_damper()) if card == "of three dimensions" else card_of(DAMPERS["bouc-wen"])
     table = force_map(chosen)
     write_matlab(table, tmp_path)
     draw = np.random.default_rng(0)

@@ -192,7 +192,7 @@ def test_response_times_are_found_from_random_current():
     assert result.driver_quadrants is None
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_follow_ratio_of_bristles_is_found():
     """The fraction that follows the current immediately is found from any start."""
     bristles = {"bristle_share": 0.9, "bristle_stiffness": 4e5, "friction_force": 60.0}
@@ -283,7 +283,7 @@ def test_known_free_wheeling_time_is_found():
     assert refine_actuation(*pulled, runs) == pulled
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_two_loops_of_saturating_core_are_found():
     """Saturation and wide loop are within 10 %. A core without saturation gets neither."""
     known = Actuation(
@@ -312,7 +312,7 @@ def test_two_loops_of_saturating_core_are_found():
     )
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_saturation_with_free_wheeling_is_found():
     """The errors are at most 5 and 10 %. Cross-validation detects the driver even without steps."""
     known = Actuation(

@@ -67,7 +67,7 @@ class Certified(Objective):
     def __init__(self, column: Column, slope: Column) -> None:
         free = FreeParameter("b2", 1e-6, 1e-2, scale="log")
         self.problem = SimpleNamespace(nonlinear=(free,), linear=("b1",))  # type: ignore[assignment]
-        self.box = Box.of(self.problem.nonlinear)
+        self.box = Box.from_parameters(self.problem.nonlinear)
         self.nonlinear, self.linear, self.runs = ("b2",), ("b1",), ()
         self._rows, self._floor, self._light = np.zeros((0, 1)), np.zeros(0), np.zeros(1)
         self.column, self.slope, self.evaluations = column, slope, 0

@@ -13,8 +13,8 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.evaluate import (
     all_assumed,
+    operating_envelope,
     prepare_for,
-    whole_envelope,
 )
 from mrdamper.identify.evaluate import evaluate as errors_of
 from mrdamper.models.damper import OperatingEnvelope
@@ -53,7 +53,7 @@ def test_envelope_contains_all_runs() -> None:
         prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), NO_SMOOTHING),
         prepare_run(run_of(Sine(9e-3, 0.5), command=1.5), NO_SMOOTHING),
     ]
-    seen = whole_envelope(runs)
+    seen = operating_envelope(runs)
     assert seen.command == (0.5, 1.5)
     assert seen.temperature == pytest.approx((293.15, 303.15))
     assert seen.displacement == pytest.approx((-9e-3, 9e-3), rel=0.01)
@@ -62,8 +62,8 @@ def test_envelope_contains_all_runs() -> None:
     assert seen.acceleration == pytest.approx((-most, most), rel=0.02)
     assert seen.frequency == pytest.approx((0.5, 2.0), rel=0.1)
     cold = prepare_run(run_of(Sine(4e-3, 2.0), celsius=None), NO_SMOOTHING)
-    assert whole_envelope([*runs, cold]).temperature is None
-    assert whole_envelope([cold, *runs]).temperature is None
+    assert operating_envelope([*runs, cold]).temperature is None
+    assert operating_envelope([cold, *runs]).temperature is None
 
 
 def test_training_runs_of_card_are_recognised() -> None:

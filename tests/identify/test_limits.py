@@ -38,3 +38,18 @@ def test_friction_stays_positive_in_the_envelope(form: ParameterLaw) -> None:
     assert np.min(form.value(*at)) < 0.0
     assert np.min(limited.coefficients["friction_force"].value(*at)) >= 0.0
     assert any("friction_force" in note for note in notes)
+
+
+def test_factor_near_zero_keeps_the_size() -> None:
+    vanishing = TemperatureDependent(Constant(50.0), Linear((1.0 - 1e-7) / (TEMPERATURES_K[1] - 293.15)))
+    damper = replace(
+        CHAIN,
+        coefficients={**CHAIN.coefficients, "friction_force": vanishing},
+        temperature_range=TEMPERATURES_K,
+    )
+    limited, _ = limit_coefficients(damper, ENVELOPE)
+    temperatures = np.linspace(*TEMPERATURES_K, 9)
+    before, after = (
+        form.value(np.zeros(9), temperatures) for form in (vanishing, limited.coefficients["friction_force"])
+    )
+    np.testing.assert_allclose(after, before, atol=0.01 * np.max(before))

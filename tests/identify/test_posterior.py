@@ -111,7 +111,7 @@ def test_interval_of_simulated_force_covers_reference_force():
     inside = []
     for seed in range(100, 124):
         reference, problem, result = random_campaign(seed)
-        samples = sample_posterior(problem, result, draws=200)
+        samples = sample_posterior(problem, result, draws=100)
         powers = [power(damper) for damper in samples.dampers(result.damper, len(samples))]
         low, high = np.percentile(powers, (5.0, 95.0), axis=0)
         inside.append((low <= power(reference)) & (power(reference) <= high))

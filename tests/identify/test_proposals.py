@@ -11,7 +11,7 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.proposals import propose_tests
-from mrdamper.identify.evaluate import whole_envelope
+from mrdamper.identify.evaluate import operating_envelope
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
@@ -35,7 +35,7 @@ def test_proposed_tests_stay_inside_runs() -> None:
     damper, free = template("bouc-wen", runs)
     problem = FitProblem(damper, free, runs)
     tests = [read(test) for test in propose_tests(problem, fit_variable_projection(problem))]
-    seen = whole_envelope(runs)
+    seen = operating_envelope(runs)
     assert len(tests) == 3
     for amplitude, frequency, current, _ in tests:
         assert amplitude <= seen.displacement[1] * 1.05

@@ -164,7 +164,7 @@ class LeastSquares:
 
     @property
     def box(self) -> Box:
-        return Box.of(self.problem.nonlinear)
+        return Box.from_parameters(self.problem.nonlinear)
 
     def sums(self, values: FloatArray, linear: FloatArray, off: float = 1.0) -> FloatArray:
         grams = []

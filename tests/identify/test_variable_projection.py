@@ -28,9 +28,9 @@ def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, duration: float 
 
 @pytest.mark.system
 @pytest.mark.parametrize("law", ["bouc-wen", "bouc-wen-saturating", "series-valve"])
-def test_every_seed_finds_same_minimum(law: str) -> None:
+def test_more_starts_find_same_minimum(law: str) -> None:
     problem = problem_of(law, duration=4.0)
-    costs = [fit_variable_projection(problem, starts=2).cost_percent for seed in range(4)]
+    costs = [fit_variable_projection(problem, starts=count).cost_percent for count in (1, 3)]
     assert max(costs) < 1.001 * min(costs)
 
 

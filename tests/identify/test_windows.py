@@ -12,7 +12,7 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, Trajectory, drive, motion_from_text
 from mrdamper.identify.settings import DEFAULT_SETTINGS
-from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
+from mrdamper.identify.windows import FitWindow, representative_windows, run_windows
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
@@ -66,7 +66,7 @@ def wrong(damper: Damper) -> Damper:
 def test_cost_on_windows_approximates_total_cost(campaign) -> None:
     """A quarter of the samples gives the cost of a damper with model error within 10 %."""
     runs, damper = campaign(), wrong(warm_damper() if campaign is grid else DAMPER)
-    every = whole_runs(runs, DEFAULT_SETTINGS)
+    every = run_windows(runs, DEFAULT_SETTINGS)
     samples = sum(len(window.force) for window in every)
     windows = representative_windows(runs, DEFAULT_SETTINGS, samples_max=samples / 4)
     assert sum(len(window.force) for window in windows) <= samples / 4

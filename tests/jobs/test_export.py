@@ -197,10 +197,9 @@ def test_wheel_contains_kernel_and_templates():
     assert files("mrdamper.codegen").joinpath("templates", "damper.h.j2").is_file()
 
 
-@pytest.mark.parametrize("lag", [True, False])
-@pytest.mark.parametrize("knows_temperature", [True, False])
-def test_notes_name_parts_a_card_lacks(lag, knows_temperature, tmp_path, tool):
-    tool("cc")
+@pytest.mark.parametrize(("lag", "knows_temperature"), [(True, False), (False, True)])
+def test_notes_name_parts_a_card_lacks(lag, knows_temperature, tmp_path, monkeypatch):
+    monkeypatch.setattr("mrdamper.jobs.export.verify_c", lambda _: SimpleNamespace(passed=True))
     damper = rig_damper(lag=RIG_LAG if lag else None, temperature_dependent=knows_temperature)
     card = read_card(write_card_of(tmp_path / "card.json", damper))
     found = exported(card, ExportOptions(what=("c",), content="model"))

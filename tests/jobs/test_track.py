@@ -77,7 +77,7 @@ def test_unknown_temperature_costs_when_hot(run, name):
 
 
 def test_summary_is_the_worst_temperature(run):
-    for row in run.worst:
+    for row in run.max_error_rows:
         each = [r.score for r in run.rows if r.controller == row.controller]
         assert row.score.max_N == max(s.max_N for s in each)
         assert row.score.rmse_feasible_N == max(s.rmse_feasible_N for s in each)

@@ -59,7 +59,7 @@ def test_ramp_through_two_lags_is_closed_form():
     """A ramp of 1 A/s through both. Between samples the first is taken as linear: off by step^2/(8a)."""
     a, b, step = 0.030, 0.012, 1e-4
     time = step * np.arange(3000, dtype=np.float64)
-    off = Actuation(a, a, b).applied(time, step) - ramp_through_two_lags(time, a, b)
+    off = Actuation(a, a, b).apply(time, step) - ramp_through_two_lags(time, a, b)
     assert np.abs(off).max() < step**2 / (8.0 * a)
 
 
@@ -70,7 +70,7 @@ def test_two_lags_converge_with_order_two():
     def error(step: float) -> float:
         time = step * np.arange(round(0.3 / step), dtype=np.float64)
         exact = ramp_through_two_lags(time, a, b)
-        return float(np.abs(Actuation(a, a, b).applied(time, step) - exact).max())
+        return float(np.abs(Actuation(a, a, b).apply(time, step) - exact).max())
 
     assert math.log(error(1e-3) / error(2.5e-4)) / math.log(4.0) == pytest.approx(2.0, abs=0.1)
 
@@ -101,9 +101,9 @@ def test_missing_area_is_sum_of_times(rise, fall, second, delay):
     both = Actuation(rise, fall, second, delay)
     step = (rise + fall + second + delay) / 500.0
     up = a_step(15_000)
-    lacking = step * np.sum(up - both.applied(up, step))
+    lacking = step * np.sum(up - both.apply(up, step))
     assert lacking == pytest.approx(rise + second + delay, rel=1e-6, abs=1e-9)
-    left = step * np.sum(both.applied(1.0 - up, step) - (1.0 - up))
+    left = step * np.sum(both.apply(1.0 - up, step) - (1.0 - up))
     assert left == pytest.approx(fall + second + delay, rel=1e-6, abs=1e-9)
 
 
@@ -123,7 +123,7 @@ def test_lag_matches_adaptive_integrator():
 
     def error(step: float) -> float:
         stride = round(step / 2.5e-4)
-        found = Actuation(rise, fall).applied(0.3 + np.sin(omega * every[::stride]), step)
+        found = Actuation(rise, fall).apply(0.3 + np.sin(omega * every[::stride]), step)
         return float(np.abs(found - exact[::stride]).max())
 
     coarse, fine = error(2e-3), error(2.5e-4)
@@ -141,11 +141,11 @@ def test_free_wheeling_current_decays_to_the_command():
     to_zero, to_level = np.zeros(2000), np.ones(2000)
     to_zero[0] = to_level[0] = 2.0
     free = 2.0 * np.exp(-time / 0.025)
-    np.testing.assert_allclose(actuation.applied(to_zero, step), free, rtol=1e-12)
-    np.testing.assert_allclose(actuation.applied(to_level, step), np.maximum(free, 1.0), rtol=1e-12)
+    np.testing.assert_allclose(actuation.apply(to_zero, step), free, rtol=1e-12)
+    np.testing.assert_allclose(actuation.apply(to_level, step), np.maximum(free, 1.0), rtol=1e-12)
     np.testing.assert_array_equal(
-        actuation.applied(0.5 + to_level[::-1], step),
-        replace(actuation, freewheel_time_s=0.0).applied(0.5 + to_level[::-1], step),
+        actuation.apply(0.5 + to_level[::-1], step),
+        replace(actuation, freewheel_time_s=0.0).apply(0.5 + to_level[::-1], step),
     )
     assert actuation.response_time(0.9, 1.0, 0.0) == pytest.approx(0.025 * math.log(10.0), rel=1e-3)
 
@@ -165,9 +165,9 @@ def test_free_wheeling_in_saturated_iron_matches_integrator():
         rtol=1e-9,
         atol=1e-12,
     )
-    applied = actuation.applied(command, step)
+    applied = actuation.apply(command, step)
     np.testing.assert_allclose(applied, solved.y[0], rtol=2e-4)
-    finer = actuation.applied(np.repeat(command, 2)[1:], 0.5 * step)[::2]
+    finer = actuation.apply(np.repeat(command, 2)[1:], 0.5 * step)[::2]
     errors = [np.abs(found - solved.y[0]).max() for found in (applied, finer)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)  # second order
     assert actuation.response_time(0.5, 5.0, 0.0) < 0.3 * actuation.response_time(0.5, 0.5, 0.0)
@@ -176,7 +176,7 @@ def test_free_wheeling_in_saturated_iron_matches_integrator():
 def test_hysteresis_in_saturated_iron_follows_flux():
     """A fall from 5 A to 1 A is complete because it exceeds the half width; a fall to 4 A counts half."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
-    felt = actuation.applied(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
+    felt = actuation.apply(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
     fall = 5.0 / 6.0 - 4.0 / 5.0  # The change of flux is less than twice the half width.
     back = 5.0 / 6.0 - 4.5 / 5.5
     np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
@@ -193,7 +193,7 @@ def test_flux_lags_in_saturated_iron():
     command[0] = 0.0
     for levels, flux in ((command, end * (1.0 - left)), (4.0 - command, end * left)):
         late = np.interp(time - 0.5 * step, time, flux)  # the step is a ramp over its first sample
-        found = actuation.flux(actuation.applied(levels, step))
+        found = actuation.flux(actuation.apply(levels, step))
         np.testing.assert_allclose(found[1:], late[1:], atol=1e-5 * end)
 
 
@@ -209,7 +209,7 @@ def test_two_hysteresis_widths_superpose():
     """From 2 A down both open at once, then the narrow one is done; a small swing closes only that one."""
     narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
-    felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).applied(commands, 1e-3)
+    felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).apply(commands, 1e-3)
     of_narrow = np.array([0.0, 0.0, 0.1, 0.2, 0.2, 0.0, 0.0])
     of_wide = np.array([0.0, 0.0, 0.1, 0.5, 0.8, 0.5, 0.0])
     np.testing.assert_allclose(felt - commands, narrow * of_narrow + wide * of_wide, atol=1e-12)
@@ -219,7 +219,7 @@ def test_two_hysteresis_widths_superpose():
 def test_applied_command_has_no_overshoot(actuation, command, step):
     """The output has no overshoot: it is always within the range of past commands."""
     at = np.array(command)
-    felt = actuation.applied(at, step)
+    felt = actuation.apply(at, step)
     assert np.all(felt <= np.maximum.accumulate(at) + 1e-12)
     assert np.all(felt >= np.minimum.accumulate(at) - 1e-12)
 
@@ -232,7 +232,7 @@ def test_applied_command_scales_with_the_command(actuation, command, size):
     """
     at = np.array(command)
     np.testing.assert_array_equal(
-        actuation.applied(size * at, 1e-3), size * actuation.applied(at, 1e-3), strict=True
+        actuation.apply(size * at, 1e-3), size * actuation.apply(at, 1e-3), strict=True
     )
 
 
@@ -247,7 +247,7 @@ slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501),
 @pytest.mark.parametrize("width", [0.01, 0.08])
 def test_hysteresis_adds_to_a_falling_command(width):
     """Half the field lags by the full width: half a width more; in the turn the slope is a half."""
-    felt = Actuation(0.0, 0.0, hysteresis_width_A=width).applied(slow, 1e-3)
+    felt = Actuation(0.0, 0.0, hysteresis_width_A=width).apply(slow, 1e-3)
     np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
     away = 2001 + int(2e3 * width) + 1
     np.testing.assert_allclose(felt[away:3502], slow[away:3502] + width, atol=1e-12)
@@ -259,9 +259,9 @@ def test_hysteresis_adds_to_a_falling_command(width):
 def test_hysteresis_is_bounded_and_even(levels, width):
     """Hysteresis increases the absolute effective command; mirrored commands give mirrored results."""
     command = np.repeat(np.abs(levels), 3)
-    with_hysteresis = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).applied(command, 1e-3)
-    without = Actuation(0.004, 0.006, 0.002).applied(command, 1e-3)
+    with_hysteresis = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).apply(command, 1e-3)
+    without = Actuation(0.004, 0.006, 0.002).apply(command, 1e-3)
     assert (with_hysteresis - without >= -1e-12).all()
     assert (with_hysteresis - without <= width + 1e-12).all()
-    mirrored = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).applied(-command, 1e-3)
+    mirrored = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).apply(-command, 1e-3)
     np.testing.assert_allclose(mirrored, -with_hysteresis, atol=1e-12)

@@ -270,13 +270,6 @@ def test_card_prints_law_range_and_errors():
     assert lines[-1] == "  held out: 1 runs, error 6.00 % median, 6.00 % worst"
 
 
-def test_card_is_immutable():
-    with pytest.raises(TypeError):
-        CARD.notes["operator"] = "someone else"
-    with pytest.raises(AttributeError):
-        CARD.title = "another"
-
-
 # The hash
 
 
@@ -363,7 +356,7 @@ def test_other_schema_version_is_rejected(version):
         ),
         (
             document("actuation", "fall_s", value=-1, of=WARM_DOCUMENT),
-            "actuation: fall_s is -1.0; expected a finite number, 0 or more",
+            "actuation.fall_s is -1; expected a number, at least 0",
         ),
         (
             document(COEFFICIENTS, "viscosity", "temperature", "kind", value="arhenius", of=WARM_DOCUMENT),

@@ -101,9 +101,9 @@ def test_invalid_fraction_is_rejected(fraction):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Carlson(0.0), "saturation_Pa is 0 Pa; it must be positive"),
+        (lambda: Carlson(0.0), "saturation_Pa is 0.0; expected a number, above 0"),
         (lambda: Carlson(float("nan")), "saturation_Pa is nan"),
-        (lambda: Carlson(4e4, -1.0), "field_scale_A_m is -1 A/m"),
+        (lambda: Carlson(4e4, -1.0), "field_scale_A_m is -1.0"),
     ],
 )
 def test_yield_stress_law_has_positive_numbers(make, said):

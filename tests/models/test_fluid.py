@@ -153,7 +153,7 @@ def test_field_and_flux_density_are_equivalent():
     ("changes", "said"),
     [
         ({"name": ""}, "the name is empty"),
-        ({"viscosity_Pa_s": -0.1}, r"viscosity_Pa_s is -0\.1; expected a positive number"),
+        ({"viscosity_Pa_s": -0.1}, r"viscosity_Pa_s is -0\.1; expected a number, above 0"),
         ({"density_kg_m3": math.nan}, r"density_kg_m3 is nan"),
         ({"particle_fraction": 3.0}, "volume fraction of iron"),
         ({"valid_K": (403.0, 233.0)}, "valid range is 403 to 233 K"),
@@ -250,7 +250,7 @@ SHORT = 'like = "paper"\n'
             "reynolds has no parameter 'activation_K'",
         ),
         (SHORT + "[properties]\ndensity_kg_m3 = '2300'", "density_kg_m3 is '2300'; expected a number"),
-        (SHORT + "[properties]\ndensity_kg_m3 = -1", "density_kg_m3 is -1; expected a positive number"),
+        (SHORT + "[properties]\ndensity_kg_m3 = -1", "density_kg_m3 is -1.0; expected a number, above 0"),
     ],
 )
 def test_invalid_file_is_rejected_with_location(text, said):

@@ -383,7 +383,7 @@ def test_actuated_damper_matches_integrator(name):
 
 def test_actuated_damper_uses_the_applied_command():
     run = stepping()
-    arrives = ACTUATION.applied(run.command, run.step)
+    arrives = ACTUATION.apply(run.command, run.step)
     assert relative(arrives, run.command) > 0.5
     expected = simulate(DAMPER, replace(run, command=arrives))
     np.testing.assert_array_equal(simulate(replace(DAMPER, actuation=ACTUATION), run), expected)

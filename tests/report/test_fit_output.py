@@ -60,7 +60,7 @@ def selected():
 def test_stopped_fit_reports_it_first(stopped, tmp_path):
     """Terminal, report, web page, JSON, card and the table of fits state that a fit has not converged."""
     assert terminal_of(stopped).startswith(NOT_CONVERGED)
-    assert PAGE.shown(stopped)["verdict"].startswith(NOT_CONVERGED)
+    assert PAGE.web_json(stopped)["verdict"].startswith(NOT_CONVERGED)
     assert f'<p class="verdict">{NOT_CONVERGED}' in PAGE.render(stopped)
     assert REPORT.answer(stopped)["converged"] is False
     write_card(stopped.card(), tmp_path / "card.json")

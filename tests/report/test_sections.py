@@ -45,7 +45,7 @@ def rendered(table) -> str:
 
 
 def test_terminal_report_and_page_have_same_cells():
-    shown = a_table().shown()
+    shown = a_table().web_json()
     assert [row["cells"] for row in shown["rows"]] == [
         ["sine", "12.3", "20"],
         [MARKUP, None, "60"],
@@ -60,7 +60,7 @@ def test_terminal_report_and_page_have_same_cells():
 def test_terminal_omits_column_and_adapts_units():
     assert not any("degC" in line for line in printed(a_table()))
     assert "<small>°C</small>" in rendered(a_table())
-    assert [column["unit"] for column in a_table().shown()["columns"]] == ["", "N", "°C"]
+    assert [column["unit"] for column in a_table().web_json()["columns"]] == ["", "N", "°C"]
 
 
 def test_names_are_escaped():
@@ -71,7 +71,7 @@ def test_names_are_escaped():
 
 
 def test_highlighted_rows_and_groups_are_shown():
-    assert [row["held"] for row in a_table().shown()["rows"]] == [False, True, True]
+    assert [row["held"] for row in a_table().web_json()["rows"]] == [False, True, True]
     assert rendered(a_table()).count('<tr class="held">') == 2
     apart = sum(line.startswith("├") for line in printed(a_table()))
     assert apart == sum(line.startswith("├") for line in printed(a_table([ROWS[0]]))) + 1
@@ -81,7 +81,7 @@ def test_highlighted_rows_and_groups_are_shown():
 def test_general_table_states_omitted_rows(count):
     """A long table shows evenly spaced rows. Its caption states the spacing."""
     (table,) = table_of([{"k": k, "name": "x", **{f"c{j}": None for j in range(9)}} for k in range(count)])
-    shown = table.shown()
+    shown = table.web_json()
     assert len(shown["rows"]) <= 120
     assert len(shown["columns"]) == 7
     apart = [float(row["cells"][0]) for row in shown["rows"]]

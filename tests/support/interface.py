@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
-from mrdamper.registry import JOBS, KINDS, Input, Job, load
+from mrdamper.registry import JOBS, KINDS, Job, load
 from mrdamper.schema import Field
 
 FILE = Path(__file__).parents[2] / "src" / "mrdamper" / "__init__.py"
@@ -76,7 +76,7 @@ def wrapped(text: str, width: int, indent: str = "") -> list[str]:
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
-def ordered(inputs: tuple[Input, ...]) -> list[Input]:
+def ordered(inputs: tuple[Field, ...]) -> list[Field]:
     """Return the inputs with the required ones first."""
     return sorted(inputs, key=lambda each: not each.required)
 
@@ -85,13 +85,13 @@ def documentation(job: Job) -> str:
     """Return the docstring: the first paragraph of the help, then a line for each parameter."""
     first, _, more = job.help.partition("\n\n")[0].partition(". ")
     lines = [first.removesuffix(".") + ".", *(["", *wrapped(more, WIDTH - 4)] if more else [])]
-    entries = [(each.name, each.help, each.default_help) for each in ordered(job.inputs)]
+    entries = [(each.name, each.help, each.option.default_help) for each in ordered(job.inputs)]
     for field in (*job.reading, *job.fields):
         option = field.option
         unit = f" [{option.unit}]" if option.unit else ""
         limits = field.item_option.range_words or option.range_words
         limits = f", {limits}" if unit and limits else ""
-        help_text = f"{option.help.removesuffix('.')}{unit}{limits}."
+        help_text = f"{field.help.removesuffix('.')}{unit}{limits}."
         entries.append((field.name, help_text, "" if field.default else option.default_help))
     entries += [(each.name, each.help, "") for each in job.outputs]
     if entries:
@@ -108,14 +108,14 @@ def documentation(job: Job) -> str:
 # ------------------------------------------------------------------------------------------- types
 
 
-def input_type(job: Job, each: Input, types: dict[str, str]) -> str:
+def input_type(job: Job, each: Field, types: dict[str, str]) -> str:
     """Return the type of an input: the types that the job and the reader of the input accept."""
-    kind = KINDS[each.kind]
+    kind = KINDS[each.option.kind]
     run, reader = load(job.run), load(kind.read) if kind.read else None
-    accepted = [] if kind.many and reader else [(inspect.get_annotations(run)[each.name], run.__module__)]
+    accepted = [] if each.many and reader else [(inspect.get_annotations(run)[each.name], run.__module__)]
     if reader is not None and kind.read != "builtins:str":
         accepted.append((next(iter(inspect.get_annotations(reader).values())), reader.__module__))
-    if kind.many and accepted[-1][0] != "Runs":
+    if each.many and accepted[-1][0] != "Runs":
         accepted.insert(0, ("str | Path", "pathlib"))
     parts = [part for text, module in accepted for part in members(named(text, module, types))]
     is_optional = not (each.required or each.default)

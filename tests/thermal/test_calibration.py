@@ -83,7 +83,7 @@ def test_errors_and_correlation_match_repeated_fits():
     assert np.corrcoef(found.T)[0, 1] == pytest.approx(stated, abs=0.1)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_reduced_model_follows_the_curve_it_made():
     """A curve of the reduced finite elements gives their factors, although the network is fitted."""
     own = BARE.calibration

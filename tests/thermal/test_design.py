@@ -132,7 +132,7 @@ def test_found_sinks_are_within_the_limits(found):
         assert each.sink.gap >= PAPER_LIMITS.least_gap - 1e-12 or each.sink.fins == 1
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_mass_limit_cuts_the_front(found):
     half = search_grid(DAMPER, replace(PAPER_LIMITS, mass=0.5 * found.best.mass))
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
@@ -151,7 +151,7 @@ def test_body_gives_limits_without_sink():
     assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_vertical_damper_has_wide_gaps():
     upright = replace(DRAWING, sink=None, body=replace(DRAWING.body, orientation="vertical"))
     damper = HeatedDamper(upright, DAMPER.loads)

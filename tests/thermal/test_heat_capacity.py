@@ -50,14 +50,14 @@ def coarse(drawing: DamperDrawing, *, insulated: bool = False) -> FieldModel:
 def test_capacity_integral_has_the_curve_as_slope(values: list[float], kelvin: float):
     curve = CapacityCurve(280.0, 400.0, (values[0], 0.2 * (values[1] - values[0]) / 120.0, 1e-3))
     slope = (curve.integral(np.array(kelvin + 1e-3)) - curve.integral(np.array(kelvin - 1e-3))) / 2e-3
-    assert float(slope) == pytest.approx(curve.at(kelvin), rel=1e-6)
+    assert float(slope) == pytest.approx(curve.evaluate(kelvin), rel=1e-6)
 
 
 def test_polynomial_in_celsius_is_evaluated_in_kelvin():
     """C = 800 + 2 T + 0.01 T^2 with T in degC, constant outside the range."""
     stated = PolynomialHeatCapacity(range_degC=(20.0, 140.0), fluid_J_kg_K=(800.0, 2.0, 0.01))
     curve = stated.parts["fluid"]
-    at = [curve.at(degrees + ZERO_CELSIUS_K) for degrees in (-10.0, 20.0, 100.0, 140.0, 200.0)]
+    at = [curve.evaluate(degrees + ZERO_CELSIUS_K) for degrees in (-10.0, 20.0, 100.0, 140.0, 200.0)]
     assert at == pytest.approx([844.0, 844.0, 1100.0, 1276.0, 1276.0])
     assert curve.over_mean().mean == pytest.approx(1.0)
 

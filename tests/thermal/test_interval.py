@@ -79,6 +79,7 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
     return Score(float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside)), float(np.mean(widths)))
 
 
+@pytest.mark.nightly
 def test_prior_interval_holds_on_perturbed_dampers():
     """Of 60 dampers 85 % less two deviations of that count; the width is at most twice the needed one."""
     rng = np.random.default_rng(1)

@@ -12,6 +12,7 @@ from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
+from tests.support.tiers import one_by_day
 from tests.thermal.designs import DRAWING, draw_designs
 
 BARE = DRAWING.with_sink(None)
@@ -34,7 +35,7 @@ def miss(full, reduced, name: str) -> float:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", one_by_day(range(4)))
 def test_reduced_model_follows_the_elements(number: int):
     """On random designs, duty of half an hour; no design was used to build anything but its own model."""
     model = build_field(draw_designs(4, seed=2)[number])

@@ -80,9 +80,9 @@ def _is_memory_error(error: Exception) -> bool:
 
 def _interruption_message(error: BaseException) -> str:
     """Return the message about an interrupt: the written files, and the notes of all chained exceptions."""
-    from mrdamper.runtime.outputs import written
+    from mrdamper.runtime.outputs import output_folders
 
-    paths = ", ".join(dict.fromkeys(map(str, written())))
+    paths = ", ".join(dict.fromkeys(map(str, output_folders())))
     notes: list[str] = []
     cause: BaseException | None = error
     while cause is not None:

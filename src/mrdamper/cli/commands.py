@@ -16,7 +16,7 @@ import click
 from mrdamper.cli.help_texts import EXAMPLES, EXIT_CODES, GROUPS
 from mrdamper.cli.questions import print_questions, prompt_for_answers
 from mrdamper.errors import InputError, UsageError
-from mrdamper.registry import KINDS, Input, Job
+from mrdamper.registry import KINDS, Job
 from mrdamper.schema import Field
 
 _PATH = click.Path(path_type=Path)
@@ -45,7 +45,7 @@ def make_command(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], in
         paths = {output.name: values.pop(output.name) for output in job.outputs}
         outputs = {name: path for name, path in paths.items() if path is not None}
         if job.outputs and not outputs and not job.files_help:
-            flags = [f"{output.flag} {output.metavar}" for output in job.outputs]
+            flags = [f"{output.flag} {output.option.metavar}" for output in job.outputs]
             raise click.UsageError(f"No output is given. Use {', '.join(flags[:-1])} or {flags[-1]}.")
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})
         while True:
@@ -123,11 +123,11 @@ class JobCommand(HelpfulCommand):
 
 def parameters_of(job: Job) -> Iterator[click.Parameter]:
     """Yield the arguments and options of a job: inputs, output paths, own options, ``--json``."""
-    yield from (_input(each) for each in job.inputs if not each.flag)
-    yield from (_input(each) for each in job.inputs if each.flag not in {"", "-"})
-    yield from (_option(field) for field in job.reading)
-    for output in job.outputs:
-        yield click.Option([output.flag], type=_PATH, metavar=output.metavar, help=output.help)
+    arguments = [each for each in job.inputs if each.option.argument]
+    yield from map(_argument, arguments)
+    for field in (*job.inputs, *job.reading, *job.outputs):
+        if field not in arguments and field.option.flag != "-":
+            yield _option(field)
     if job.files_help:
         default = _default(Path(job.out_default) if job.out_default else None)
         help_text, required = job.files_help, job.out_required
@@ -140,28 +140,13 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
     yield click.Option(["--json", "as_json"], is_flag=True, help=text)
 
 
-def _input(each: Input) -> click.Parameter:
-    kind = KINDS[each.kind]
-    if not each.flag and kind.many:
-        return click.Argument(
-            [each.name], nargs=-1, type=click.STRING, required=each.required, metavar=kind.metavar
-        )
-    if not each.flag:
-        value_type = (
-            _PATH if kind.read else str
-        )  # An argument that is not read can be text, such as a motion.
-        return click.Argument([each.name], type=value_type, required=each.required, metavar=kind.metavar)
-    is_text = each.default is not None or not kind.read or bool(kind.choices)
-    default_help = f"  [default: {each.default_help}]" if each.default_help and not each.required else ""
-    return click.Option(
-        [each.flag, each.name],
-        type=str if is_text else _PATH,
-        metavar=kind.metavar,
-        help=each.help + default_help,
-        required=each.required,
-        multiple=kind.many,
-        callback=(lambda _, __, values: values or None) if kind.many else None,
-        **_default(each.default),
+def _argument(field: Field) -> click.Argument:
+    return click.Argument(
+        [field.name],
+        nargs=-1 if field.many else 1,
+        type=_type(field),
+        required=field.required,
+        metavar=KINDS[field.option.kind].metavar,
     )
 
 
@@ -172,20 +157,20 @@ def _default(value: object) -> dict[str, Any]:
 
 def _option(field: Field) -> click.Option:
     option, names = field.option, [field.flag, field.name]
-    help_text = option.help
+    help_text = field.help
     if field.type is bool:
         # The flag inverts the default. An option that is on by default has a flag that turns it off.
         return click.Option(names, is_flag=True, flag_value=not field.default, default=None, help=help_text)
-    default = None if field.many or field.default is None else field.default
-    if default is None and option.default_help:
+    default = None if field.many or field.required else field.default
+    if default is None and option.default_help and not field.required:
         help_text += f"  [default: {option.default_help}]"
     if option.metavar == "TIME":
         default = f"{1e3 * field.default:g}ms"
     return click.Option(
         names,
         type=_type(field),
-        default=default,
-        show_default=default is not None,
+        required=field.required,
+        **_default(default),
         multiple=field.many,
         help=help_text,
         metavar=_metavar(field),
@@ -196,6 +181,8 @@ def _option(field: Field) -> click.Option:
 def _metavar(field: Field) -> str | None:
     """Return the placeholder of a value: its unit if it is a number."""
     unit = field.option.unit
+    if field.option.kind:
+        return KINDS[field.option.kind].metavar
     if field.option.metavar or field.item not in (int, float):
         return field.option.metavar or None
     return _UNIT_METAVARS.get(unit, unit.upper())

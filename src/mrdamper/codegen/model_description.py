@@ -115,17 +115,16 @@ def _initial(variable: Variable) -> dict[str, str]:
 
 def _values(variable: Variable) -> dict[str, str]:
     """Return unit, range and start value of a variable as attributes of its type."""
-    values = {}
-    if variable.unit and variable.kind == "real":
-        values["unit"] = variable.unit
-        if UNITS[variable.unit].display:
-            values["displayUnit"] = UNITS[variable.unit].display
+    values: dict[str, str] = {}
     if variable.kind == "real":
+        if variable.unit:
+            units = {"unit": variable.unit, "displayUnit": UNITS[variable.unit].display}
+            values |= {name: unit for name, unit in units.items() if unit}
         bounds = (("min", variable.low), ("max", variable.high))
         values |= {name: _number(value) for name, value in bounds if math.isfinite(value)}
     if variable.start is not None:
         texts = {"boolean": "true" if variable.start else "false", "integer": f"{variable.start:.0f}"}
-        values["start"] = texts.get(variable.kind) or _number(variable.start)
+        values |= {"start": texts.get(variable.kind) or _number(variable.start)}
     return values
 
 

@@ -43,12 +43,12 @@ class Verification:
     mrdamper: str = ""
 
     @property
-    def worst_ulp(self) -> int:
+    def max_ulp(self) -> int:
         """The largest difference of any output, in units in the last place."""
         return max((each.ulp for each in self.outputs.values()), default=0)
 
     @property
-    def worst_relative(self) -> float:
+    def max_relative(self) -> float:
         """The largest difference of any output, relative to the value in Python."""
         return max((each.relative for each in self.outputs.values()), default=0.0)
 
@@ -57,7 +57,7 @@ class Verification:
         plain = asdict(self)
         return {
             "passed": plain.pop("passed"),
-            "worst_ulp": self.worst_ulp,
-            "worst_relative": self.worst_relative,
+            "worst_ulp": self.max_ulp,
+            "worst_relative": self.max_relative,
             **{key: list(value) if isinstance(value, tuple) else value for key, value in plain.items()},
         }

@@ -55,7 +55,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
     rows["temperature"][:20] = np.nan  # The temperature is unknown at first.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
-    rows["velocity"] = np.where(velocity_known, rows["velocity"], np.nan)
+    rows["velocity"][~velocity_known] = np.nan
     return rows
 
 
@@ -194,7 +194,8 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
     # These faults reach the nominal temperature and a frozen displacement at 1 kHz and 1e5 samples.
-    rows["temperature"][int(0.5 * count) : int(0.95 * count)] = np.nan
-    rows["temperature"][int(0.45 * count) : int(0.46 * count)] += 40.0
-    rows["displacement"][int(0.7 * count) : int(0.72 * count)] = rows["displacement"][int(0.7 * count)]
+    temperature, displacement = (rows[name] for name in ("temperature", "displacement"))
+    temperature[int(0.5 * count) : int(0.95 * count)] = np.nan
+    temperature[int(0.45 * count) : int(0.46 * count)] += 40.0
+    displacement[int(0.7 * count) : int(0.72 * count)] = displacement[int(0.7 * count)]
     return rows

@@ -351,5 +351,5 @@ def _sizes_of(target: Target, place: Path, compiler: Sequence[str]) -> dict[str,
     if shutil.which("size"):
         listed = _run(["size", "-A", f"{target.name}.o"], place).stdout
         sections = re.findall(r"^(\.text\S*|\.rodata\S*)\s+(\d+)", listed, re.MULTILINE)
-        sizes["code"] = sum(int(size) for _, size in sections)
+        sizes |= {"code": sum(int(size) for _, size in sections)}
     return sizes

@@ -37,6 +37,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K
+from mrdamper.schema import NotNegative, Positive, check_ranges
 
 NAMES = (
     "recommended", "recommended-causal", "recommended-observer", "predictive", "paper", "paper-unaware", "pi",
@@ -60,43 +61,27 @@ _HELD_S, _LONGEST_S = 10.0, 1800.0
 class Safety:
     """Limits beyond which a reading is a fault, and the reaction to it. SI and kelvin."""
 
-    stroke_times: float = 10.0  # maximum displacement and velocity as multiples of the data's
-    frozen_s: float = 0.02  # equal readings for this time are a fault
-    coast_s: float = 0.12  # the motion is extrapolated for this time without displacement
-    fall_back: float = 0.0  # command after that time [A or V]
-    back_s: float = 0.03  # time with displacement after which the fall-back ends
-    cold_K: float = 233.15
-    hot_K: float = 423.15
-    slew_K_s: float = 20.0  # maximum rate of the temperature estimate; no damper warms faster
-    jump_K: float = 10.0  # maximum difference between reading and estimate
-    smooth_s: float = 0.2  # time constant of the temperature estimate
-    hold_s: float | None = (
-        None  # time without a valid temperature; None: as long as the damper keeps its heat
-    )
+    stroke_times: Positive = 10.0  # maximum displacement and velocity as multiples of the data's
+    frozen_s: Positive = 0.02  # equal readings for this time are a fault
+    coast_s: Positive = 0.12  # the motion is extrapolated for this time without displacement
+    fall_back: NotNegative = 0.0  # command after that time [A or V]
+    back_s: Positive = 0.03  # time with displacement after which the fall-back ends
+    cold_K: Positive = 233.15
+    hot_K: Positive = 423.15
+    slew_K_s: Positive = 20.0  # maximum rate of the temperature estimate; no damper warms faster
+    jump_K: Positive = 10.0  # maximum difference between reading and estimate
+    smooth_s: Positive = 0.2  # time constant of the temperature estimate
+    # Time without a valid temperature; None: as long as the damper keeps its heat.
+    hold_s: Positive | None = None
     nominal_K: float | None = None  # temperature after that time; None: the middle of the model's range
     # A reading that has jumped is accepted after this time, or after as long as the estimate was valid.
-    recover_s: float = 2.0
+    recover_s: Positive = 2.0
 
     def __post_init__(self) -> None:
-        for name in (
-            "stroke_times",
-            "frozen_s",
-            "coast_s",
-            "back_s",
-            "slew_K_s",
-            "jump_K",
-            "smooth_s",
-            "recover_s",
-            *(() if self.hold_s is None else ("hold_s",)),
-        ):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(place="safety", found=f"{name} is {value}", expected="a positive number")
-        if not (0.0 <= self.fall_back < math.inf and 0.0 < self.cold_K < self.hot_K < math.inf):
+        check_ranges(self, "safety")
+        if not self.cold_K < self.hot_K:
             raise InputError(
-                place="safety",
-                found=f"fall_back is {self.fall_back} and the limits {self.cold_K} to {self.hot_K} K",
-                expected="a fall-back of 0 or more, and limits in order",
+                f"the limits are {self.cold_K} to {self.hot_K} K", place="safety", expected="limits in order"
             )
 
     def faults(
@@ -181,13 +166,12 @@ class ForceController(Stepper):
         if not self.known_ahead:
             rows = rows.copy()
             rows[:, 1] = np.nan
-        current, flags = np.empty(len(rows)), np.empty(len(rows))
-        return self._native.run(state, rows, current, flags), current, flags.astype(np.int64)
+        return self._native.run(state, rows)
 
     @property
     def compiled(self) -> Tracker | None:
-        """Return the controller in C; None for a subclass with its own step in Python."""
-        return self._native if type(self).step is ForceController.step else None
+        """The controller in C; None in single precision, or if a subclass has its own step in Python."""
+        return self._native if type(self).step is ForceController.step and not self.single else None
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0

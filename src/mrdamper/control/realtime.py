@@ -75,8 +75,7 @@ class RealtimeDamper(Stepper):
             raise InputError(
                 place="real-time model", found=f"rows have shape {inputs.shape}", expected="(n, 4)"
             )
-        force, flags = np.empty(len(inputs)), np.empty(len(inputs))
-        return self._native.simulate(state, inputs, force, flags), force, flags.astype(np.int64)
+        return self._native.simulate(state, inputs)
 
 
 def realtime_model(  # noqa: PLR0913 - what a caller may know better than the rules

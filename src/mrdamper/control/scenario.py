@@ -44,8 +44,10 @@ class SineTarget:
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
-    phase_deg: Annotated[float, Option("phase lead to the velocity", unit="deg")] = 0.0
-    offset_N: Annotated[float, Option("constant force of a gas spring", unit="N")] = 0.0
+    phase_deg: Annotated[float, Option(unit="deg")] = 0.0
+    """Phase lead to the velocity."""
+    offset_N: Annotated[float, Option(unit="N")] = 0.0
+    """Constant force of a gas spring."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "target")
@@ -60,11 +62,13 @@ class VelocityTarget:
     """F* = offset + amplitude tanh[v / v0 (1 + modulation sin(2 pi f t + phase))], v the velocity."""
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
-    velocity_m_s: Annotated[float, Option("v0", unit="m/s", above=0.0)]
+    velocity_m_s: Annotated[float, Option(unit="m/s", above=0.0)]
+    """The velocity v0."""
     modulation: Annotated[float, Option(least=0.0)] = 0.0
     modulation_Hz: Annotated[float, Option(unit="Hz", least=0.0)] = 0.0
     modulation_phase_rad: Annotated[float, Option(unit="rad")] = 0.0
-    offset_N: Annotated[float, Option("constant force of a gas spring", unit="N")] = 0.0
+    offset_N: Annotated[float, Option(unit="N")] = 0.0
+    """Constant force of a gas spring."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "target")
@@ -89,7 +93,8 @@ class Dropout:
     start_s: Annotated[float, Option(unit="s", least=0.0)]
     end_s: Annotated[float, Option(unit="s", above=0.0)]
     fault: Fault = "missing"
-    shift: Annotated[float, Option("shift of the readings in SI units")] = 0.0
+    shift: float = 0.0
+    """Shift of the readings [SI]."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "dropout")
@@ -105,18 +110,16 @@ class Sensing:
 
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
     displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
-    displacement_hold_s: Annotated[
-        float, Option("hold time of a reading on a slow bus; 0: none", unit="s", least=0.0)
-    ] = 0.0
+    displacement_hold_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
+    """Hold time of a reading on a slow bus; 0 if there is none."""
     displacement_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
-    force_offset_N: Annotated[float, Option("offset of the force sensor", unit="N")] = 0.0
+    force_offset_N: Annotated[float, Option(unit="N")] = 0.0
     temperature_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
     temperature_offset_K: Annotated[float, Option(unit="K")] = 0.0
-    lost_share: Annotated[
-        float, Option("fraction of samples of each sensor that are lost at random", least=0.0, below=1.0)
-    ] = 0.0
+    lost_share: Annotated[float, Option(least=0.0, below=1.0)] = 0.0
+    """Fraction of the samples of each sensor that are lost at random."""
     dropouts: tuple[Dropout, ...] = ()
 
     def __post_init__(self) -> None:
@@ -127,14 +130,14 @@ class Sensing:
 class Disturbance:
     """Deviations of damper and driver that the controller has no information about."""
 
-    force_gain: Annotated[float, Option("factor of the damper's force", least=0.0)] = 1.0
-    force_offset_N: Annotated[float, Option("constant force that the card does not contain", unit="N")] = 0.0
-    command_delay_s: Annotated[
-        float, Option("delay between sample and driver, whole plant steps", unit="s", least=0.0)
-    ] = 0.0
-    command_step_A: Annotated[
-        float, Option("step of the driver's converter; 0: none", unit="A", least=0.0)
-    ] = 0.0
+    force_gain: Annotated[float, Option(least=0.0)] = 1.0
+    """Factor of the damper's force."""
+    force_offset_N: Annotated[float, Option(unit="N")] = 0.0
+    """Constant force that the card does not contain."""
+    command_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
+    """Delay between sample and driver, rounded to steps of the plant."""
+    command_step_A: Annotated[float, Option(unit="A", least=0.0)] = 0.0
+    """Step of the driver's converter; 0 if there is none."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "disturbance")
@@ -145,14 +148,17 @@ class _Conditions:
     """A scenario without its target: the plain values of its file."""
 
     name: str = "sine-900N-1Hz"
-    motion: Annotated[str, Option("a name or a form that motion_from_text knows")] = "sine5mm1Hz"
+    motion: str = "sine5mm1Hz"
+    """Name or text for ``motion_from_text``."""
     duration_s: Annotated[float, Option(unit="s", above=0.0, most=_LONGEST_S)] = 4.0
-    unscored_s: Annotated[float, Option("at the beginning", unit="s", least=0.0)] = 1.0
-    temperature_degC: Annotated[
-        float, Option("constant temperature of the damper", unit="degC", least=-40.0, most=200.0)
-    ] = 20.0
-    highest_A: Annotated[float, Option("largest current of the driver", unit="A", above=0.0)] = 2.0
-    seed: Annotated[int, Option("seed of the sensor noise", least=0)] = 1
+    unscored_s: Annotated[float, Option(unit="s", least=0.0)] = 1.0
+    """Time at the beginning without score."""
+    temperature_degC: Annotated[float, Option(unit="degC", least=-40.0, most=200.0)] = 20.0
+    """Constant temperature of the damper."""
+    highest_A: Annotated[float, Option(unit="A", above=0.0)] = 2.0
+    """Largest current of the driver."""
+    seed: Annotated[int, Option(least=0)] = 1
+    """Seed of the sensor noise."""
     sensors: Sensing = field(default_factory=Sensing)
     disturbance: Disturbance = field(default_factory=Disturbance)
 
@@ -202,7 +208,7 @@ class Scenario(_Conditions):
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:
-            raise error.at_place(place) from error
+            raise error.prepend_place(place) from error
         own = {each.name: getattr(base, each.name) for each in fields(_Conditions)}
         conditions = write_record(_Conditions(**own), defaults=True)
         table = read_record(_ScenarioTable, {**conditions, **given}, place)

@@ -112,15 +112,9 @@ class Stepper:
 
     def estimate(self, state: bytes) -> StateEstimate:
         """Return the estimated state of the damper."""
-        read = self._native.read(state)
+        s, parts = self._native.read(state)
         return StateEstimate(
-            *read["motion"],
-            read["command"],
-            read["applied"],
-            read["temperature"],
-            *read["parts"],
-            read["disturbance"],
-            Flag(read["flags"]),
+            s.x, s.v, s.a, s.command, s.applied_current, s.temperature, *parts, s.disturbance, Flag(s.flags)
         )
 
     def flags(self, state: bytes) -> Flag:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from mrdamper.data.formats.table import FileOptions
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
-from mrdamper.schema import Option, did_you_mean, read_record, unknown_name
+from mrdamper.schema import did_you_mean, read_record, unknown_name
 
 _COMMANDS = ("current", "voltage")
 
@@ -33,13 +33,19 @@ _COMMANDS = ("current", "voltage")
 class ChannelTable:
     """A table [channel.ROLE]: the column of a role in a file, and its conversion to SI."""
 
-    name: Annotated[str | None, Option("of the column")] = None
-    pattern: Annotated[str | None, Option("of the column's name, with * and ?")] = None
-    index: Annotated[int | None, Option("of the column, counted from 1")] = None
-    unit: Annotated[str, Option("of the file's numbers; empty: the header says it")] = ""
-    gain: Annotated[float | None, Option("what a number of the file is multiplied by")] = None
-    offset: Annotated[float, Option("added before the sign is taken [SI]")] = 0.0
-    sign: Annotated[int, Option("1 or -1")] = 1
+    name: str | None = None
+    """Name of the column."""
+    pattern: str | None = None
+    """Pattern of the column's name, with * and ?."""
+    index: int | None = None
+    """Position of the column, counted from 1."""
+    unit: str = ""
+    """Unit of the numbers in the file; empty if the header contains it."""
+    gain: float | None = None
+    """Factor of the numbers in the file."""
+    offset: float = 0.0
+    """Offset that is added before the sign is applied [SI]."""
+    sign: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +76,8 @@ class Channel(ChannelTable):
                 return
             raise InputError(
                 place=f"channel.{self.role}",
-                found=(
-                    f"a gain stands beside {self.unit!r}, which is a unit of {self.role} already; a gain "
-                    f"leads to {quantity.unit}"
-                ),
-                remedy=f"Leave it out, or give unit {quantity.unit!r}",
+                found=f"a gain to {quantity.unit} and {self.unit!r}, a unit of {self.role}",
+                remedy=f"Leave the gain out, or give unit {quantity.unit!r}",
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
@@ -97,7 +100,6 @@ class Channel(ChannelTable):
             raise InputError(
                 place=where,
                 found=f"{wanted!r} is {len(found)} columns",
-                expected="one",
                 remedy="Give its index",
             )
         if not found:
@@ -142,7 +144,8 @@ class _Roles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Session:
-    name: Annotated[str, Option("runs that share one tare of the force cell")] = ""
+    name: str = ""
+    """Runs of one session have the same tare of the force cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,10 +153,10 @@ class _Document:
     """The content of a channel map file."""
 
     channel: _Roles = field(default_factory=_Roles)
-    constant: Annotated[Mapping[str, float], Option("quantity_unit, or rate_Hz")] = field(
-        default_factory=dict
-    )
-    segments: Annotated[Mapping[str, Any] | None, Option("split, and a list: current_A or voltage_V")] = None
+    constant: Mapping[str, float] = field(default_factory=dict)
+    """Values by ``quantity_unit``, or ``rate_Hz``."""
+    segments: Mapping[str, Any] | None = None
+    """The text ``split``, and a list ``current_A`` or ``voltage_V``."""
     session: _Session = field(default_factory=_Session)
     file: FileOptions = field(default_factory=FileOptions)
 
@@ -173,10 +176,7 @@ class ChannelMap:
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
         """Return the map in a TOML document.
 
-        Raises
-        ------
-        InputError
-            The message has a line for each fault and the nearest valid keys for an unknown key.
+        Raise InputError with a line for each fault, and with the nearest valid key for an unknown one.
         """
         document = read_record(_Document, given, place)
         channels = {}

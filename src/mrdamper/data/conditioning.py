@@ -16,9 +16,6 @@ from mrdamper.data.records import RigRun
 from mrdamper.data.signals import Kinematics, differentiate, smooth
 from mrdamper.excitation import Trajectory
 
-# Resample if a time stamp deviates more than this from a uniform grid.
-JITTER_MAX_STEPS = 1e-3
-
 # A run with a smaller drift of temperature has one temperature.
 DRIFT_MAX_K = 1.0
 # The means of this number of parts show if a run warms up and cools down again.
@@ -70,7 +67,8 @@ def even_step(time: FloatArray) -> float | None:
     """Return the step [s] of timestamps on a uniform grid, None if they are resampled."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
-    return step if off <= max(JITTER_MAX_STEPS * step, 0.6 * _rounding(time, off)) else None
+    # Resample if a time stamp deviates more than this from a uniform grid.
+    return step if off <= max(1e-3 * step, 0.6 * _rounding(time, off)) else None
 
 
 def _rounding(time: FloatArray, off: float) -> float:

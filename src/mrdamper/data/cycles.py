@@ -62,7 +62,7 @@ class CycleFigures:
         return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     @classmethod
-    def joined(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
+    def concatenate(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
         """Return the cycles of several parts, in order."""
         kinds = {"row": np.int64, "samples": np.int64}
         none = {f.name: np.empty(0, kinds.get(f.name, np.float64)) for f in fields(cls)}
@@ -114,7 +114,7 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
             stroke_min_m,
         )
         parts.append(replace(found, row=found.row + rows.start))
-    return CountedRecord(CycleFigures.joined(parts), stroke_min_m, max(len(segments) - 1, 0))
+    return CountedRecord(CycleFigures.concatenate(parts), stroke_min_m, max(len(segments) - 1, 0))
 
 
 def unbroken_segments(run: Recording) -> list[slice]:
@@ -149,7 +149,7 @@ def _count(
         turns = turns[1:]
     a, u, b = turns[0:-2:2], turns[1:-1:2], turns[2::2]
     if not len(b):
-        return CycleFigures.joined([])
+        return CycleFigures.concatenate([])
     n, stop = b - a, b[-1]
 
     def sums(values: FloatArray) -> FloatArray:

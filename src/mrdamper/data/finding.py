@@ -6,7 +6,7 @@ An inference: a value of a run from words instead of a column, with its source.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, to_degC
@@ -34,28 +34,16 @@ class Finding:
     to_s: float | None = None
     run: str = ""
 
-    def within(self, error: float) -> Finding:
+    def add_interval(self, error: float) -> Finding:
         """Return the finding with an interval of plus or minus two standard errors."""
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
     def to_dict(self) -> Mapping[str, str | float | None]:
         """Return the fields as JSON values."""
-        return {
-            "run": self.run,
-            "kind": self.kind,
-            "severity": self.severity,
-            "channel": self.channel or None,
-            "size": self.size,
-            "unit": self.unit or None,
-            "size_low": self.low,
-            "size_high": self.high,
-            "from_s": self.from_s,
-            "to_s": self.to_s,
-            "found": self.found,
-            "effect": self.effect,
-            "remedy": self.remedy,
-        }
+        names = {"low": "size_low", "high": "size_high"}
+        named = {names.get(key, key): value for key, value in asdict(self).items()}
+        return named | {"channel": self.channel or None, "unit": self.unit or None}
 
     def in_words(self) -> str:
         """Return the finding as one line."""
@@ -87,7 +75,7 @@ def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}
-    for finding in sorted(findings, key=worst_first):
+    for finding in sorted(findings, key=severity_rank):
         groups.setdefault((finding.severity, finding.kind, finding.channel), []).append(finding)
     return [
         (max(group, key=lambda finding: abs(finding.size or 0.0)), _run_count(group, copies))
@@ -108,7 +96,7 @@ def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
     Two tests may report the same fault of a run, such as a delay within the run and between the runs.
     """
     first: dict[tuple[object, ...], Finding] = {}
-    for finding in sorted(findings, key=worst_first):
+    for finding in sorted(findings, key=severity_rank):
         key = (finding.run, finding.kind, finding.channel, finding.from_s, finding.to_s)
         first.setdefault(key if finding.run else (*key, finding.found), finding)
     return list(first.values())
@@ -119,6 +107,6 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
 
 
-def worst_first(finding: Finding) -> int:
+def severity_rank(finding: Finding) -> int:
     """Return a sort key: faults, then warnings, then notes."""
     return SEVERITIES.index(finding.severity)

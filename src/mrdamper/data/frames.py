@@ -7,7 +7,7 @@ name of a quantity's column, or the column itself: ``read(frame, {"force_kN": "L
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from numbers import Real
@@ -60,12 +60,8 @@ class Frame:
     def read(self, chosen: ChannelMap) -> RigFile:
         """Return the runs of the frame.
 
-        Raises
-        ------
-        AskingError
-            A needed column is missing, or has no unit.
-        InputError
-            A column does not have shape (n,), or has another length than the other columns.
+        Raise AskingError if a needed column is missing, or has no unit. Raise InputError if a column does not
+        have shape (n,), or has another length than the other columns.
         """
         try:
             return runs_in((self._table(),), chosen, Path(self.name), name=self.name)
@@ -91,26 +87,22 @@ class Frame:
                 texts[name] = [each if isinstance(each, str) else None for each in values.tolist()]
                 continue
             try:
-                numbers[name], units[name] = _seconds(values) if _is_of_times(values) else as_column(values)
+                is_of_times = values.dtype.kind == "O" and isinstance(
+                    [*values, None][0], datetime | timedelta
+                )
+                numbers[name], units[name] = _seconds(values) if is_of_times else as_column(values)
             except (TypeError, ValueError) as fault:
                 raise InputError(
                     place=self.name, found=f"column {name!r} ({fault})", expected="numbers"
                 ) from fault
-        self._require_one_length(numbers)
+        if len({len(values) for values in numbers.values()} - {1}) > 1:  # One number applies to all samples.
+            sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
+            found = f"columns differ in length ({sizes})"
+            raise InputError(place=self.name, found=found, expected="one value of each per sample")
         rows = max(map(len, numbers.values()), default=0)
         stated = {name: unit for name, unit in units.items() if unit}
         layout = Layout("frame")
         return Table((*self.columns,), numbers, texts, layout, rows, units=stated, title=self.name)
-
-    def _require_one_length(self, numbers: Mapping[str, FloatArray]) -> None:
-        """Raise InputError if columns differ in length. A single number applies to all samples."""
-        if len({len(values) for values in numbers.values()} - {1}) > 1:
-            sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
-            raise InputError(
-                place=self.name,
-                found=f"columns differ in length ({sizes})",
-                expected="one value of each per sample",
-            )
 
 
 def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a series, or a number
@@ -118,11 +110,6 @@ def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a ser
     if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
         return np.asarray(np.ma.filled(given.astype(np.float64), np.nan))
     return np.asarray(given)
-
-
-def _is_of_times(values: NDArray[Any]) -> bool:
-    """Return True if objects are times, with or without a time zone, or durations."""
-    return values.dtype.kind == "O" and len(values) > 0 and isinstance(values[0], datetime | timedelta)
 
 
 def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
@@ -180,7 +167,6 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
         raise InputError(
             place="frame",
             found=f"several columns are called {', '.join(map(repr, again))}",
-            expected="one of each name",
             remedy="Rename or drop the others",
         )
     columns = {name: frame[key] for name, key in zip(names, frame.columns, strict=True)}
@@ -204,7 +190,7 @@ def _name_of(name: object) -> str:
 # ------------------------------------------------------------------------------------------- columns
 
 
-def named_columns(
+def columns_by_name(
     given: Runs | None, columns: Mapping[str, str | float | ArrayLike]
 ) -> tuple[Any, ChannelMap | None]:
     """Return runs with additional columns, and the channel map of named columns.
@@ -215,10 +201,7 @@ def named_columns(
     columns : by quantity, with its unit (``force_kN``) or without: the name of a column, the column itself,
         or one number for the whole run; ``rate_Hz``
 
-    Raises
-    ------
-    InputError
-        A key is not a quantity or has no valid unit, or there are columns for several frames.
+    Raise InputError if a key is not a quantity or has no valid unit, or there are columns for several frames.
     """
     if not columns:
         return given, None
@@ -247,11 +230,7 @@ def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN40
     if len(parts) != 1 or not isinstance(parts[0], Frame):
         raise InputError(
             place="columns",
-            found=f"{', '.join(columns)} beside {_kinds(parts)}",
+            found=f"{', '.join(columns)} beside {', '.join(type(each).__name__ for each in parts)}",
             expected="arrays beside one frame, or alone",
         )
     return [replace(parts[0], columns={**parts[0].columns, **columns})]
-
-
-def _kinds(parts: Iterable[object]) -> str:
-    return ", ".join(dict.fromkeys(type(each).__name__ for each in parts)) or "nothing"

@@ -18,9 +18,6 @@ REVERSAL_MIN_RATIO = 0.05
 """Share of its range by which a motion comes back where a turning point counts."""
 
 _STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate less from their median.
-_EQUAL_STROKES_MIN_RATIO = 0.7  # A motion is periodic if at least this fraction is equal.
-_TRIANGLE_RMS_RATIO_MAX = 0.64  # Midpoint of rms / amplitude: sine 0.707, triangle 0.577.
-_AUTOCORRELATION_MIN = 0.9  # A motion is periodic above this value at its period.
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +54,17 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     alike = (np.abs(durations / half - 1.0) < _STROKE_DEVIATION_MAX) & (
         np.abs(strokes / stroke - 1.0) < _STROKE_DEVIATION_MAX
     )
-    if np.count_nonzero(alike) >= _EQUAL_STROKES_MIN_RATIO * len(alike):
+    # A motion is periodic if at least this fraction is equal.
+    if np.count_nonzero(alike) >= 0.7 * len(alike):
         regular = np.flatnonzero(alike)
         period = 2.0 * float(durations[regular[1:-1] if len(regular) > 4 else regular].mean())
         steady = displacement[turns[regular[0]] : turns[regular[-1] + 1]]
-        kind = "triangle" if float(np.std(steady)) < _TRIANGLE_RMS_RATIO_MAX * stroke / 2 else "sine"
+        # Midpoint of rms / amplitude: sine 0.707, triangle 0.577.
+        kind = "triangle" if float(np.std(steady)) < 0.64 * stroke / 2 else "sine"
         return MotionFound(f"{kind} {_mm(stroke / 2)} {_round_number(1.0 / period)} Hz", period, period / 2)
-    if len(durations) >= 8 and _is_smooth(durations) and durations.max() > 1.5 * durations.min():
+    change = float(np.median(np.abs(np.diff(np.log(durations)))))  # From one stroke to the next.
+    is_smooth = len(durations) >= 8 and change < _STROKE_DEVIATION_MAX / 2
+    if is_smooth and durations.max() > 1.5 * durations.min():
         band = f"{_round_number(0.5 / durations.max(), 0.1)}-{_round_number(0.5 / durations.min(), 0.1)} Hz"
         return MotionFound(f"chirp {_mm(strokes.max() / 2)} {band}", None, half)
     echo = _period_by_autocorrelation(displacement, step)
@@ -74,11 +75,6 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     return MotionFound(
         f"random {_mm(stroke_range / 2)} {_round_number(low, 0.1)}-{_round_number(high, 0.1)} Hz", None, half
     )
-
-
-def _is_smooth(durations: FloatArray) -> bool:
-    """Return True if durations of strokes change little from one to the next."""
-    return float(np.median(np.abs(np.diff(np.log(durations))))) < _STROKE_DEVIATION_MAX / 2
 
 
 def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float | None:
@@ -95,7 +91,7 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     if not len(below):
         return None
     rest = echo[below[0] :]
-    if not rest.max() > _AUTOCORRELATION_MIN:
+    if not rest.max() > 0.9:  # A motion is periodic above this value at its period.
         return None
     near = np.flatnonzero(rest > 0.98 * rest.max())  # Take the first peak, not a multiple.
     first = near[: int(np.argmax(np.diff(near, append=len(echo)) > 1)) + 1]

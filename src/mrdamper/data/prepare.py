@@ -22,16 +22,12 @@ from mrdamper.data.records import WITHOUT_MOTION, RigRun
 from mrdamper.data.signals import Kinematics, knot_spacing, measure_spectrum, smallest_step, smooth
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
-from mrdamper.schema import read_record
+from mrdamper.schema import NotNegative, Positive, check_ranges, read_record
 
 _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
-_START_RANGE_RATIO = 0.02  # A motion starts at this fraction of its range from its first value.
-_RMS_NOISE_RATIO_MIN = 2.0  # A displacement with a smaller rms is constant.
-_START_SPEED_RATIO_MAX = 0.1  # A run with a larger start speed or acceleration begins in motion.
-_SIGN_CORRELATION_MIN = -0.05  # The sign is wrong below this correlation of force and velocity.
 _VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity channel.
 
 
@@ -39,40 +35,22 @@ _VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity chan
 class Preparation:
     """How runs are prepared; ``None`` means automatic by the rules of ``prepare_run``."""
 
-    cutoff_Hz: float | None = None  # Smoothing of displacement; math.inf: no smoothing.
-    dead_band_m: float | None = None  # Smaller reversals are noise.
+    cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
+    dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
     reference: Reference = "start"  # Zero of displacement.
     velocity: VelocitySource = "displacement"  # Derivative of displacement, or measured.
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.
-    thermocouple_lag_s: float = 0.0  # Compensated if temperature drifts.
+    thermocouple_lag_s: NotNegative = 0.0  # Compensated if temperature drifts.
 
     def __post_init__(self) -> None:
-        if self.cutoff_Hz is not None and not self.cutoff_Hz > 0.0:
-            raise InputError(found=f"cutoff_Hz is {self.cutoff_Hz}", expected="a positive number")
-        if self.dead_band_m is not None and not 0.0 <= self.dead_band_m < math.inf:
-            raise InputError(found=f"dead_band_m is {self.dead_band_m}", expected="zero or more")
-        for name, known in (
-            ("reference", ("start", "mean", "none")),
-            ("velocity", ("displacement", "channel")),
-        ):
-            if getattr(self, name) not in known:
-                choices = ", ".join(known)
-                raise InputError(found=f"{name} is {getattr(self, name)!r}", expected=f"one of: {choices}")
-        if not 0.0 <= self.thermocouple_lag_s < math.inf:
-            raise InputError(
-                found=f"thermocouple_lag_s is {self.thermocouple_lag_s}", expected="zero or more"
-            )
-        if not math.isfinite(self.force_offset_N):
-            raise InputError(found=f"force_offset_N is {self.force_offset_N}", expected="a number")
+        is_unfiltered = self.cutoff_Hz == math.inf
+        check_ranges(replace(self, cutoff_Hz=None) if is_unfiltered else self, "preparation")
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the fields as JSON values (no smoothing is the text "none")."""
-        given = asdict(self)
-        if given["cutoff_Hz"] == math.inf:
-            given["cutoff_Hz"] = "none"
-        return given
+        return asdict(self) | ({"cutoff_Hz": "none"} if self.cutoff_Hz == math.inf else {})
 
     @classmethod
     def from_dict(cls, given: Mapping[str, object]) -> Preparation:
@@ -100,11 +78,7 @@ class PreparedRun:
         if self.force.shape != self.trajectory.displacement.shape:
             raise InputError(
                 place=self.run.name,
-                found=(
-                    f"force has shape {self.force.shape} and the trajectory "
-                    f"{self.trajectory.displacement.shape}"
-                ),
-                expected="the same",
+                found=f"force has shape {self.force.shape}, not {self.trajectory.displacement.shape}",
             )
         if not 0 <= self.scored_from < len(self.force):
             raise InputError(
@@ -169,12 +143,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 
     *Sign.* A damper dissipates power. A correlation of force and velocity below -0.05 is an error.
 
-    Raises
-    ------
-    InputError
-        The displacement is constant, the force has the wrong sign, too few samples remain after trimming, or
-        a
-        velocity channel does not agree.
+    Raise InputError if the displacement is constant, the force has the wrong sign, too few samples remain
+    after trimming, or a velocity channel does not agree.
     """
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:
@@ -182,7 +152,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     sampled = sample_uniformly(run)
     displacement, step = sampled.displacement, sampled.step_s
     spectrum = measure_spectrum(displacement, step)
-    if float(np.std(displacement)) < _RMS_NOISE_RATIO_MIN * spectrum.noise:
+    if float(np.std(displacement)) < 2.0 * spectrum.noise:  # A displacement with a smaller rms is constant.
         raise InputError(
             place=run.name,
             found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
@@ -198,7 +168,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
     x = path.displacement
-    started = int(np.argmax(np.abs(x - x[0]) > _START_RANGE_RATIO * np.ptp(x)))
+    # A motion starts at this fraction of its range from its first value.
+    started = int(np.argmax(np.abs(x - x[0]) > 0.02 * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
     if chosen.velocity == "channel":
         _check_velocity(run, sampled.velocity, path.velocity)
@@ -220,7 +191,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     return PreparedRun(run, trajectory, force, scored_from, found.period_s, rules, motion)
 
 
-def shown_samples(
+def select_plot_samples(
     prepared: PreparedRun, *, seconds: float | None = None, points: int = 240
 ) -> NDArray[np.intp]:
     """Return the samples of a run to plot: its second cycle because the start has decayed, decimated.
@@ -256,25 +227,6 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     )
 
 
-def shortened(prepared: PreparedRun, samples: int) -> PreparedRun:
-    """Return the first ``samples`` samples of a run."""
-    if samples >= len(prepared):
-        return prepared
-    path = prepared.trajectory
-    return replace(
-        prepared,
-        trajectory=replace(
-            path,
-            displacement=path.displacement[:samples],
-            velocity=path.velocity[:samples],
-            acceleration=path.acceleration[:samples],
-            command=path.command[:samples],
-            temperature=None if path.temperature is None else path.temperature[:samples],
-        ),
-        force=prepared.force[:samples],
-    )
-
-
 def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: float) -> float:
     """Return the zero of displacement [m] by a rule of ``prepare_run``.
 
@@ -287,7 +239,7 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
         if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
             return float(np.median(rest))
         shares = [abs(a[0]) / np.abs(a).max() for a in (path.velocity, path.acceleration)]
-        if max(shares) <= _START_SPEED_RATIO_MAX:
+        if max(shares) <= 0.1:  # A run with a larger start speed or acceleration begins in motion.
             return float(x[0])
     return float(np.mean(x))
 
@@ -297,17 +249,13 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
         raise InputError(
             place=run.name,
             found="no velocity channel",
-            expected="one",
             remedy="Derive it from the displacement",
         )
     differs = float(np.std(measured - derived) / np.std(derived))
     if not differs < _VELOCITY_DIFFERENCE_MAX_RATIO:
         raise InputError(
             place=run.name,
-            found=(
-                f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % of its "
-                "rms"
-            ),
+            found=f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % rms",
             expected=f"less than {100 * _VELOCITY_DIFFERENCE_MAX_RATIO:g} %",
             remedy="Check its unit, sign and delay in the channel map",
         )
@@ -316,16 +264,10 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     power = float(np.mean((force - force.mean()) * (velocity - velocity.mean())))
     spread = float(np.std(force) * np.std(velocity))
-    if power < _SIGN_CORRELATION_MIN * spread:
+    if power < -0.05 * spread:  # The sign is wrong below this correlation of force and velocity.
         raise InputError(
             place=run.name,
-            found=(
-                f"force and velocity have opposite signs (correlation {power / spread:.2f}), as if the "
-                "damper gave power"
-            ),
+            found=f"force and velocity have opposite signs (correlation {power / spread:.2f})",
             expected="extension positive and a force that resists extension positive",
-            remedy=(
-                "If the load cell or the sensor counts the other way, put `sign = -1` at [channel.force] in "
-                "the channel map"
-            ),
+            remedy="Put `sign = -1` at [channel.force] in the channel map if the load cell counts otherwise",
         )

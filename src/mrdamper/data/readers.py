@@ -12,14 +12,16 @@ from tempfile import TemporaryDirectory
 
 from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents
-from mrdamper.data.proposal.folders import distinct_names, find_files, known_suffixes
+from mrdamper.data.proposal.folders import distinct_names, find_files, format_suffixes
 from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.proposal.temperature_logs import join_temperature_logs
 from mrdamper.data.records import Dataset, Recording, RigRun
-from mrdamper.data.tables import NoTableError, read_tables
+from mrdamper.data.tables import read_tables
 from mrdamper.data.words.labels import Place
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
@@ -77,44 +79,28 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
 
     A run has the name of its file, with its command if the file contains several runs.
 
-    Raises
-    ------
-    InputError
-        If the file is not readable, a column or a unit is missing, or a run has faults.
+    Raise InputError if the file is not readable, a column or a unit is missing, or a run has faults.
     """
     return tuple(recording.checked() for recording in read_file(path, channels).recordings)
 
 
 def read_file(
-    path: PathLike, channels: ChannelMap | PathLike | None = None, answers: Sequence[Answer] = ()
+    path: PathLike,
+    channels: ChannelMap | PathLike | None = None,
+    answers: Sequence[Answer] = (),
+    stated: Sequence[Place] = (),
 ) -> RigFile:
     """Return the unchecked recordings in one file, and the interpretation of the file.
 
     If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, the
-    headers decide.
-
-    Raises
-    ------
-    AskingError
-        If information is missing. Its questions request the information.
-    InputError
-        If the file is not readable.
-    """
-    return _read_file(Path(path), channels, answers)
-
-
-def _read_file(
-    file: Path,
-    channels: ChannelMap | PathLike | None,
-    answers: Sequence[Answer],
-    stated: Sequence[Place] = (),
-) -> RigFile:
-    """Return the recordings in one file.
+    headers decide. Raise AskingError with questions if information is missing, InputError if the file is not
+    readable.
 
     Parameters
     ----------
     stated : lines of documents about the file
     """
+    file = Path(path)
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
@@ -131,10 +117,7 @@ def read_each(
     Folders are searched with their subfolders for files of the supported formats. Runs with equal names get
     the names of their folders.
 
-    Raises
-    ------
-    InputError
-        If a path does not exist, or the channel map is not readable.
+    Raise InputError if a path does not exist, or the channel map is not readable.
     """
     with TemporaryDirectory(prefix="mrdamper-") as space:
         read = _read_all(paths, channels, answers, Path(space))
@@ -176,13 +159,22 @@ def _read_all(
                 read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path.name))))
             else:
                 stated = [place for document in documents for place in document.places(path)]
-                read.append((path, _read_file(path, chosen, answers, stated)))
+                read.append((path, read_file(path, chosen, answers, stated)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
     joined, members = join_channel_files([item.path for item in unreadable], load_map(chosen), answers)
-    read += joined
-    unreadable = [item for item in unreadable if item.path not in members]
-    read = [_without_archive_path(space, path, file) for path, file in _with_distinct_names(read)]
+    warmed, logs = join_temperature_logs(
+        [*read, *joined],
+        [item.path for item in unreadable if item.path not in members],
+        load_map(chosen),
+        answers,
+    )
+    unreadable = [item for item in unreadable if item.path not in {*members, *logs}]
+    read = []
+    for path, file in _with_distinct_names(warmed):
+        kept = [replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings]
+        shown = path.relative_to(space) if path.is_relative_to(space) else path
+        read.append((shown, replace(file, recordings=tuple(kept))))
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & _GENERIC_SUFFIXES
     may_be_runs = bool(read) or any(
@@ -193,16 +185,10 @@ def _read_all(
         for item in unreadable
         if may_be_runs and _is_ignored(item, given | {*frames}, {*_GENERIC_SUFFIXES} - objects)
     ]
-    kept = tuple(item for item in unreadable if item not in ignored)
-    folder_findings = (*(document.finding for document in documents), *map(_no_run_finding, ignored))
-    return ReadFiles(tuple(read), kept, runs, folder_findings)
-
-
-def _without_archive_path(space: Path, path: Path, file: RigFile) -> tuple[Path, RigFile]:
-    """Return a file with paths in its archive instead of paths of the unpacked file."""
-    shown = path.relative_to(space) if path.is_relative_to(space) else path
-    recordings = tuple(replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings)
-    return shown, replace(file, recordings=recordings)
+    faulty = tuple(item for item in unreadable if item not in ignored)
+    stating_findings = (document.finding for document in documents)
+    folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
+    return ReadFiles(tuple(read), faulty, runs, folder_findings)
 
 
 def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
@@ -214,7 +200,7 @@ def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bo
     foreign : generic suffixes without a run in any of the files
     """
     suffix = file.path.suffix.lower()
-    is_unknown = suffix not in known_suffixes() and isinstance(file.fault, AskingError)
+    is_unknown = suffix not in format_suffixes() and isinstance(file.fault, AskingError)
     has_no_run = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
     return has_no_run and file.path not in given
 
@@ -251,12 +237,8 @@ def read_runs(
 ) -> Dataset:
     """Return the runs in files, folders and glob patterns, with findings and inferred values.
 
-    Raises
-    ------
-    AskingError
-        If information is missing. It contains the faults and the questions of all files.
-    InputError
-        If a file is not readable, or a run has faults.
+    Raise AskingError if information is missing. It contains the faults and the questions of all files. Raise
+    InputError if a file is not readable, or a run has faults.
     """
     read = read_each(paths, channels, answers)
     runs: list[RigRun] = []

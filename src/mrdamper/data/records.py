@@ -24,7 +24,7 @@ from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
 from mrdamper.results import Picture
-from mrdamper.schema import unknown_name
+from mrdamper.schema import finite_or_none, unknown_name
 
 WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
@@ -34,14 +34,9 @@ WITHOUT_MOTION = (
 
 _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 LEAST_SAMPLES = 16
-_SHOWN_RUNS_MAX = 8  # runs in the text form of a data set
 _SPEED_MAX_m_s = 10.0  # No damper rig is faster.
 _STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
-_VALUE_COUNT_MIN = 8  # Fewer distinct displacements are the noise of a sensor at rest.
-_REVERSAL_MIN_RATIO = 0.1  # A reversal moves back by more than this fraction of the stroke.
-_LEVEL_PART_COUNT = 16  # The median commands of these parts show a change of level despite noise.
 _BLOCK_STEP_COUNT = 16  # Jitter averages out in this number of time steps.
-FORCE_RANGE_MIN_N = 1e-6  # Numerically constant below this range.
 STROKE_MIN_m = 1e-9  # Numerically constant below this stroke.
 GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step is a gap.
 
@@ -86,10 +81,7 @@ class RigRun(Recording, Picture):
     Arrays have shape (n,), and the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz".
     It is empty until ``prepare_run`` finds it.
 
-    Raises
-    ------
-    InputError
-        If the run has faults. One message lists all of them.
+    Raise InputError if the run has faults. One message lists all of them.
     """
 
     motion: str = ""
@@ -100,7 +92,7 @@ class RigRun(Recording, Picture):
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
-            raise InputError(faults=[fault.at_place(place) for fault in faults])
+            raise InputError(faults=[fault.prepend_place(place) for fault in faults])
 
     def checked(self) -> RigRun:
         return self
@@ -161,7 +153,7 @@ class Dataset(Picture):
 
     def __repr__(self) -> str:
         """Return the first runs, one line for each."""
-        lines = [f"  {run!r}" for run in self.runs[:_SHOWN_RUNS_MAX]]
+        lines = [f"  {run!r}" for run in self.runs[:8]]  # runs in the text form of a data set
         more = len(self) - len(lines)
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
@@ -180,14 +172,7 @@ class Dataset(Picture):
         digest = hashlib.sha256()
         for run in sorted(self.runs, key=lambda run: run.name):
             digest.update(f"{run.name}\0{run.command_unit}\0{len(run)}\0".encode())
-            for channel in (
-                run.time,
-                run.displacement,
-                run.force,
-                run.command,
-                run.velocity,
-                run.temperature,
-            ):
+            for channel in (getattr(run, name) for name in _CHANNELS):
                 digest.update(b"\0" if channel is None else np.ascontiguousarray(channel, dtype="<f8").data)
         return digest.hexdigest()
 
@@ -247,17 +232,13 @@ def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
     """
     runs = tuple(runs)
     largest = max((float(np.quantile(np.abs(run.command), 0.99)) for run in runs), default=0.0)
-    return tuple(
-        replace(run, command=np.full(len(run), np.median(run.command)))
-        if run.constant_command is None and _is_only_noise(run.command, largest)
-        else run
-        for run in runs
-    )
-
-
-def _is_only_noise(command: FloatArray, largest: float) -> bool:
-    levels = [float(np.median(part)) for part in np.array_split(command, _LEVEL_PART_COUNT)]
-    return float(np.std(command)) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
+    found = []
+    for run in runs:
+        levels = [float(np.median(part)) for part in np.array_split(run.command, 16)]
+        is_noise = np.std(run.command) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
+        steady = run.constant_command is None and is_noise
+        found.append(replace(run, command=np.full(len(run), np.median(run.command))) if steady else run)
+    return tuple(found)
 
 
 def command_slack(command: float) -> float:
@@ -272,14 +253,7 @@ def _faults(run: RigRun) -> list[InputError]:
         faults.append(InputError("has no name", remedy="Pass a name"))
     if run.command_unit not in {"A", "V"}:
         faults.append(InputError(f"command unit is {run.command_unit!r}", expected="'A' or 'V'"))
-    channels: dict[str, FloatArray] = {
-        "time": run.time,
-        "displacement": run.displacement,
-        "force": run.force,
-        "command": run.command,
-    }
-    channels |= {"velocity": run.velocity} if run.velocity is not None else {}
-    channels |= {"temperature": run.temperature} if run.temperature is not None else {}
+    channels = channels_of(run)
     shapes = {name: array.shape for name, array in channels.items()}
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
         sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
@@ -296,16 +270,19 @@ def _faults(run: RigRun) -> list[InputError]:
             remedy="Record a longer run, or leave the file out",
         )
         return [*faults, fault]
-    missing = [_finite_fault(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
+    missing = [*find_missing_numbers(run)]
     if missing:
-        return [*faults, *missing]
+        return [
+            *faults,
+            *(InputError(each.found, expected="finite numbers", remedy=each.remedy) for each in missing),
+        ]
     faults += [
         InputError(item.found, expected="even steps of time", remedy=item.remedy)
         for item in find_time_faults(run.time)
     ]
     if not faults:
         faults += _motion_faults(run)
-    if np.ptp(run.force) < FORCE_RANGE_MIN_N:
+    if np.ptp(run.force) < 1e-6:  # Numerically constant below this range.
         faults.append(
             InputError(
                 f"force never changes ({run.force[0]:g} N at every sample)",
@@ -313,20 +290,83 @@ def _faults(run: RigRun) -> list[InputError]:
                 remedy="Check which column holds the force",
             )
         )
-    command = "current" if run.command_unit == "A" else "voltage"
-    for role, array in channels.items():
-        if role != "displacement":
-            faults += _range_faults(command if role == "command" else role, array)
-    return faults
+    return faults + [
+        InputError(each.found, remedy=each.remedy)
+        for each in find_implausible_sizes(run)
+        if each.channel != "displacement"
+    ]
 
 
-def _finite_fault(name: str, array: FloatArray) -> InputError:
-    bad = np.flatnonzero(~np.isfinite(array))
-    return InputError(
-        f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples)",
-        expected="finite numbers",
-        remedy="Fill the empty cells, or cut the segment out of the file",
-    )
+def channels_of(recording: Recording) -> dict[str, FloatArray]:
+    """Return the channels of a recording by role."""
+    command = "current" if recording.command_unit == "A" else "voltage"
+    channels = {
+        "time": recording.time,
+        "displacement": recording.displacement,
+        "force": recording.force,
+        command: recording.command,
+    }
+    if recording.velocity is not None:
+        channels["velocity"] = recording.velocity
+    if recording.temperature is not None:
+        channels["temperature"] = recording.temperature
+    return channels
+
+
+def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
+    """Yield the channels that contain NaN or infinity."""
+    for role, values in channels_of(recording).items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            first, last = int(bad[0]), int(bad[-1])
+            yield Finding(
+                kind="missing_numbers",
+                severity="fault",
+                channel=role,
+                size=float(len(bad)),
+                unit="samples",
+                from_s=finite_or_none(recording.time[first]),
+                to_s=finite_or_none(recording.time[last]),
+                found=f"{role} is {values[first]} at sample {first} ({len(bad)} such samples)",
+                effect="No fit can use the run: an error over such samples has no value",
+                remedy="Fill the empty cells in the source, or cut the segment out of the file",
+            )
+
+
+def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
+    """Yield channels outside the range of a damper on a rig."""
+    for role, values in channels_of(recording).items():
+        low, high, unit = QUANTITIES[role].low, QUANTITIES[role].high, QUANTITIES[role].unit
+        outside = np.flatnonzero(~((values >= low) & (values <= high)))
+        if not len(outside):
+            continue
+        k, few = int(outside[0]), len(outside) < 0.01 * len(values)
+        worst = float(values[outside][np.argmax(np.abs(values[outside]))])
+        sizes = f"{worst:.4g} {unit}", f"{low:g} to {high:g} {unit}"
+        hint = ""
+        if role == "temperature":
+            wrong = (
+                "degC given as K" if worst < 200.0 else f"{'K' if worst > 533.0 else 'degF'} given as degC"
+            )
+            hint = f"It looks like {wrong}. "
+            sizes = (
+                f"{to_degC(worst):.4g} degC ({sizes[0]})",
+                f"{to_degC(low):.0f} to {to_degC(high):.0f} degC",
+            )
+        yield Finding(
+            kind="outliers" if few else "implausible_size",
+            severity="fault",
+            channel=role,
+            size=worst,
+            unit=unit,
+            from_s=float(recording.time[k]),
+            to_s=float(recording.time[outside[-1]]),
+            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} ({len(outside)} samples from {k} on)",
+            effect="A single such sample outweighs the rest of the run in a fit",
+            remedy="Cut the samples out of the file, or repair the sensor's wiring"
+            if few
+            else f"{hint}Check the column's unit and gain in the channel map",
+        )
 
 
 def find_time_faults(time: FloatArray) -> list[Finding]:
@@ -408,74 +448,27 @@ def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | 
 def _motion_faults(run: RigRun) -> list[InputError]:
     stroke = float(np.ptp(run.displacement))
     if stroke < STROKE_MIN_m:
-        return [
-            InputError(
-                f"displacement never changes ({run.displacement[0]:g} m at every sample)",
-                expected="a motion",
-                remedy=f"Check which column holds the displacement. {WITHOUT_MOTION}",
-            )
-        ]
+        found = f"displacement never changes ({run.displacement[0]:g} m at every sample)"
+        remedy = f"Check which column holds the displacement. {WITHOUT_MOTION}"
+        return [InputError(found, expected="a motion", remedy=remedy)]
     speeds = np.abs(np.diff(run.displacement)) / np.diff(run.time)
     fastest = int(np.argmax(speeds))
     if speeds[fastest] > _SPEED_MAX_m_s or stroke > _STROKE_MAX_m:
-        hint = "It looks like mm read as m: give the channel's unit as mm"
+        remedy = "It looks like mm read as m: give the channel's unit as mm"
         if stroke <= _STROKE_MAX_m and np.count_nonzero(speeds > _SPEED_MAX_m_s) < 0.01 * len(speeds):
-            hint = "It looks like a jump of the sensor: cut the segment out of the file"
-        return [
-            InputError(
-                f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
-                f"{stroke:.3g} m",
-                expected=f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m",
-                remedy=hint,
-            )
-        ]
+            remedy = "It looks like a jump of the sensor: cut the segment out of the file"
+        found = f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}"
+        expected = f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m"
+        return [InputError(f"{found}, with a stroke of {stroke:.3g} m", expected=expected, remedy=remedy)]
     values = len(np.unique(run.displacement))
-    if values < _VALUE_COUNT_MIN:
-        return [
-            InputError(
-                f"displacement takes only {values} values, {stroke:.2g} m apart at most",
-                expected="a motion far above the sensor's resolution",
-                remedy="Cut the run where the rig moves, or record a larger stroke",
-            )
-        ]
-    reversals = len(turning_points(run.displacement, _REVERSAL_MIN_RATIO * stroke))
+    if values < 8:  # Fewer distinct displacements are the noise of a sensor at rest.
+        found = f"displacement takes only {values} values, {stroke:.2g} m apart at most"
+        remedy = "Cut the run where the rig moves, or record a larger stroke"
+        return [InputError(found, expected="a motion far above the sensor's resolution", remedy=remedy)]
+    # A reversal moves back by more than this fraction of the stroke.
+    reversals = len(turning_points(run.displacement, 0.1 * stroke))
     if reversals < 2:
-        return [
-            InputError(
-                f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}",
-                expected="at least 2",
-                remedy="Hysteresis shows only when the motion goes to and fro: record at least one cycle",
-            )
-        ]
+        found = f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}"
+        remedy = "Hysteresis shows only when the motion goes to and fro: record at least one cycle"
+        return [InputError(found, expected="at least 2", remedy=remedy)]
     return []
-
-
-def _range_faults(role: str, array: FloatArray) -> list[InputError]:
-    quantity = QUANTITIES[role]
-    outside = np.flatnonzero(~((array >= quantity.low) & (array <= quantity.high)))
-    if not len(outside):
-        return []
-    k = int(outside[0])
-    if role == "temperature":
-        return [
-            InputError(
-                f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} "
-                f"({len(outside)} such samples)",
-                expected=f"{to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC",
-                remedy=f"{_unit_hint(float(array[k]))}: check the column's unit in the channel map",
-            )
-        ]
-    return [
-        InputError(
-            f"{role} is {array[k]:g} {quantity.unit} at sample {k} ({len(outside)} such samples)",
-            expected=f"{quantity.low:g} to {quantity.high:g} {quantity.unit}",
-            remedy="Check the column's unit in the channel map",
-        )
-    ]
-
-
-def _unit_hint(kelvin: float) -> str:
-    """Return the probable wrong unit of an implausible temperature [K], for messages."""
-    if kelvin < 200.0:
-        return "It looks like degC given as K"
-    return "It looks like K given as degC" if kelvin > 533.0 else "It looks like degF given as degC"

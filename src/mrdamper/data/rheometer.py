@@ -69,6 +69,10 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
 )
 
 
+# Pairs of a quantity and a quantity that it requires.
+_REQUIRED = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
+
+
 def read_rheometer_tables(given: Sequence[str | Path | RheometerTable]) -> list[RheometerTable]:
     """Return the rheometer tables in files. Tables that are not paths are returned unchanged."""
     return [item if isinstance(item, RheometerTable) else read_rheometer(item) for item in given]
@@ -79,78 +83,42 @@ def read_rheometer(path: str | Path) -> RheometerTable:
 
     Rows with a missing cell and viscosities in a field are ignored.
 
-    Raises
-    ------
-    InputError
-        If a column is missing, is duplicated, or has no valid unit, or if a temperature is implausible.
+    Raise InputError if a column is missing, is duplicated, or has no valid unit, or if a temperature is
+    implausible.
     """
     file = Path(path)
-    table = read_table(file)
-    place = file.name
+    table, place = read_table(file), file.name
     headers = {what: header for what in _QUANTITIES if (header := _find_column(what, table.names, place))}
     found = ", ".join(map(repr, table.names))
-    for what, needed in _required_quantities(headers):
-        if needed not in headers:
+    for what, needed in _REQUIRED:
+        if what in headers and needed not in headers:
             raise InputError(
                 place=place, found=f"{what} but no {needed} among {found}", expected=_offer(needed)
             )
     if not {"viscosity", "yield stress"} & headers.keys():
+        offered = f"{_offer('viscosity')}, or {_offer('yield stress')} with {_offer('field')}"
         raise InputError(
-            place=place,
-            found=f"neither viscosity nor yield stress among {found}",
-            expected=f"{_offer('viscosity')}, or {_offer('yield stress')} with {_offer('field')}",
+            place=place, found=f"neither viscosity nor yield stress among {found}", expected=offered
         )
-    columns = _columns(table, headers, place)
-    unused = (name for name in table.names if name not in headers.values())
-    notes = [f"{place}: column {name!r} is not used" for name in unused]
+    columns = {what: _to_si(table, header, what, place) for what, header in headers.items()}
+    kelvin, field = columns["temperature"][0], columns.get("field")
+    _require_plausible(kelvin, headers["temperature"], place)
+    notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
     viscosity = yield_stress = None
-    if columns.viscosity is not None:
-        without_field = _viscosity_without_field(columns.viscosity, columns.field, notes, place)
-        kelvin, eta = _complete_rows([columns.temperature, without_field], "viscosity", place)
-        viscosity = (kelvin, eta)
-    if columns.yield_stress is not None and columns.field is not None:
-        three = [columns.field, columns.temperature, columns.yield_stress]
-        field, kelvin, stress = _complete_rows(three, "yield stress", place)
-        yield_stress = (field, kelvin, stress)
-    values = [item for item in (columns.viscosity, columns.yield_stress) if item is not None]
+    if "viscosity" in columns:
+        eta = columns["viscosity"][0]
+        in_field = np.isfinite(eta) & (np.nan_to_num(0.0 if field is None else field[0]) != 0.0)
+        if in_field.any():  # The viscosity in a field is another quantity.
+            notes.append(f"{place}: viscosities in a field left out: {int(np.count_nonzero(in_field))}")
+        viscosity = _complete_rows("viscosity", place, kelvin, np.where(in_field, np.nan, eta))
+    if "yield stress" in columns and field is not None:
+        yield_stress = _complete_rows("yield stress", place, field[0], kelvin, columns["yield stress"][0])
+    values = [columns[what][0] for what in ("viscosity", "yield stress") if what in columns]
     empty = np.isnan(values).all(axis=0)
     if empty.any():
         notes.append(f"{place}: rows without a value left out: {int(np.count_nonzero(empty))}")
-    return RheometerTable(place, viscosity, yield_stress, columns.field_unit, tuple(notes))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Columns:
-    """The values of the columns in SI; NaN if a cell is empty."""
-
-    temperature: FloatArray
-    viscosity: FloatArray | None
-    yield_stress: FloatArray | None
-    field: FloatArray | None
-    field_unit: str
-
-
-def _columns(table: Table, headers: Mapping[str, str], place: str) -> _Columns:
-    def column(what: str) -> tuple[FloatArray, str] | tuple[None, str]:
-        header = headers.get(what)
-        if header is None:
-            return None, ""
-        if header not in table.columns:
-            raise InputError(place=place, found=f"column {header!r} holds text", expected="numbers")
-        return _to_si(table.columns[header], what, header, place)
-
-    temperature, _ = column("temperature")
-    if temperature is None:  # read_rheometer has already required it.
-        raise InputError(place=place, found="no temperature", expected=_offer("temperature"))
-    _require_plausible(temperature, headers["temperature"], place)
-    field, unit = column("field")
-    return _Columns(temperature, column("viscosity")[0], column("yield stress")[0], field, unit)
-
-
-def _required_quantities(headers: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return the pairs of a quantity in the table and a quantity that it requires."""
-    pairs = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
-    return [(what, needed) for what, needed in pairs if what in headers]
+    unit = "" if field is None else field[1]
+    return RheometerTable(place, viscosity, yield_stress, unit, tuple(notes))  # type: ignore[arg-type]
 
 
 def _offer(what: str) -> str:
@@ -197,15 +165,15 @@ def _factor(what: str, unit: str) -> tuple[float, str] | None:
     return _QUANTITIES[what].units.get(re.sub(r"[\s._*·/-]|(?<=m)\^?-1", "", unit))
 
 
-def _to_si(raw: FloatArray, what: str, header: str, place: str) -> tuple[FloatArray, str]:
+def _to_si(table: Table, header: str, what: str, place: str) -> tuple[FloatArray, str]:
     """Return a column in SI, and its SI unit."""
+    if header not in table.columns:
+        raise InputError(place=place, found=f"column {header!r} holds text", expected="numbers")
     unit = _unit_in(header, what) or ""
     if what == "temperature":
-        return to_si(raw, unit, "temperature"), "K"
-    factor = _factor(what, unit)
-    if factor is None:
-        raise InputError(place=place, found=f"{header!r} has no unit of {what}", expected=_offer(what))
-    return raw * factor[0], factor[1]
+        return to_si(table.columns[header], unit, "temperature"), "K"
+    factor, si_unit = _factor(what, unit) or (np.nan, "")
+    return table.columns[header] * factor, si_unit
 
 
 def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
@@ -220,22 +188,9 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
         )
 
 
-def _viscosity_without_field(
-    viscosity: FloatArray, field: FloatArray | None, notes: list[str], place: str
-) -> FloatArray:
-    """Return the viscosities with NaN for rows in a field, because these are another quantity."""
-    if field is None:
-        return viscosity
-    in_field = np.isfinite(viscosity) & (np.nan_to_num(field) != 0.0)
-    if not in_field.any():
-        return viscosity
-    notes.append(f"{place}: viscosities in a field left out: {int(np.count_nonzero(in_field))}")
-    return np.where(in_field, np.nan, viscosity)
-
-
-def _complete_rows(columns: Sequence[FloatArray], what: str, place: str) -> list[FloatArray]:
+def _complete_rows(what: str, place: str, *columns: FloatArray) -> tuple[FloatArray, ...]:
     """Return the rows without empty cells."""
-    complete = np.all([np.isfinite(column) for column in columns], axis=0)
+    complete = np.all(np.isfinite(columns), axis=0)
     if not complete.any():
         raise InputError(place=place, found=f"no row has every cell that a {what} law needs; fill them in")
-    return [column[complete] for column in columns]
+    return tuple(column[complete] for column in columns)

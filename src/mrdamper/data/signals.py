@@ -12,14 +12,10 @@ from functools import lru_cache
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.core import solve_banded
 
-_NOISE_RATIO_MIN = 1e-3  # Smaller noise in velocity, divided by the rms velocity, is not filtered.
-_CUT_OFF_RATIO_MIN = 5.0  # The cut-off is at least this multiple of the mean frequency of the motion.
 _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))
 
 _SPLINE_DEGREE = 5
-_PENALTY_WEIGHT = 1e-4  # weight of the fourth differences of the spline coefficients in the fit
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 # First derivative by sixth-order differences: centred, and for the three samples nearest to an end.
@@ -57,7 +53,8 @@ class Spectrum:
         """
         square = self.frequency**2
         velocity_rms = 2 * np.pi * np.sqrt(np.mean(square * self.power))
-        if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= _NOISE_RATIO_MIN * velocity_rms:
+        # Smaller noise in velocity, divided by the rms velocity, is not filtered.
+        if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= 1e-3 * velocity_rms:
             return 0.5 / self.step
         gain = self.power - 2 * self.noise**2
         for low, high in np.searchsorted(self.frequency, np.outer(_MAINS_Hz, (0.99, 1.01))):
@@ -65,7 +62,8 @@ class Spectrum:
         best = int(np.argmax(np.cumsum(square * gain))) + 1
         velocity = square[:best] * self.power[:best]
         mean = float(np.sqrt(np.sum(square[:best] * velocity) / np.sum(velocity)))
-        return max(float(self.frequency[best - 1]), _CUT_OFF_RATIO_MIN * mean)
+        # The cut-off is at least this multiple of the mean frequency of the motion.
+        return max(float(self.frequency[best - 1]), 5.0 * mean)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +84,9 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     at least the rounding error if all displacements are on a grid. Up to 2 % of the record are ignored at its
     end, because the transform of the shorter length is faster.
     """
-    n = fast_length(len(displacement) - 1) + 1
+    from scipy.fft import prev_fast_len  # It takes a quarter of a second to load.
+
+    n = prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
     odd = np.concatenate([kept[:-1], -kept[:0:-1]])  # An odd function has sine terms only.
     coefficient = -np.fft.rfft(odd).imag[1:-1] * np.sqrt(0.5 / (n - 1))
@@ -116,6 +116,8 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     If the spacing is one sample, the derivatives are sixth-order differences.
     """
+    from scipy.linalg import solveh_banded  # It takes a quarter of a second to load.
+
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
     if spacing == 1:
@@ -133,7 +135,8 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
             normal[d, j + blocks - 1] += at_end[j + d, j]
     for d in range(len(_FOURTH_DIFFERENCE)):
         for j in range(len(_FOURTH_DIFFERENCE) - d):
-            weight = _PENALTY_WEIGHT * spacing * _FOURTH_DIFFERENCE[j] * _FOURTH_DIFFERENCE[j + d]
+            # weight of the fourth differences of the spline coefficients in the fit
+            weight = 1e-4 * spacing * _FOURTH_DIFFERENCE[j] * _FOURTH_DIFFERENCE[j + d]
             normal[d, j : j + count - len(_FOURTH_DIFFERENCE) + 1] += weight
     padded = np.zeros(blocks * spacing)
     padded[:n] = displacement
@@ -141,7 +144,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
     right = np.zeros(count)
     for j in range(_SPLINE_DEGREE + 1):
         right[j : j + blocks] += moments[:, j]
-    coefficients = solve_banded(normal, right)
+    coefficients = solveh_banded(normal, right, overwrite_ab=True, overwrite_b=True, lower=True)
     active = np.lib.stride_tricks.sliding_window_view(coefficients, _SPLINE_DEGREE + 1)
     x, v, a = ((active @ weights).ravel()[:n] for weights in basis)
     return Kinematics(x, v / step, a / step**2)
@@ -160,18 +163,6 @@ def differentiate(values: FloatArray, step: float) -> FloatArray:
     derivative[-3:] = -(_ENDS @ values[:-8:-1])[::-1]
     derivative /= step
     return derivative
-
-
-def fast_length(length_max: int) -> int:
-    """Return the largest number 2^i 3^j 5^k up to ``length_max`` (at least 1); its transform is fast."""
-    best, fives = 1, 1
-    while fives <= length_max:
-        threes = fives
-        while threes <= length_max:
-            best = max(best, threes << ((length_max // threes).bit_length() - 1))
-            threes *= 3
-        fives *= 5
-    return best
 
 
 def smallest_step(displacement: FloatArray) -> float:

@@ -12,14 +12,13 @@ from typing import TypeVar
 
 from mrdamper.data.formats.excel import is_workbook, read_workbook
 from mrdamper.data.formats.hdf5 import is_hdf5, read_hdf5
-from mrdamper.data.formats.logger import is_logger, read_logger
 from mrdamper.data.formats.lvm import is_lvm, read_lvm
 from mrdamper.data.formats.mat import is_mat, read_mat
 from mrdamper.data.formats.mdf import is_mdf, read_mdf
-from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
+from mrdamper.data.formats.octave import is_octave, read_octave
 from mrdamper.data.formats.parquet import is_parquet, read_parquet
-from mrdamper.data.formats.table import FileOptions, Format, OnUse, Table
+from mrdamper.data.formats.table import FileOptions, Format, NoTableError, OnUse, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, read_text
 from mrdamper.data.formats.uff import is_uff, read_uff
@@ -36,17 +35,16 @@ FORMATS: tuple[Format, ...] = (
     Format("NumPy archive", (".npz",), is_npz, read_npz),
     Format("Excel", (".xlsx", ".xlsm"), is_workbook, read_workbook),
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
-    Format("logger text", (".txt",), is_logger, read_logger),
-    Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
     Format("universal", (".unv", ".uff"), is_uff, read_uff),
     Format("JSON", (".json", ".jsonl"), is_json, read_json),
+    Format("Octave text", (".txt", ".mat"), is_octave, read_octave),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 
 HEAD_BYTES = 1 << 16
 _TOO_LARGE = "needs more memory than there is; split the file"
 Value = TypeVar("Value")
-_TEXTS = (read_lvm, read_logger, read_mts, read_text)
+_TEXTS = (read_lvm, read_text)
 _LOGGING_LIBRARIES = ("nptdms", "asammdf")
 
 _CATMAN = (
@@ -70,10 +68,6 @@ _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
 )
 
 
-class NoTableError(InputError):
-    """A readable file without columns of numbers, such as notes or settings next to the runs."""
-
-
 def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, ...]:
     """Return the tables in a file: its blocks, sheets and groups, or the one named ``options.part``."""
     chosen = options or FileOptions()
@@ -85,10 +79,8 @@ def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """Return the first table in a file. The content of the file determines its format.
 
-    Raises
-    ------
-    InputError
-        If the file is not readable or contains no numbers. Columns that are read later can raise it, too.
+    Raise InputError if the file is not readable or contains no numbers. Columns that are read later can raise
+    it, too.
     """
     with _reading(path):
         known = _recognise_format(path)

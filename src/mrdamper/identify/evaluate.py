@@ -70,7 +70,7 @@ def prepare_for(
     damper = model if isinstance(model, Damper) else model.damper
     prepared = prepare_all(runs, preparation or Preparation())
     if all_assumed(damper):
-        prepared = tuple(map(at_reference, prepared))
+        prepared = tuple(map(set_reference_temperature, prepared))
     lacking = [run.name for run in prepared if run.trajectory.temperature is None]
     if lacking and damper.temperature_dependent:
         more = f" (and {len(lacking) - 1} more of {len(prepared)} runs)" if len(lacking) > 1 else ""
@@ -85,7 +85,7 @@ def prepare_for(
     return prepared
 
 
-def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
+def operating_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
     """Return the ranges of all quantities of the runs; of the acceleration without the rarest 0.2 %."""
 
     def union(ranges: Iterable[Sequence[float]]) -> tuple[float, float]:
@@ -104,7 +104,7 @@ def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
 
 def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
     """Return a note for each quantity of the runs that is outside the envelope of the card."""
-    notes, envelopes = [], {run.name: whole_envelope([run]) for run in runs}
+    notes, envelopes = [], {run.name: operating_envelope([run]) for run in runs}
     for quantity, unit, scale, shift in (
         ("command", card.damper.command_unit, 1.0, 0.0),
         ("displacement", "mm", 1e3, 0.0),
@@ -132,7 +132,7 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
             f"{known_least:.4g} to {known_most:.4g} {unit}"
         )
         if quantity == "temperature":
-            words += f", {beyond_in_words(card.damper)}"
+            words += f", {describe_extrapolation(card.damper)}"
         notes.append(words)
     return notes
 
@@ -153,7 +153,7 @@ def all_assumed(damper: Damper) -> bool:
     )
 
 
-def beyond_in_words(damper: Damper) -> str:
+def describe_extrapolation(damper: Damper) -> str:
     """Return a sentence on the force of a damper outside its range of temperatures."""
     if not damper.temperature_dependent:
         return "and its force does not depend on temperature"
@@ -163,7 +163,7 @@ def beyond_in_words(damper: Damper) -> str:
     return f"and below {low:.4g} or above {high:.4g} degC its coefficients keep their value at that edge"
 
 
-def at_reference(run: PreparedRun) -> PreparedRun:
+def set_reference_temperature(run: PreparedRun) -> PreparedRun:
     """Return the run, at 20 degC if it has no temperature channel."""
     if run.trajectory.temperature is not None:
         return run
@@ -191,8 +191,3 @@ def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[Prepa
     if faults:
         raise InputError(faults=faults)
     return tuple(prepared)
-
-
-def finite(value: float) -> float | None:
-    """Return the number, None if it is not finite."""
-    return float(value) if np.isfinite(value) else None

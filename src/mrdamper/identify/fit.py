@@ -20,7 +20,7 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_errors_between_motions,
 )
 from mrdamper.identify.confidence.proposals import propose_tests
-from mrdamper.identify.evaluate import finite, row, whole_envelope
+from mrdamper.identify.evaluate import operating_envelope, row
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.problem import Estimate, FitProblem, FittedDamper, SearchResult, envelope_of
@@ -30,7 +30,7 @@ from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
 from mrdamper.identify.temperature import scale_thinning
 from mrdamper.identify.terms import archetypes_of
-from mrdamper.identify.windows import whole_runs
+from mrdamper.identify.windows import run_windows
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
@@ -38,8 +38,9 @@ from mrdamper.models.laws import HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
+from mrdamper.schema import finite_or_none
 
-__all__ = ["Identification", "Law", "assess", "fit_law", "usual_law", "versions"]
+__all__ = ["Identification", "Law", "assess", "default_law", "fit_law", "versions"]
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
@@ -81,7 +82,7 @@ class Identification(FittedDamper):
         judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
         if self.actuation is not None:
-            errors = {name: finite(error) for name, error in self.actuation.standard_errors.items()}
+            errors = {name: finite_or_none(error) for name, error in self.actuation.standard_errors.items()}
             notes["actuation"] = {"standard_errors": errors, **self.actuation.to_dict()}
         lists = {"method": result.notes, "next_tests": self.next_tests, "assumed": self.damper.assumed}
         notes |= {name: list(texts) for name, texts in lists.items() if texts}
@@ -90,7 +91,7 @@ class Identification(FittedDamper):
         return ModelCard(
             title=title or f"{self.damper.law.name}, {len(self.training)} training runs",
             damper=self.damper,
-            envelope=whole_envelope(self.training),
+            envelope=operating_envelope(self.training),
             evidence=Evidence(
                 runs=tuple(row(error) for error in judged.runs),
                 method=result.method,
@@ -100,7 +101,7 @@ class Identification(FittedDamper):
                 seed=result.seed,
                 versions=versions(),
             ),
-            standard_errors={e.name: finite(e.standard_error) for e in self.estimates},
+            standard_errors={e.name: finite_or_none(e.standard_error) for e in self.estimates},
             preparation=self.preparation.to_dict(),
             sources=tuple(sources),
             notes=notes,
@@ -122,14 +123,14 @@ def fit_law(
 
     Parameters
     ----------
-    law : name of a law, or a law in Python (object or class); None: ``usual_law``
+    law : name of a law, or a law in Python (object or class); None: ``default_law``
     terms : names of the terms of the law; None: the default terms
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
     on_progress : receives a ``SearchState`` as ``detail`` after every step
     """
     clock = cpu_seconds()
-    chosen, python_law = resolve_law(usual_law(data.steady) if law is None else law)
+    chosen, python_law = resolve_law(default_law(data.steady) if law is None else law)
     problem = data.problem(chosen, terms)
     if data.settings.method == "genetic":
         result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
@@ -170,7 +171,7 @@ def fit_law(
 def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
     """Fit the windows of a problem, and then all data if the windows do not represent them."""
     settings = problem.settings
-    windows, whole = problem.windows(), whole_runs(problem.runs, settings)
+    windows, whole = problem.windows(), run_windows(problem.runs, settings)
     result = fit_variable_projection(
         problem,
         dampers=dampers,
@@ -213,7 +214,7 @@ def _with_actuation(
     return replace(result, damper=damper), actuation
 
 
-def usual_law(runs: Sequence[PreparedRun]) -> str:
+def default_law(runs: Sequence[PreparedRun]) -> str:
     """Return the default law for the runs."""
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
     return "double-bouc-wen" if temperature_dependent else "series-valve"

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.data.records import Dataset
-from mrdamper.identify.evaluate import at_reference, prepare_all
+from mrdamper.identify.evaluate import prepare_all, set_reference_temperature
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors, Temperature, select_temperature_kind
@@ -59,7 +59,10 @@ class FitData:
         prepared, unseen = prepare_all(training, preparation), prepare_all(held_out, preparation)
         notes = _noisy_currents(training, prepared)
         if fluid is not None:
-            prepared, unseen = tuple(map(at_reference, prepared)), tuple(map(at_reference, unseen))
+            prepared, unseen = (
+                tuple(map(set_reference_temperature, prepared)),
+                tuple(map(set_reference_temperature, unseen)),
+            )
         else:
             prepared, temperature, remark = select_temperature_kind(prepared, temperature)
             notes += (remark,) if remark else ()

@@ -18,7 +18,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
-from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
+from mrdamper.identify.windows import FitWindow, representative_windows, run_windows
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
@@ -123,7 +123,7 @@ class FitProblem:
         Without ``samples_max``, all data are used unless the runs with changing current are too long (see
         ``FitSettings``). With several ``blocks`` of time, no window belongs to two of them.
         """
-        whole = whole_runs(self.runs, self.settings)
+        whole = run_windows(self.runs, self.settings)
         limit = math.inf if samples_max is None else samples_max
         changing = sum(len(window.force) for window in whole if window.drive.constant is None)
         if changing > self.settings.changing_samples_max:

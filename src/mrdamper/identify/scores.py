@@ -108,7 +108,7 @@ def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBa
     )
 
 
-def least_command(commands: Iterable[float | None]) -> float:
+def command_threshold(commands: Iterable[float | None]) -> float:
     """Return the limit [A or V] below which a command counts as zero: 3 % of the largest, or 20 mA."""
     return max(0.02, 0.03 * max((abs(c) for c in commands if c is not None), default=0.0))
 
@@ -117,7 +117,7 @@ def summary(errors: Iterable[RunError]) -> dict[str, float]:
     """Return median, maximum and maximum above zero current of ``nrmse_percent``; NaN without runs."""
     errors = tuple(errors)
     every = np.array([e.nrmse_percent for e in errors])
-    least = least_command(e.command for e in errors)
+    least = command_threshold(e.command for e in errors)
     above = np.array([e.nrmse_percent for e in errors if e.command is None or abs(e.command) > least])
     return {
         "median": float(np.median(every)) if len(every) else float("nan"),

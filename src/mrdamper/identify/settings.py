@@ -26,7 +26,7 @@ class FitSettings:
     # Windows. A warm-up of one period leaves a force error of 0.02 % (median) and 1 % (worst) of the spread.
     window_periods: float = 1.0  # scored length, in periods of the motion
     warm_up_periods: float = 1.0  # simulated length before a window that is not scored
-    window_samples_min: int = 64  # scored length of a window, and of its warm-up, if periods are shorter
+    window_samples_min: int = 32  # scored length of a window, and of its warm-up, if periods are shorter
     # The kernel evaluates windows with changing current one by one. More samples are replaced by a subset.
     changing_samples_max: int = 5_000
     windows_error_ratio_max: float = 1.2  # error on all data divided by that on the subset; above it, fit all
@@ -52,8 +52,8 @@ class FitSettings:
     # Thorough search for the chosen candidate
     thorough_count: int = 8  # points that descend
     thorough_iterations_max: int = 20
-    hop_iterations_max: int = 20  # iterations after a perturbation of the best end
-    failed_hop_count_max: int = 5  # perturbations without a smaller cost that end the search
+    hop_iterations_max: int = 20  # iterations after an exchange or a perturbation
+    failed_hop_count_max: int = 3  # rounds without a smaller cost that end the search
 
     # Final fit to all runs
     start_count: int = 4  # parameter sets with the smallest costs that descend

@@ -34,6 +34,9 @@ SAME_MOTION_RATIO = 1.1  # ratio of standard deviations of displacement and of v
 SAME_CURRENT_RATIO = 0.03  # difference of currents relative to the largest
 SAME_TEMPERATURE_K = 5.0
 STEPS_PER_PERIOD = 400  # min value of implicit laws for slow motions
+STEPS_PER_SAMPLE = 4  # A sample with more integration steps counts as several samples.
+# The kernel integrates this number of windows at once. One long window would take as long as all of them.
+PARALLEL_COUNT = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,16 +96,16 @@ def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, .
     )
 
 
-def whole_runs(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
+def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
     """Return every run as one window, from its first sample on."""
     coarse = [_decimate(run, settings) for run in runs]
     fractions = run_fractions(runs)
     windows = []
     for k, run in enumerate(coarse):
-        spans = _at_one_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
+        spans = _split_by_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
         scored = len(run) - run.scored_from
         windows += [
-            _window(run, span, fractions[k] * (span.stop - span.start) / scored, _spread(run))
+            _window(run, span, fractions[k] * (span.stop - span.start) / scored, _force_std(run))
             for span in spans
         ]
     return tuple(windows)
@@ -112,7 +115,7 @@ def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT
     """Return one whole run with its measured temperature, as one of a number of runs."""
     coarse = _decimate(run, settings)
     window = _window(
-        coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _spread(coarse)
+        coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _force_std(coarse)
     )
     return replace(window, drive=open_drive(coarse.trajectory))
 
@@ -122,8 +125,9 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
 
-    The result does not depend on the order of the runs, except for the index of each run. At least one
-    window is returned. With several equal ``blocks`` of time, no window belongs to two of them.
+    Samples of slow records with many integration steps count more. The result does not depend on the order
+    of the runs, except for the index of each run. At least one window is returned. With several equal
+    ``blocks`` of time, no window belongs to two of them.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
@@ -131,13 +135,14 @@ def representative_windows(
     fractions = run_fractions(runs)
     share = np.array([fractions[s.run] * (s.stop - s.start) / scored[s.run] for s in spans])
     features = _features(coarse, spans, settings)
-    order, nearest = _k_center(features, spans, samples_max)
+    cost = [(s.stop - s.first) * _relative_cost(coarse[s.run]) for s in spans]
+    order, nearest = _k_center(features, spans, cost, samples_max)
     fraction = np.bincount(nearest, weights=share, minlength=len(spans))
     order = sorted(order)
     merged = _merge(coarse, [spans[k] for k in order], [fraction[k] for k in order], settings)
-    if sum(span.stop for span, _ in merged) <= samples_max:
+    if sum(span.stop * _relative_cost(coarse[span.run]) for span, _ in merged) <= samples_max:
         merged = [(replace(span, first=0), weight) for span, weight in merged]
-    return tuple(_window(coarse[s.run], s, f, _spread(coarse[s.run])) for s, f in merged)
+    return tuple(_window(coarse[s.run], s, f, _force_std(coarse[s.run])) for s, f in merged)
 
 
 def _decimate(run: PreparedRun, settings: FitSettings) -> PreparedRun:
@@ -156,7 +161,7 @@ def _shortest_period_s(run: PreparedRun) -> float:
     return float(2.0 * path.step * np.quantile(np.diff(turns), 0.1))
 
 
-def _spread(run: PreparedRun) -> float:
+def _force_std(run: PreparedRun) -> float:
     spread = float(np.std(run.force[run.scored_from :]))
     if not spread > 0.0:
         raise InputError(place=run.run.name, found="the force does not change after the motion starts")
@@ -165,17 +170,25 @@ def _spread(run: PreparedRun) -> float:
 
 def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> FitWindow:
     weight = 1e4 * fraction / (spread**2 * (span.stop - span.start))
-    longest_step = max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
     path = run.trajectory.part(slice(span.first, span.stop))
     if path.temperature is not None:
         mean = float(path.temperature[span.start - span.first :].mean())
         path = replace(path, temperature=np.full(len(path), mean))
-    drive = open_drive(path, longest_step=longest_step)
+    drive = open_drive(path, longest_step=_longest_step_s(run))
     force = np.ascontiguousarray(run.force[span.first : span.stop])
     return FitWindow(span.run, drive, force, span.start - span.first, fraction, weight, span.block)
 
 
-def _at_one_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
+def _longest_step_s(run: PreparedRun) -> float:
+    return max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
+
+
+def _relative_cost(run: PreparedRun) -> float:
+    """Return the cost of the simulation of a sample, relative to one with few integration steps."""
+    return max(run.trajectory.step / _longest_step_s(run) / STEPS_PER_SAMPLE, 1.0)
+
+
+def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
     """Return parts of a span in which the temperature changes little, each with its warm-up.
 
     The kernel is much faster at constant temperature. Each part uses its mean temperature.
@@ -221,7 +234,7 @@ def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list
         ends = np.linspace(low, high, parts + 1).round().astype(int).tolist()
         cuts += [(block, a, b) for a, b in itertools.pairwise(ends) if b > a]
     spans = [_Span(k, 0 if a == start else max(a - warm_up, 0), a, b, block) for block, a, b in cuts]
-    return [part for span in spans for part in _at_one_temperature(run, span, settings)]
+    return [part for span in spans for part in _split_by_temperature(run, span, settings)]
 
 
 def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: FitSettings) -> FloatArray:
@@ -251,36 +264,33 @@ def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: Fit
 
 
 def _k_center(
-    features: FloatArray, spans: Sequence[_Span], samples_max: float
+    features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], samples_max: float
 ) -> tuple[list[int], np.ndarray]:
-    """Return the selected windows in the order of selection, and the selected window nearest to each."""
+    """Return the selected windows in the order of selection, and the selected window nearest to each.
+
+    The first window is the one nearest to the median, and a window of every other block follows.
+    """
     content = np.lexsort(features.T[::-1])  # The order of files does not matter.
-    rank = np.empty(len(spans), dtype=np.intp)
-    rank[content] = np.arange(len(spans))
     away = np.abs(features - np.median(features, axis=0)).sum(axis=1)
-    cost = [span.stop - span.first for span in spans]
-    first = _cheapest_alike(int(content[np.argmin(away[content])]), features, spans, cost, away)
-    order, spent = [first], cost[first]
-    distance = np.linalg.norm(features - features[first], axis=1)
-    nearest = np.full(len(spans), first)
+    distance, nearest = away.copy(), np.zeros(len(spans), dtype=np.intp)
+    blocks = np.array([span.block for span in spans])
+    order: list[int] = []
     while len(order) < len(spans):
-        distance[order] = -1.0
-        k = int(content[np.argmax(distance[content])])
-        k = _cheapest_alike(k, features, spans, cost, distance)
-        if spent + cost[k] > samples_max:
+        missing = content[~np.isin(blocks[content], blocks[order])]
+        at = missing[np.argmin(away[missing])] if len(missing) else content[np.argmax(distance[content])]
+        k = _cheapest_alike(int(at), features, spans, cost, distance)
+        if not len(missing) and sum(cost[j] for j in [*order, k]) > samples_max:
             break
-        order.append(k)
-        spent += cost[k]
         closer = np.linalg.norm(features - features[k], axis=1)
-        nearest = np.where(closer < np.maximum(distance, 0.0), k, nearest)
-        nearest[k] = k
-        distance = np.minimum(np.maximum(distance, 0.0), closer)
-    nearest[order] = order
+        nearest = np.where(closer < distance, k, nearest) if order else np.full(len(spans), k)
+        distance = np.minimum(distance, closer) if order else closer
+        order.append(k)
+        nearest[order], distance[order] = order, -1.0
     return order, nearest
 
 
 def _cheapest_alike(
-    k: int, features: FloatArray, spans: Sequence[_Span], cost: Sequence[int], distance: FloatArray
+    k: int, features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], distance: FloatArray
 ) -> int:
     """Return the cheapest window of the same run and block that is near a window and not selected.
 
@@ -300,17 +310,23 @@ def _cheapest_alike(
 def _merge(
     runs: Sequence[PreparedRun], spans: Sequence[_Span], fractions: Sequence[float], settings: FitSettings
 ) -> list[tuple[_Span, float]]:
-    """Join neighbouring windows of one block with the same weight of a sample and one temperature."""
+    """Join neighbouring windows of one block with the same weight of a sample and one temperature.
+
+    At constant current, no window is longer than the time in which the kernel integrates all of them.
+    """
     merged: list[tuple[_Span, float]] = []
+    longest = sum(span.stop - span.start for span in spans) / PARALLEL_COUNT
     for span, fraction in zip(spans, fractions, strict=True):
         if merged:
             last, before = merged[-1]
             joined = replace(last, stop=span.stop)
+            is_short = joined.stop - joined.start <= longest or runs[span.run].run.constant_command is None
             ratio = before / (last.stop - last.start) / (fraction / (span.stop - span.start))
             if (
-                (last.run, last.block, last.stop) == (span.run, span.block, span.start)
+                is_short
+                and (last.run, last.block, last.stop) == (span.run, span.block, span.start)
                 and abs(ratio - 1.0) < SAME_WEIGHT_TOLERANCE
-                and len(_at_one_temperature(runs[span.run], joined, settings)) == 1
+                and len(_split_by_temperature(runs[span.run], joined, settings)) == 1
             ):
                 merged[-1] = (joined, before + fraction)
                 continue

@@ -50,7 +50,7 @@ def write_map(files: ReadFiles) -> WrittenMap:
         [each for name, file in files.files for each in _file_constants(name, file)], comments
     )
     if read and "time" not in channels and (rate := _rate(read)) is not None:
-        constant["rate_Hz"] = rate
+        constant |= {"rate_Hz": rate}
     tables = {"channel": channels, "constant": constant, **_common_tables(files, comments)}
     document = {name: table for name, table in tables.items() if table}
     return WrittenMap(document, tuple(comments))

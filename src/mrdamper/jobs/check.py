@@ -31,6 +31,7 @@ from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.schema import finite_or_none
 
 _USUAL = CheckOptions()
 _SAMPLE_COUNT_MAX = 400  # samples of each run
@@ -40,7 +41,6 @@ HELD_OUT_KINDS = frozenset(
     {
         "coarse_steps",
         "duplicate",
-        "few_cycles",
         "few_samples_per_cycle",
         "force_level_changes",
         "force_noise",
@@ -80,7 +80,7 @@ class CheckedRun:
     samples_drawn: FloatArray = field(repr=False, compare=False)  # displacement [mm], force [N], shape (n, 2)
 
     @property
-    def worst(self) -> Severity | None:
+    def max_severity(self) -> Severity | None:
         return self.findings[0].severity if self.findings else None
 
 
@@ -195,7 +195,7 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
         source=run.source,
         samples=len(run),
         rate_Hz=1.0 / step if step > 0.0 else None,
-        duration_s=_finite(time[-1] - time[0]) if len(time) else None,
+        duration_s=finite_or_none(time[-1] - time[0]) if len(time) else None,
         stroke_mm=_span(run.displacement, 1e3),
         force_range_N=_span(run.force, 1.0),
         findings=findings,
@@ -213,8 +213,4 @@ def _interval_widths(run: Recording) -> FloatArray:
 
 
 def _span(values: FloatArray, scale: float) -> float | None:
-    return _finite(scale * float(np.max(values) - np.min(values))) if len(values) else None
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    return finite_or_none(scale * float(np.max(values) - np.min(values))) if len(values) else None

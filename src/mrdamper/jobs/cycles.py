@@ -10,7 +10,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import CycleFigures, count_record
-from mrdamper.data.finding import Finding, worst_first
+from mrdamper.data.finding import Finding, severity_rank
 from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.jobs.options import CyclesOptions
 from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
@@ -116,7 +116,7 @@ def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
     stroke_min_m = None if options.least_stroke_mm is None else 1e-3 * options.least_stroke_mm
     runs = record.recordings
     counted = [count_record(run, stroke_min_m) for run in runs]
-    figures = CycleFigures.joined([each.figures for each in counted])
+    figures = CycleFigures.concatenate([each.figures for each in counted])
     names = [[run.name] * len(each.figures) for run, each in zip(runs, counted, strict=True)]
     breaks = sum(each.breaks for each in counted)
     stroke_min_m = min(each.stroke_min_m for each in counted)
@@ -130,7 +130,7 @@ def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
         run=tuple(itertools.chain.from_iterable(names)),
         cycles=figures,
         command_unit=runs[0].command_unit,
-        findings=tuple(sorted(findings, key=worst_first)),
+        findings=tuple(sorted(findings, key=severity_rank)),
     )
 
 

@@ -74,7 +74,7 @@ def export(
         try:
             table = force_map(card)
         except InputError as fault:
-            raise fault.at_place("card") from fault
+            raise fault.prepend_place("card") from fault
     return ExportResult(
         card=card,
         name=options.name,
@@ -99,7 +99,7 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
             heating=None if damper is None else Heating.from_drawing(damper),
         )
     except InputError as fault:
-        raise fault.at_place("card") from fault
+        raise fault.prepend_place("card") from fault
     if damper is not None:
         target = replace(target, thermal=compact_model(damper))
     record = verify_c(target)

@@ -24,7 +24,7 @@ from mrdamper.identify.selection.select import Selection, select_model
 from mrdamper.identify.selection.settings import SelectionSettings
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors
-from mrdamper.identify.windows import whole_runs
+from mrdamper.identify.windows import run_windows
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
@@ -121,7 +121,7 @@ def fit(
         settings=settings,
     )
     if law is None and settings.method == "genetic":
-        law = fitting.usual_law(data.steady)
+        law = fitting.default_law(data.steady)
     if law is None or law == AUTO:
         selection, selection_notes = _select(data, options, on_progress)
         law = selection.chosen.candidate.law
@@ -184,9 +184,10 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
                 samples_max=samples_max,
             )
             selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
-        total = sum(len(window.force) for window in whole_runs(data.steady, data.settings))
+        whole = run_windows(data.steady, data.settings)
+        scored, total = (sum(len(w.force) - w.start for w in each) for each in (evaluator.windows, whole))
         subset_percent = selection.chosen.training_rms_percent
-        is_subset = samples_max < total
+        is_subset = scored < total
         selection = replace(
             selection,
             subset_error_percent=subset_percent,

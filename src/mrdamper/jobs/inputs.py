@@ -9,7 +9,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.frames import Runs, named_columns, parts_of
+from mrdamper.data.frames import Runs, columns_by_name, parts_of
 from mrdamper.data.proposal.questions import parse_answers
 from mrdamper.data.readers import ReadFiles, read_each, read_runs
 from mrdamper.data.records import Dataset, RigRun
@@ -81,7 +81,7 @@ def read(
         If a column is missing, has no unit, is not finite or has a different length, or if time does not
         increase.
     """
-    runs, named = named_columns(runs, columns or {})
+    runs, named = columns_by_name(runs, columns or {})
     if channels is not None and named is not None:
         raise UsageError("channels and columns exclude each other", remedy="Use one of them")
     return read_dataset([] if runs is None else runs, channels or named, answer=answer, flip_force=flip_force)

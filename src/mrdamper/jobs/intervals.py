@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamper.arrays import FloatArray, rms
-from mrdamper.data.prepare import PreparedRun, decimate, shown_samples
+from mrdamper.data.prepare import PreparedRun, decimate, select_plot_samples
 from mrdamper.models.card_draws import percentile_ends
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
@@ -60,7 +60,7 @@ def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) 
         run = decimate(run, PYTHON_RATE_Hz)
     drive, start = open_drive(run.trajectory), run.scored_from
     forces = np.stack([simulate(each.on_limits(), drive) for each in (damper, *dampers)])
-    drawn = shown_samples(run)
+    drawn = select_plot_samples(run)
     errors = np.array([rms(force[start:] - run.force[start:]) for force in forces[1:]])
     least, most = percentile_ends(errors)
     low, high = percentile_ends(forces[1:, drawn])

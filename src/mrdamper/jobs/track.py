@@ -177,7 +177,7 @@ class TrackResult(JobResult):
     cpu_s: float
 
     @property
-    def worst(self) -> list[Row]:
+    def max_error_rows(self) -> list[Row]:
         """Return the max errors of all temperatures by controller and target."""
         groups: dict[tuple[str, str], list[Row]] = {}
         for row in self.rows:
@@ -529,7 +529,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
-        return error.at_place("card")
+        return error.prepend_place("card")
     return InputError(f"there is no controller {name!r}", remedy=did_you_mean(name, every))
 
 
@@ -554,7 +554,7 @@ def _build(place: str, card: ModelCard, options: TrackOptions, largest: float) -
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
-        raise error.at_place(place) from error
+        raise error.prepend_place(place) from error
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:

@@ -11,14 +11,14 @@ Controllers use it for their preview.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.schema import NotNegative, check_ranges
 
 HYSTERESIS_WEIGHT = 0.5
 """Weight of the field with magnetic hysteresis. Steps determine only its product with the half width."""
@@ -39,29 +39,19 @@ class Actuation:
     and a large free-wheeling current falls faster.
     """
 
-    rise_s: float
-    fall_s: float
-    second_s: float = 0.0
-    delay_s: float = 0.0
-    resistance_20_ohm: float | None = None  # coil at 20 degC
-    largest_command: float | None = None  # maximum of the driver [A or V]
-    hysteresis_width_A: float = 0.0  # half width of the dead band [A or V]
-    freewheel_time_s: float = 0.0  # free-wheeling time constant; 0: the driver pulls the current down
-    saturation: float = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
-    wide_hysteresis_width_A: float = 0.0  # half width [A or V]; 0: none
+    rise_s: NotNegative
+    fall_s: NotNegative
+    second_s: NotNegative = 0.0
+    delay_s: NotNegative = 0.0
+    resistance_20_ohm: NotNegative | None = None  # coil at 20 degC
+    largest_command: NotNegative | None = None  # maximum of the driver [A or V]
+    hysteresis_width_A: NotNegative = 0.0  # half width of the dead band [A or V]
+    freewheel_time_s: NotNegative = 0.0  # free-wheeling time constant; 0: the driver pulls the current down
+    saturation: NotNegative = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
+    wide_hysteresis_width_A: NotNegative = 0.0  # half width [A or V]; 0: none
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None and field.default is None:
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-                raise InputError(
-                    place="actuation",
-                    found=f"{field.name} is {value!r}",
-                    expected="a finite number, 0 or more",
-                )
-            object.__setattr__(self, field.name, float(value))
+        check_ranges(self, "actuation")
 
     def flux(self, size: FloatArray) -> FloatArray:
         r"""Return the flux in units of a small command [A or V], shape (n,).
@@ -79,7 +69,7 @@ class Actuation:
         """Return the weights of the field with the narrow and the wide dead band."""
         return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
-    def applied(self, command: FloatArray, step: float) -> FloatArray:
+    def apply(self, command: FloatArray, step: float) -> FloatArray:
         """Return the effective command of the law [A or V] on a uniform step [s], shape (n,).
 
         The initial state is settled. The command is linear between its samples.
@@ -103,7 +93,7 @@ class Actuation:
         command = np.full(20_001, float(end))
         command[0] = start
         risen = (
-            replace(self, hysteresis_width_A=0.0, wide_hysteresis_width_A=0.0).applied(command, step) - start
+            replace(self, hysteresis_width_A=0.0, wide_hysteresis_width_A=0.0).apply(command, step) - start
         ) / (end - start)
         return float(np.interp(share, np.maximum.accumulate(risen), step * np.arange(len(command))))
 

@@ -36,7 +36,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw
 from mrdamper.models.temperature import FACTORS, factor_parameter_names, make_factor
-from mrdamper.schema import Json, Option, did_you_mean, read_record, unknown_name, write_record
+from mrdamper.schema import Json, NotNegative, Option, did_you_mean, read_record, unknown_name, write_record
 
 SCHEMA_VERSION = 4
 
@@ -48,9 +48,8 @@ FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
 CARD_SIZE_MAX_BYTES = 1 << 26  # A card has about 10 kB. A larger file is not a card.
 _HASH_KEY = "content_sha256"
 _KEYS_OUTSIDE_HASH = {_HASH_KEY, "notes"}
-_NotNegative = Annotated[float | None, Option(least=0.0)]
-_FormName = Annotated[str, Option("parameter law", among=lambda: FORMS)]
-_FactorName = Annotated[str, Option("temperature factor", among=lambda: FACTORS)]
+_FormName = Annotated[str, Option(among=lambda: FORMS)]
+_FactorName = Annotated[str, Option(among=lambda: FACTORS)]
 
 
 # ------------------------------------------------------------------------------------------- records
@@ -70,7 +69,7 @@ class ParameterRecord:
 
     value: float
     unit: str
-    standard_error: _NotNegative
+    standard_error: NotNegative | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +117,8 @@ class CardRecord:
     law: str
     python_law: str | None
     command_unit: Literal["A", "V"]
-    command_lag_s: Annotated[float, Option(least=0.0)]
-    command_lag_standard_error_s: _NotNegative
+    command_lag_s: NotNegative
+    command_lag_standard_error_s: NotNegative | None
     actuation: Actuation | None
     temperature_range_K: tuple[float, float] | None
     coefficients: Mapping[str, CoefficientRecord]
@@ -176,8 +175,8 @@ def card_to_json(card: ModelCard) -> Json:
             cost=evidence.cost,
             converged=evidence.converged,
             dataset_fingerprint=evidence.dataset_fingerprint,
-            training=_split_record(evidence, "training"),
-            held_out=_split_record(evidence, "held_out"),
+            training=_error_record(evidence, "training"),
+            held_out=_error_record(evidence, "held_out"),
             runs=tuple({"name": run["name"], "split": run["split"], **run} for run in evidence.runs),
             versions=evidence.versions,
         ),
@@ -222,7 +221,7 @@ def record_of_law(
     )
 
 
-def _split_record(evidence: Evidence, split: str) -> SplitRecord:
+def _error_record(evidence: Evidence, split: str) -> SplitRecord:
     return SplitRecord(**evidence.errors(split))  # type: ignore[arg-type]  # by the names of its fields
 
 
@@ -407,7 +406,7 @@ def _checked_law(
     try:
         form = parameter_law(coefficient)
     except InputError as fault:
-        raise fault.at_place(place) from fault
+        raise fault.prepend_place(place) from fault
     for parameter, expected in zip(form.parameter_names, form.units(unit, command_unit), strict=True):
         found = coefficient.numbers[parameter].unit
         if found != expected:

@@ -54,7 +54,8 @@ class ForceBand:
     ``worst_nrmse_percent`` the largest error of held-out runs.
     """
 
-    share: Annotated[float, Option("of samples inside", above=0.0, below=1.0)]
+    share: Annotated[float, Option(above=0.0, below=1.0)]
+    """Fraction of the samples in the band."""
     factor: _Positive
     run_share: _Positive
     base_N: _Positive

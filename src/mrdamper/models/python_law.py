@@ -80,7 +80,7 @@ def integrate_states(
     path = _Path(damper, trajectory)
     if equations.rate is None:
         return np.zeros((path.count, 1))
-    return _integrate(equations.rate, equations.scale(path.at(0, 0.0)[2]), path, damper, tolerance)
+    return _integrate(equations.rate, equations.scale(path.evaluate(0, 0.0)[2]), path, damper, tolerance)
 
 
 def force_of_states(
@@ -95,7 +95,7 @@ def force_of_states(
     """
     equations = equations or _equations_of(damper.law)
     path = _Path(damper, trajectory)
-    samples = [path.at(k, 0.0) for k in range(path.count - 1)] + [path.at(path.count - 2, 1.0)]
+    samples = [path.evaluate(k, 0.0) for k in range(path.count - 1)] + [path.evaluate(path.count - 2, 1.0)]
     moved = zip(states.tolist(), samples, trajectory.acceleration.tolist(), strict=True)
     result = np.array([equations.force(z, x, v, a, c) for z, (x, v, c), a in moved])
     if not np.isfinite(result).all():
@@ -126,7 +126,7 @@ class _Path:
         self._damper, self._names = damper, damper.law.names
         command, self._lag = trajectory.command, damper.command_lag_s
         if damper.actuation is not None:  # computed at the samples, linear between them
-            command = damper.actuation.applied(command, trajectory.step)
+            command = damper.actuation.apply(command, trajectory.step)
         self._command: list[float] = command.tolist()
         kelvin = trajectory.temperature if damper.temperature_dependent else None
         self._kelvin: list[float] = [REFERENCE_K] if kelvin is None else kelvin.tolist()
@@ -136,7 +136,7 @@ class _Path:
         constant = len({*self._command}) == 1 and len({*self._kelvin}) == 1
         self._constant = self._values(self._command[0], self._kelvin[0]) if constant else None
 
-    def at(self, k: int, theta: float) -> tuple[float, float, Values]:
+    def evaluate(self, k: int, theta: float) -> tuple[float, float, Values]:
         """Return displacement, velocity and coefficients at the fraction theta of interval k."""
         x0, x1, x2, x3 = self.cubics[k]
         x = x0 + theta * (x1 + theta * (x2 + theta * x3))
@@ -182,7 +182,7 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
                     found=f"no progress at sample {time:.3f}, where its state is {at[0]:g}",
                 )
             k = min(int(time), last - 1)
-            return [path.step * each for each in rate(at.tolist(), *path.at(k, time - k))]
+            return [path.step * each for each in rate(at.tolist(), *path.evaluate(k, time - k))]
 
         inside = np.flatnonzero((samples > start) & (samples <= end))
         solution = solve_ivp(

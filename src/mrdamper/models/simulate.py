@@ -149,7 +149,7 @@ def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatAr
         else None
     )
     if damper.actuation is not None:
-        return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), kelvin
+        return damper.actuation.apply(path.command, path.step), np.zeros(len(path)), kelvin
     return *core.first_order_lag(path.command, path.step, damper.command_lag_s), kelvin
 
 

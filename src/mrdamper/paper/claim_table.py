@@ -16,10 +16,10 @@ from mrdamper.paper.claim_values import (
     LIMIT_TEST_S,
     bare,
     collapse_begins,
+    describe_split,
     falls_per_K,
     find_worst_score,
     half_hour,
-    held_out_text,
     largest_stroke_mm,
     loss_percent,
     peak_losses,
@@ -36,7 +36,7 @@ from mrdamper.paper.claim_values import (
     works_up_to_degC,
     yield_drop,
 )
-from mrdamper.paper.claims import Claim, Origin, Row, is_larger, within_tolerance
+from mrdamper.paper.claims import Claim, Origin, Row, is_larger, tolerance_judge
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
@@ -135,7 +135,7 @@ def _reduction_why(found: Findings) -> str:
 
 
 def _rmse_why(found: Findings, degrees: float, name: str) -> str:
-    split = held_out_text(found.judged, degrees)
+    split = describe_split(found.judged, degrees)
     if name == "N":
         return f"all currents and motions, {split}; compared with the law of the paper on the same runs"
     return f"all currents and motions, {split}; forces of different dampers are not compared"
@@ -433,7 +433,7 @@ _FORCES_AND_SINKS = (
         ours=lambda found: found.sink.best.fluid - ZERO_CELSIUS_K,
         unit="°C after 30 min",
         origin=_OURS,
-        judged=within_tolerance(0.5, less_is_better=True),
+        judged=tolerance_judge(0.5, less_is_better=True),
         why=_best_sink_why,
     ),
 )
@@ -456,7 +456,7 @@ _VERIFICATION = (
         paper=129.9,
         ours=small_bare_degC,
         unit="°C without fins at 5 mm",
-        judged=within_tolerance(5.0),
+        judged=tolerance_judge(5.0),
         contradicts=lambda found: small_bare_degC(found) < 76.9,
         why="at 5 mm the damper without fins does not even reach the 76.9 °C stated with fins; all thermal "
         "simulations use 15 mm",
@@ -516,7 +516,7 @@ _VERIFICATION = (
             paper=paper,
             ours=lambda found, degrees=degrees, of=of: rmse_at(of(found), degrees),  # type: ignore[misc]
             unit="N",
-            judged=within_tolerance(less_is_better=True) if name == "N" else None,
+            judged=tolerance_judge(less_is_better=True) if name == "N" else None,
             against=lambda found, degrees=degrees: rmse_at(found.paper_law, degrees),  # type: ignore[misc]
             why=lambda found, degrees=degrees, name=name: _rmse_why(found, degrees, name),  # type: ignore[misc]
             when=lambda found, degrees=degrees: rmse_at(found.judged, degrees) is not None,  # type: ignore[misc]
@@ -533,7 +533,7 @@ _VERIFICATION = (
             paper=72.6 / 65.2,
             ours=lambda found, of=of: _error_growth(of(found)),  # type: ignore[misc]
             unit="-",
-            judged=within_tolerance(0.1, less_is_better=True),
+            judged=tolerance_judge(0.1, less_is_better=True),
             why="a ratio without a unit allows the comparison of two dampers",
         )
         for name, words, origin, of in _MODELS
@@ -579,7 +579,7 @@ _TRACKING = (
             paper=289.7 / 62.5,
             ours=lambda found, pair=pair: unaware_ratio(found, *pair),  # type: ignore[misc]
             unit="-",
-            judged=within_tolerance(0.3, more_is_better=True),
+            judged=tolerance_judge(0.3, more_is_better=True),
             why="a ratio for the same controller, because the dampers differ",
         )
         for suffix, words, origin, pair in (
@@ -595,7 +595,7 @@ _TRACKING = (
             origin=origin,
             ours=lambda found, target=target, name=name: _rms(found, name, target),  # type: ignore[misc]
             unit="N RMS where feasible",
-            judged=within_tolerance(less_is_better=True),
+            judged=tolerance_judge(less_is_better=True),
             against=lambda found, target=target, than=than: _rms(found, than, target),  # type: ignore[misc]
             why=lambda found, target=target, than=than: (  # type: ignore[misc]
                 "the paper states no error; compared with "
@@ -619,7 +619,7 @@ _TRACKING = (
             origin=_PAPERS,
             ours=lambda found, target=target: find_worst_score(found, "paper", target).max_feasible_N,  # type: ignore[misc]
             unit="N where feasible",
-            judged=within_tolerance(less_is_better=True),
+            judged=tolerance_judge(less_is_better=True),
             against=lambda found, target=target: (  # type: ignore[misc]
                 find_worst_score(found, "paper-unaware", target).max_feasible_N
             ),
@@ -639,7 +639,7 @@ _TRACKING = (
             paper=123.0,
             ours=lambda found, name=name: works_up_to_degC(found, name),  # type: ignore[misc]
             unit="°C",
-            judged=within_tolerance(more_is_better=True),
+            judged=tolerance_judge(more_is_better=True),
             why="highest tested temperature up to which the feasible RMS error is below 6.9 % of 900 N, the "
             "ratio in the paper",
         )

@@ -156,7 +156,7 @@ def rmse_at(judged: Assessment, degrees: float) -> float | None:
     return float(np.sqrt(np.mean([e.rmse_N**2 for e in found]))) if found else None
 
 
-def held_out_text(judged: Assessment, degrees: float) -> str:
+def describe_split(judged: Assessment, degrees: float) -> str:
     """Return the number of held-out runs at a temperature as text."""
     runs = _runs_at(judged, degrees)
     held = sum(e.split == "held_out" for e in runs)
@@ -175,7 +175,9 @@ def _runs_at(judged: Assessment, degrees: float) -> list[RunError]:
 
 def find_worst_score(found: Findings, controller: str, target: str = "sine-900N-1Hz") -> Score:
     """Return the score at the worst temperature."""
-    return next(r.score for r in found.track.worst if (r.controller, r.target) == (controller, target))
+    return next(
+        r.score for r in found.track.max_error_rows if (r.controller, r.target) == (controller, target)
+    )
 
 
 def unaware_ratio(found: Findings, aware: str, unaware: str) -> float | None:

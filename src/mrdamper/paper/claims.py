@@ -153,7 +153,7 @@ def judge(
     return "worse" if less_is_better or more_is_better else "contradicts"
 
 
-def within_tolerance(
+def tolerance_judge(
     within: float = 0.0, *, less_is_better: bool = False, more_is_better: bool = False
 ) -> Judge:
     """Return a judge that allows a relative tolerance."""

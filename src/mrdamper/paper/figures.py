@@ -111,7 +111,7 @@ def way_figure(found: Findings) -> Figure:
 def _draw_loops(axes: Axes, campaign: Campaign) -> None:
     level = campaign.levels.values[0] if campaign.warm else None
     for command in pick_evenly(campaign.commands, _MOST_LOOPS):
-        run = None if campaign.main is None else campaign.at(campaign.main, level, command)
+        run = None if campaign.main is None else campaign.find_run(campaign.main, level, command)
         if run is None:
             continue
         trace = campaign.trace(run)

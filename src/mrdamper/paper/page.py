@@ -61,7 +61,7 @@ def _first(found: DemoResult) -> FirstScreen:
     unseen = summary(error for error in findings.judged.runs if error.split == "held_out")
     heated, search = findings.warm_up, findings.sink
     bare = heated.rise if heated.bare is None else heated.bare
-    tracked = min((row for row in findings.track.worst), key=lambda row: row.score.rmse_N)
+    tracked = min((row for row in findings.track.max_error_rows), key=lambda row: row.score.rmse_N)
     score = tracked.score
     least = score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
     quick = ". This is a quick demo with a small campaign, whose values differ" if found.options.quick else ""

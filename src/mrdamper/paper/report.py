@@ -9,7 +9,6 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.identify.evaluate import finite
 from mrdamper.identify.fit import versions
 from mrdamper.jobs.fit import FitResult
 from mrdamper.models.card_schema import write_card
@@ -24,7 +23,7 @@ from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.heat import REPORT as HEAT_REPORT
 from mrdamper.report.thermal.heatsink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 # ------------------------------------------------------------------------------------------- the answer
 
@@ -59,7 +58,7 @@ def _law_line(found: FitResult) -> Json:
         "summary": summaries(found.assessment.runs),
         "cost_percent": found.cost_percent,
         "cpu_s": round(found.cpu_s, 4),
-        "passivity_min": finite(found.assessment.passivity_min),
+        "passivity_min": finite_or_none(found.assessment.passivity_min),
     }
 
 

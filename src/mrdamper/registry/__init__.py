@@ -1,8 +1,9 @@
-"""Registry of the jobs: one row with inputs, options, function and report for each job.
+"""Registry of the jobs: one row with help, function and report for each job.
 
-All interfaces are generated from these rows: commands and their help, requests and forms of the server,
-columns of sweeps, tables of options in the documentation, and functions such as ``mrdamper.heat``. A new job
-consists of a module in ``jobs``, a module in ``report`` and a row here.
+All interfaces are generated from these rows and from the inputs and options in ``jobs.options``: commands and
+their help, requests and forms of the server, tables of options in the documentation, and functions such as
+``mrdamper.heat``. A new job consists of a module in ``jobs``, a module in ``report``, classes in
+``jobs.options`` and a row here.
 
 Rows contain the names of modules as text (``"mrdamper.jobs.thermal.heat:heat"``), so that the table loads no
 module. The module ``job`` runs a row. The module ``kinds`` defines the kinds of inputs.
@@ -11,49 +12,13 @@ module. The module ``job`` runs a row. The module ``kinds`` defines the kinds of
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from types import MappingProxyType
 
 from mrdamper.registry.job import Job
-from mrdamper.registry.kinds import KINDS, Input, Kind, Output
+from mrdamper.registry.kinds import KINDS, Kind
 from mrdamper.results import load
 
-__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load", "public_names"]
-
-CARD = Input(name="card", kind="card", help="Read this model card.")
-CARD_OF_ANY_LAW = replace(CARD, kind="card of any law")
-RUNS = Input(name="runs", kind="runs", help="Read these runs: files, folders or patterns.", label="Runs")
-PREPARATION = Input(
-    name="preparation",
-    kind="preparation",
-    flag="-",
-    required=False,
-    help="Prepare the runs with these settings. None selects the settings of the job.",
-)
-FIT_SETTINGS = Input(
-    name="settings",
-    kind="settings",
-    flag="-",
-    required=False,
-    help="Use these numerical settings (FitSettings). None selects the default settings.",
-)
-DRAWING = Input(
-    name="drawing",
-    kind="drawing",
-    flag="--damper",
-    key="damper",
-    help="Read the dimensions of the damper from this geometry file (TOML).",
-    default_help="paper",
-    label="Geometry file",
-)
-DUTY = Input(
-    name="duty",
-    kind="duty",
-    flag="--duty",
-    default="sine:15mm:1Hz:2A:1800s",
-    required=False,
-    help="Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.",
-)
+__all__ = ["JOBS", "KINDS", "Job", "Kind", "load", "public_names"]
 
 _ROWS = (
     Job(
@@ -64,19 +29,9 @@ _ROWS = (
         drift, clipping or a wrong unit, and differences between runs. A fault prevents a fit, a warning makes
         a fit worse, and a note is information.
         """,
-        inputs=(replace(RUNS, name="files", kind="files"),),
         run="mrdamper.jobs.check:check",
-        options="mrdamper.jobs.options:CheckOptions",
         report="mrdamper.report.check:REPORT",
         files_help="Write check.html, check.json and findings.csv to this folder.",
-        outputs=(
-            Output(
-                name="write_map",
-                metavar="FILE",
-                help="Write the channel map with which the files were read. It can be edited and used "
-                "with --channels.",
-            ),
-        ),
     ),
     Job(
         name="fit",
@@ -86,33 +41,6 @@ _ROWS = (
         One model describes all currents and temperatures of the runs. PATH is a file, a folder or a pattern.
         Each run needs time, displacement, force and current or voltage. Temperature is optional.
         """,
-        inputs=(
-            RUNS,
-            Input(
-                name="law",
-                kind="law",
-                flag="--law",
-                required=False,
-                help="Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, "
-                "bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The "
-                "choice auto selects a model by cross-validation.",
-                default_help="auto",
-                label="Hysteresis model",
-            ),
-            Input(
-                name="fluid",
-                kind="fluid",
-                flag="--fluid",
-                required=False,
-                help="Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid "
-                "file. The card marks it as assumed.",
-                default_help="none",
-                label="Fluid, if the runs have one temperature",
-            ),
-            PREPARATION,
-            FIT_SETTINGS,
-        ),
-        options="mrdamper.jobs.options:FitOptions",
         run="mrdamper.jobs.fit:fit",
         report="mrdamper.report.identification.report:REPORT",
         files_help="Write card.json, report.html and errors.csv to this folder.",
@@ -123,8 +51,6 @@ _ROWS = (
     Job(
         name="evaluate",
         help="Compute the errors of a model on test data.",
-        inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
-        options="mrdamper.jobs.options:EvaluateOptions",
         run="mrdamper.jobs.evaluate:evaluate",
         report="mrdamper.report.cards.evaluate:REPORT",
         files_help="Write evaluate.html and errors.csv to this folder.",
@@ -133,16 +59,6 @@ _ROWS = (
     Job(
         name="simulate",
         help="Simulate the damper force for a motion.",
-        inputs=(
-            CARD_OF_ANY_LAW,
-            Input(
-                name="motion",
-                kind="motion",
-                help="Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the "
-                "file of a run.",
-            ),
-        ),
-        options="mrdamper.jobs.options:SimulateOptions",
         run="mrdamper.jobs.simulate:simulate",
         report="mrdamper.report.simulate:REPORT",
         files_help="Write simulate.html, simulate.svg, simulate.json and simulate.csv to this folder.",
@@ -155,17 +71,6 @@ _ROWS = (
         The command compares forces, energy per cycle, response time and parameters within the range of both
         cards. Differences are the second card minus the first.
         """,
-        inputs=(
-            Input(
-                name="first", kind="card of any law", help="Read this card as the reference.", in_answer=False
-            ),
-            Input(
-                name="second",
-                kind="card of any law",
-                help="Compare this card with the reference.",
-                in_answer=False,
-            ),
-        ),
         run="mrdamper.models.comparison:compare_cards",
         report="mrdamper.report.cards.compare:REPORT",
         files_help="Write compare.html and compare.json to this folder.",
@@ -177,8 +82,6 @@ _ROWS = (
 
         The command computes energy, peak forces, stiffness and temperature of each cycle.
         """,
-        inputs=(Input(name="record", kind="record", help="Read this record."),),
-        options="mrdamper.jobs.options:CyclesOptions",
         run="mrdamper.jobs.cycles:cycles",
         report="mrdamper.report.cycles:REPORT",
         files_help="Write cycles.csv, cycles.html and summary.json to this folder.",
@@ -191,32 +94,6 @@ _ROWS = (
         The command computes temperatures, the time until a limit is reached, the heat flows and the loss of
         force.
         """,
-        inputs=(
-            CARD,
-            DRAWING,
-            DUTY,
-            Input(
-                name="sink",
-                kind="sink",
-                flag="--sink",
-                required=False,
-                help="Use the heat sink of this file (TOML table [sink]).",
-                default_help="the heat sink of the geometry file",
-                label="Heat sink",
-                group="More",
-            ),
-            Input(
-                name="calibrate",
-                kind="curve",
-                flag="--calibrate",
-                required=False,
-                help="Calibrate the geometry file with a measured heating curve of the same load cycle. "
-                "The CSV file has the columns time_s and fluid_degC, body_degC or coil_degC.",
-                label="Measured curve for calibration",
-                group="More",
-            ),
-        ),
-        options="mrdamper.jobs.options:HeatOptions",
         run="mrdamper.jobs.thermal.heat:heat",
         report="mrdamper.report.thermal.heat:REPORT",
         files_help="Write heat.html, heat.json and heat.csv to this folder.",
@@ -229,8 +106,6 @@ _ROWS = (
         The command computes the largest value that keeps all temperature limits, for several ambient
         temperatures, air speeds and durations.
         """,
-        inputs=(CARD, DRAWING, DUTY),
-        options="mrdamper.jobs.options:DerateOptions",
         run="mrdamper.jobs.thermal.derate:derate",
         report="mrdamper.report.thermal.derate:REPORT",
         files_help="Write derate.html, derate.json, derate.csv and derate.h to this folder.",
@@ -243,25 +118,6 @@ _ROWS = (
         TABLE.csv has the columns temperature_degC and viscosity_mPas, or field_mT (or field_kA_m),
         temperature_degC and yield_stress_kPa.
         """,
-        inputs=(
-            Input(
-                name="tables",
-                kind="rheometer table",
-                in_answer=True,
-                help="Read these rheometer tables.",
-                label="Rheometer tables",
-            ),
-            Input(
-                name="like",
-                kind="fluid",
-                flag="--like",
-                default="paper",
-                required=False,
-                help="Take properties that the tables do not have from this fluid: paper, "
-                "lord-mrf-132dg, or a fluid file (TOML).",
-                label="Other properties from",
-            ),
-        ),
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
         progress_word="",
@@ -273,39 +129,6 @@ _ROWS = (
 
         The controllers are designed from the card and need no force sensor. A virtual damper is controlled.
         """,
-        inputs=(
-            CARD,
-            Input(
-                name="plant",
-                kind="plant",
-                flag="--plant",
-                default="nominal",
-                required=False,
-                help="Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), "
-                "or a card (JSON).",
-                label="Controlled damper",
-            ),
-            Input(
-                name="targets",
-                kind="scenario",
-                flag="--target",
-                required=False,
-                help="Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario "
-                "file. Repeatable.",
-                default_help="all",
-                label="Targets",
-                begins=("sine-900N-1Hz",),
-            ),
-            Input(
-                name="unaware",
-                kind="card",
-                flag="-",
-                required=False,
-                help="Add the controllers recommended-unaware and paper-unaware from this card, which "
-                "was fitted at one temperature.",
-            ),
-        ),
-        options="mrdamper.jobs.options:TrackOptions",
         run="mrdamper.jobs.track:track",
         report="mrdamper.report.track:REPORT",
         files_help="Write track.html, track.json and track.csv to this folder.",
@@ -316,8 +139,6 @@ _ROWS = (
 
         The command searches the Pareto front of fluid temperature and mass within the given limits.
         """,
-        inputs=(CARD, DRAWING, DUTY),
-        options="mrdamper.jobs.options:HeatsinkOptions",
         run="mrdamper.jobs.thermal.heatsink:heatsink",
         report="mrdamper.report.thermal.heatsink:REPORT",
         files_help="Write heatsink.html, heatsink.json, front.csv and best.toml to this folder.",
@@ -328,28 +149,8 @@ _ROWS = (
 
         The code is compiled and compared with the model before it is written.
         """,
-        inputs=(
-            CARD,
-            Input(
-                name="damper",
-                kind="drawing",
-                flag="--damper",
-                required=False,
-                help="Add the thermal model of this geometry file (TOML), which also detects a frozen "
-                "temperature sensor.",
-                default_help="no thermal model",
-                label="Geometry file for the thermal model",
-            ),
-        ),
-        options="mrdamper.jobs.options:ExportOptions",
         run="mrdamper.jobs.export:export",
         report="mrdamper.report.export:REPORT",
-        outputs=(
-            Output(name="c", metavar="DIR", help="Write C99 source code and its report to this folder."),
-            Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU (FMI 2.0) to this file."),
-            Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators to this file."),
-            Output(name="matlab", metavar="DIR", help="Write card and force map for MATLAB to this folder."),
-        ),
         progress_word="part",
     ),
     Job(
@@ -359,28 +160,6 @@ _ROWS = (
 
         The virtual damper has other equations than the hysteresis models. The runs include sensor errors.
         """,
-        inputs=(
-            Input(
-                name="preset",
-                kind="virtual damper",
-                flag="--preset",
-                default="nominal",
-                required=False,
-                help="Test this virtual damper: a preset, or a TOML file with a preset and changed "
-                "parameters.",
-                label="Damper",
-            ),
-            Input(
-                name="campaign",
-                kind="campaign",
-                flag="--campaign",
-                required=False,
-                help="Run this campaign of motions, currents and temperatures: short, or a TOML file.",
-                default_help="the campaign of the damper",
-                begins="short",
-            ),
-        ),
-        options="mrdamper.jobs.options:RigOptions",
         run="mrdamper.jobs.rig:rig",
         report="mrdamper.report.rig:REPORT",
         files_help="Write the runs (CSV) to this folder, and the exact values to DIR.truth.",
@@ -390,7 +169,6 @@ _ROWS = (
         name="data list",
         python="list_data",
         help="List the public data sets.",
-        inputs=(),
         run="mrdamper.jobs.public_data.datasets:list_data",
         report="mrdamper.report.datasets:LISTED",
         progress_word="",
@@ -400,13 +178,6 @@ _ROWS = (
         out="runs",
         python="fetch_data",
         help="Fetch a public data set and print the paths of its files.",
-        inputs=(
-            Input(
-                name="name",
-                kind="name",
-                help="Fetch the data set with this name. The command data list prints the names.",
-            ),
-        ),
         run="mrdamper.jobs.public_data.datasets:fetch_data",
         report="mrdamper.report.datasets:FETCHED",
         files_help="Write the files to this folder, each with its channel map.",
@@ -418,8 +189,6 @@ _ROWS = (
 
         The command compares the results with the values of the paper. It needs no measured data.
         """,
-        inputs=(),
-        options="mrdamper.jobs.options:DemoOptions",
         run="mrdamper.paper.demo:demo",
         report="mrdamper.paper.report:REPORT",
         files_help="Write the results to this folder.",
@@ -434,37 +203,7 @@ _ROWS = (
         of a
         card are tested on random dampers. With --damper, the heat sinks of several dampers are optimised.
         """,
-        inputs=(
-            Input(
-                name="campaigns",
-                kind="campaigns",
-                required=False,
-                help="Fit a model to each of these files, folders or patterns.",
-                label="Campaigns to fit",
-                in_answer=False,
-            ),
-            replace(CARD, flag="--card", required=False, default_help="none", in_answer=False),
-            Input(
-                name="dampers",
-                kind="drawings",
-                flag="--damper",
-                required=False,
-                help="Optimise the heat sink of this damper: paper, or a geometry file. Repeatable.",
-                label="Dampers with a heat sink",
-            ),
-            DUTY,
-            Input(
-                name="law",
-                kind="law",
-                flag="--law",
-                required=False,
-                help="Fit this hysteresis model.",
-                default_help="auto",
-                label="Hysteresis model",
-            ),
-        ),
         run="mrdamper.jobs.sweep.sweep:sweep",
-        options="mrdamper.jobs.options:SweepOptions",
         report="mrdamper.report.sweep:REPORT",
         checkpoint="mrdamper.jobs.sweep.store:open_store",
         files_help="Write the results to this folder.",
@@ -497,8 +236,8 @@ QUERIES: Mapping[str, str] = MappingProxyType(
 
 PICTURES: Mapping[str, str] = MappingProxyType(
     {
-        "Dataset": "mrdamper.report.figures.runs:measured_loops",
-        "RigRun": "mrdamper.report.figures.runs:measured_loops",
+        "Dataset": "mrdamper.report.figures.runs:plot_runs",
+        "RigRun": "mrdamper.report.figures.runs:plot_runs",
         "ModelCard": "mrdamper.report.cards.picture:card_figure",
     }
 )

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import is_folder, is_there
-from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output
+from mrdamper.registry.kinds import KINDS, NOTHING, read_input
 from mrdamper.results import load
 from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
     from mrdamper.report.base import Place, Report
     from mrdamper.runtime.progress import Progress
+
+_CLASS = "mrdamper.jobs.options:class_of"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,14 +28,11 @@ class Job:
 
     name: str
     help: str
-    inputs: tuple[Input, ...]
     run: str  # module:function(inputs by name, options=, on_progress=) -> result
     report: str  # module:REPORT
-    options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` has no options
     files_help: str = ""  # Help of --out; empty if the job writes no folder.
     out_required: bool = False
     out_default: str = ""
-    outputs: tuple[Output, ...] = ()  # The option ``what`` holds the requested names.
     progress_word: str = "run"  # Unit of progress; empty if ``run`` has no ``on_progress``.
     checkpoint: str = ""  # module:function(folder, resume=) that opens the argument ``checkpoint`` of ``run``
     ctrl_c: str = ""  # Effect of an interrupt if the job does not end.
@@ -45,19 +44,28 @@ class Job:
         return self.python or self.name
 
     @property
+    def inputs(self) -> tuple[Field, ...]:
+        return fields_of(load(_CLASS)(self.name, "Inputs"))
+
+    @property
     def options_type(self) -> type:
-        result: type = load(self.options)
+        result: type = load(_CLASS)(self.name, "Options")
         return result
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Return the fields of the options."""
+        """Return the options; without any, ``run`` has no argument ``options``."""
         return fields_of(self.options_type)
+
+    @property
+    def outputs(self) -> tuple[Field, ...]:
+        """Return the outputs with their own paths. The option ``what`` holds the requested names."""
+        return fields_of(load(_CLASS)(self.name, "Outputs"))
 
     @property
     def reading(self) -> tuple[Field, ...]:
         """Return the options for reading the inputs, each once."""
-        result = [field for each in self.inputs for field in KINDS[each.kind].fields]
+        result = [field for each in self.inputs for field in KINDS[each.option.kind].fields]
         return tuple({field.name: field for field in result}.values())
 
     @property
@@ -83,7 +91,7 @@ class Job:
     def reading_from(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return checked options for reading, by name; raise ``InputError`` with a line for each fault."""
         checked: dict[str, Any] = {}
-        for kind in dict.fromkeys(KINDS[each.kind].options for each in self.inputs):
+        for kind in dict.fromkeys(KINDS[each.option.kind].options for each in self.inputs):
             if kind:
                 names = [each.name for each in fields_of(load(kind))]
                 record = read_record(load(kind), {k: v for k, v in given.items() if k in names}, self.name)
@@ -124,12 +132,12 @@ class Job:
 
     def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return the inputs by name."""
-        return {each.name: self._value(each, given) for each in self.inputs}
-
-    def _value(self, each: Input, given: Mapping[str, Any]) -> Any:  # noqa: ANN401
-        value = given.get(each.name)
-        value = each.default if value is None else value
-        return None if value is None else each.read(value, given)
+        things: dict[str, Any] = {}
+        for each in self.inputs:
+            value = given.get(each.name)
+            value = each.default if value is None and not each.required else value
+            things[each.name] = None if value is None else read_input(each, value, given)
+        return things
 
     def _run(
         self,
@@ -141,9 +149,9 @@ class Job:
     ) -> Any:  # noqa: ANN401
         """Run the job; an error about an input gets the path of the input."""
         if self.progress_word and on_progress is not None:
-            more["on_progress"] = on_progress
+            more |= {"on_progress": on_progress}
         if self.fields:
-            more["options"] = options
+            more |= {"options": options}
         try:
             return load(self.run)(**things, **more)
         except MrdamperError as fault:
@@ -185,7 +193,8 @@ class Job:
         more: dict[str, Any] = {}
         with ExitStack() as stack:
             if self.checkpoint:
-                more["checkpoint"] = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
+                store = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
+                more = {"checkpoint": store}
             # A path that is not writable is reported before the computation.
             places = stack.enter_context(self._staged(folders, _files_read(given)))
             result = self._run(given, things, options, on_progress, **more)
@@ -231,11 +240,15 @@ class Job:
     @property
     def _files(self) -> set[str]:
         """Return the names of the outputs that are files."""
-        return {each.name for each in self.outputs if each.metavar != "DIR"}
+        return {each.name for each in self.outputs if each.option.metavar != "DIR"}
 
     def _head(self, given: Mapping[str, Any]) -> Json:
         """Return the first keys of an answer: the paths of the inputs."""
-        named = {each.told: given.get(each.name) for each in self.inputs if each.named_in_answer}
+        named = {}
+        for each in self.inputs:
+            single = each.required and not each.many
+            if single if each.option.in_answer is None else each.option.in_answer:
+                named[each.key] = given.get(each.name)
         one = {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
         many = {
             key: [str(each) for each in value if isinstance(each, str | Path)]

@@ -1,4 +1,4 @@
-"""Inputs and outputs of jobs, and the kinds of inputs.
+"""Kinds of the inputs of jobs.
 
 Names of readers are text (``"mrdamper.models.card_schema:read_card"``), because the table loads no module.
 """
@@ -28,7 +28,7 @@ class Kind:
     also: str = ""  # second subfolder with selectable files
     files: str = ".toml"  # suffix of files that users write
     looks: tuple[str, ...] = ()  # file contents that the server accepts (``web.inputs``)
-    many: bool = False  # ``read`` gets a list of paths or objects.
+    group: str = ""  # heading in forms
     options: str = ""  # module:class of the options for reading, which are keyword arguments of ``read``
 
     @property
@@ -43,12 +43,11 @@ _OWN_LAW = "mrdamper.jobs.options:LawReading"
 KINDS: Mapping[str, Kind] = {
     "card": Kind("CARD", "mrdamper.models.card_schema:read_card", place="cards"),
     "card of any law": Kind("CARD", "mrdamper.jobs.inputs:read_card_of_law", place="cards", options=_OWN_LAW),
-    "runs": Kind("PATH...", "mrdamper.jobs.inputs:read_dataset", place="runs", many=True, options=_RUNS),
+    "runs": Kind("PATH...", "mrdamper.jobs.inputs:read_dataset", place="runs", options=_RUNS),
     "files": Kind(
         "PATH...",
         "mrdamper.jobs.inputs:read_files",
         place="runs",
-        many=True,
         options="mrdamper.jobs.options:FilesReading",
     ),
     "record": Kind(
@@ -58,7 +57,7 @@ KINDS: Mapping[str, Kind] = {
         options="mrdamper.jobs.options:MapReading",
     ),
     "law": Kind("LAW", choices="laws", place=""),
-    "campaigns": Kind("PATH...", place="runs", many=True),
+    "campaigns": Kind("PATH...", place="runs"),
     "name": Kind("NAME", "builtins:str", place=""),
     "virtual damper": Kind(
         "PRESET|FILE", "mrdamper.virtual_rig.damper:find_damper", choices="plants", looks=("damper",)
@@ -73,13 +72,10 @@ KINDS: Mapping[str, Kind] = {
         also="cards",
         looks=("damper",),
     ),
-    "scenario": Kind(
-        "NAME|FILE", "mrdamper.jobs.track:read_targets", choices="targets", many=True, looks=("scenario",)
-    ),
+    "scenario": Kind("NAME|FILE", "mrdamper.jobs.track:read_targets", choices="targets", looks=("scenario",)),
     "rheometer table": Kind(
         "TABLE.csv...",
         "mrdamper.data.rheometer:read_rheometer_tables",
-        many=True,
         files=".csv",
         looks=("rheometer",),
     ),
@@ -95,72 +91,34 @@ KINDS: Mapping[str, Kind] = {
         "FILE|paper",
         "mrdamper.jobs.sweep.plan:read_drawings",
         choices="dampers",
-        many=True,
         looks=("drawing",),
     ),
-    "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", looks=("sink", "drawing")),
+    "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", group="More", looks=("sink", "drawing")),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty", files=".csv", looks=("duty",)),
     "motion": Kind("MOTION|RUN", place=""),
     "curve": Kind(
-        "CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve", files=".csv", looks=("curve",)
+        "CURVE.csv",
+        "mrdamper.thermal.estimation.measured_curve:read_curve",
+        group="More",
+        files=".csv",
+        looks=("curve",),
     ),
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Input:
-    """One input of a job."""
+def read_input(field: Field, given: Any, reading: Mapping[str, Any] = NOTHING) -> Any:  # noqa: ANN401
+    """Return the object of a path or preset. An object is returned unchanged.
 
-    name: str  # argument of the job
-    kind: str  # a key of KINDS
-    help: str = ""
-    flag: str = ""  # option of the command line; empty: positional argument; "-": in Python only
-    key: str = ""  # key in answers and requests if it differs from the name
-    default: str | None = None  # preset or text; None with required=False: no value
-    required: bool = True
-    default_help: str = ""  # meaning of a missing value
-    label: str = ""  # label in forms
-    group: str = ""  # heading in forms
-    begins: Any = None  # initial value in forms if it differs from the default
-    in_answer: bool | None = None  # The answer contains the path. None: if the input is one required file.
-
-    @property
-    def named_in_answer(self) -> bool:
-        if self.in_answer is None:
-            return self.required and not KINDS[self.kind].many
-        return self.in_answer
-
-    @property
-    def told(self) -> str:
-        """Return the key in answers and requests."""
-        return self.key or self.name
-
-    def read(self, given: Any, reading: Mapping[str, Any] = NOTHING) -> Any:  # noqa: ANN401
-        """Return the object of a path or preset. An object is returned unchanged.
-
-        Parameters
-        ----------
-        given : path, name of a preset, or object; a list of these if the kind has ``many``
-        reading : options for reading, by name; others are ignored, missing ones have their defaults
-        """
-        kind = KINDS[self.kind]
-        if not kind.read or not (kind.many or isinstance(given, str | Path)):
-            return given
-        many = kind.many and isinstance(given, str | Path)
-        return load(kind.read)(
-            [given] if many else given,
-            **{each.name: reading.get(each.name, each.default) for each in kind.fields},
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Output:
-    """One output of a job with its own path. ``WrittenFile.output`` contains its name."""
-
-    name: str
-    metavar: str  # FILE, or DIR for a folder
-    help: str
-
-    @property
-    def flag(self) -> str:
-        return f"--{self.name.replace('_', '-')}"
+    Parameters
+    ----------
+    given : path, name of a preset, or object; a list of these if the input has several values
+    reading : options for reading, by name; others are ignored, missing ones have their defaults
+    """
+    kind = KINDS[field.option.kind]
+    if not kind.read or not (field.many or isinstance(given, str | Path)):
+        return given
+    single = field.many and isinstance(given, str | Path)
+    return load(kind.read)(
+        [given] if single else given,
+        **{each.name: reading.get(each.name, each.default) for each in kind.fields},
+    )

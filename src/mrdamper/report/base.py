@@ -165,11 +165,11 @@ class Report(Generic[Result]):
 
     def for_page(self, result: Result) -> Json:
         """Return the data that a web page needs in addition to the answer: curves, first screen, tables."""
-        shown = {} if self.page is None else {"shown": self.page.shown(result)}
+        shown = {} if self.page is None else {"shown": self.page.web_json(result)}
         return {**self.curves(result), **shown}
 
     @property
-    def written(self) -> tuple[WrittenFile[Result], ...]:
+    def output_files(self) -> tuple[WrittenFile[Result], ...]:
         """All files of a result, the page first."""
         if self.page is None:
             return self.files
@@ -193,7 +193,7 @@ def write_report(
         place is not written.
     head : first keys of the answer
     """
-    found = ((file, file.where(result, places)) for file in report.written)
+    found = ((file, file.where(result, places)) for file in report.output_files)
     files = [(file, place) for file, place in found if place is not None]
     written: list[str] = []
     for file, place in files:

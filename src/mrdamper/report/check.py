@@ -185,7 +185,7 @@ def _run(run: CheckedRun) -> Json:
         "duration_s": run.duration_s,
         "stroke_mm": run.stroke_mm,
         "force_range_N": run.force_range_N,
-        "worst": run.worst,
+        "worst": run.max_severity,
         "findings": [finding.kind for finding in run.findings],
     }
 

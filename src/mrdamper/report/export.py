@@ -68,7 +68,7 @@ def _summary(found: ExportResult) -> list[str]:
 
 
 def _comparison(record: Verification) -> str:
-    worst = record.worst_ulp
+    worst = record.max_ulp
     same = "identical bits" if worst == 0 else f"a difference of at most {worst} units in the last place"
     return (
         f"compiled with {record.compiler_version} and compared with the model in Python in {record.samples} "
@@ -127,7 +127,7 @@ def _first(found: ExportResult) -> FirstScreen:
 def _verdict(record: Verification) -> str:
     same = (
         "is identical to the model in all bits"
-        if record.worst_ulp == 0
+        if record.max_ulp == 0
         else "differs from the model only in the last digits"
     )
     return f"The compiled code {same}, in {record.samples:,} samples ({record.compiler_version})"
@@ -138,7 +138,7 @@ def _comparison_tile(code: CodeExport | None) -> Tile:
         return Tile("–", "no exported code")
     record = code.record
     differing = sum(each.samples_differing for each in record.outputs.values())
-    off = f"{record.worst_ulp} ulp" if record.worst_ulp else "0 bits"
+    off = f"{record.max_ulp} ulp" if record.max_ulp else "0 bits"
     return Tile(off, "maximum difference from Python", f"{differing:,} of {record.samples:,} samples differ")
 
 

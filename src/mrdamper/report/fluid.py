@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.fluid import FluidResult
 from mrdamper.models.fluids.fits import LawFit, Study
 from mrdamper.models.fluids.fluid_file import fluid_to_toml
@@ -24,7 +23,7 @@ from mrdamper.report.base import (
     table_of,
 )
 from mrdamper.report.figures.fluid import fluid_figure
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 
 def _answer(result: FluidResult) -> Json:
@@ -58,14 +57,14 @@ def _law(fit: LawFit) -> Json:
             each.name: {
                 "value": each.value,
                 "unit": each.unit,
-                "standard_error": finite(each.standard_error),
+                "standard_error": finite_or_none(each.standard_error),
             }
             for each in fit.parameters
         },
         "rms_percent": fit.rms_percent,
-        "aicc": finite(fit.aicc),
-        "fall_20_to_100_degC_percent": finite(fit.fall_percent),
-        "fall_standard_error_percent": finite(fit.fall_standard_error_percent),
+        "aicc": finite_or_none(fit.aicc),
+        "fall_20_to_100_degC_percent": finite_or_none(fit.fall_percent),
+        "fall_standard_error_percent": finite_or_none(fit.fall_standard_error_percent),
     }
 
 
@@ -90,7 +89,7 @@ def _rows(result: FluidResult) -> list[dict[str, object]]:
             "law": fit.name,
             "number": each.name,
             "value": each.value,
-            "standard_error": finite(each.standard_error),
+            "standard_error": finite_or_none(each.standard_error),
             "unit": each.unit,
             "rms_percent": fit.rms_percent,
         }

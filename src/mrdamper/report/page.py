@@ -107,7 +107,7 @@ class Page(Generic[Result]):
         context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
         return template.render(**context, **self.values(result))
 
-    def shown(self, result: Result) -> Json:
+    def web_json(self, result: Result) -> Json:
         """Return the first screen without its figure, and the tables, for a web page."""
         first = self.first(result)
         return {
@@ -115,7 +115,7 @@ class Page(Generic[Result]):
             "verdict": sentence(first.verdict),
             "flags": [[sentence(lead), sentence(text)] for lead, text in first.flags],
             "notes": [sentence(note) for note in first.notes],
-            "tables": [each.shown() for each in self.sections(result) if isinstance(each, Table)],
+            "tables": [each.web_json() for each in self.sections(result) if isinstance(each, Table)],
         }
 
     def _svg(self, result: Result) -> str:
@@ -180,12 +180,12 @@ def environment() -> Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.globals["program"] = versions()
-    environment.filters["svg"] = lambda svg: Markup(_zoomed(svg))
-    environment.filters["number"] = lambda value, digits=4: (
-        "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+    environment.globals.update(program=versions())
+    environment.filters.update(
+        svg=lambda svg: Markup(_zoomed(svg)),
+        number=lambda value, digits=4: "" if value is None or math.isnan(value) else f"{value:.{digits}g}",
+        digits=significant,
+        sentence=sentence,
+        percent=lambda value: "-" if math.isnan(value) else f"{value:.1f} %",
     )
-    environment.filters["digits"] = significant
-    environment.filters["sentence"] = sentence
-    environment.filters["percent"] = lambda value: "-" if math.isnan(value) else f"{value:.1f} %"
     return environment

@@ -94,7 +94,7 @@ class Table(Generic[Row]):
         left = [each.heading for each in columns if not each.form]
         return terminal_table(self.title, [each.heading for each in columns], rows, left=left, whole=whole)
 
-    def shown(self) -> Json:
+    def web_json(self) -> Json:
         """Return headings, cells (text, or None if unknown) and highlighted rows for a page."""
         return {
             "title": self.title,

@@ -87,11 +87,11 @@ def _rows(found: SimulateResult) -> list[dict[str, object]]:
         "force_N": found.force,
     }
     if path.temperature is not None:
-        columns["temperature_degC"] = path.temperature - ZERO_CELSIUS_K
+        columns |= {"temperature_degC": path.temperature - ZERO_CELSIUS_K}
     if found.interval is not None:
         columns |= dict(zip(("low_N", "high_N"), found.interval, strict=True))
     if found.measured is not None:
-        columns["measured_N"] = found.measured
+        columns |= {"measured_N": found.measured}
     rounded = [np.round(values, 6).tolist() for values in columns.values()]
     return [dict(zip(columns, row, strict=True)) for row in zip(*rounded, strict=True)]
 

@@ -45,7 +45,7 @@ def _table(run: SweepResult) -> Json:
         "tasks": len(run.plan.tasks),
         "failed": [{"name": task.name, "error": task.error} for task in run.failed],
         "summary": {name: asdict(found) for name, found in run.statistics.items()},
-        "rows": [{"name": task.name, **task.figures} for task in run.whole],
+        "rows": [{"name": task.name, **task.figures} for task in run.tasks_with_values],
     }
 
 
@@ -110,8 +110,8 @@ def _sections(run: SweepResult) -> list[Section]:
     if run.failed:
         error: Column[SweptTask] = Column("error", "error")
         failed = [Table(title="Failed tasks", columns=[task, error], rows=run.failed)]
-    columns, folded = [task, *map(figure, run.names)], f"{len(run.whole)} tasks"
-    tasks = Table(title="Tasks", columns=columns, rows=run.whole, folded=folded)
+    columns, folded = [task, *map(figure, run.names)], f"{len(run.tasks_with_values)} tasks"
+    tasks = Table(title="Tasks", columns=columns, rows=run.tasks_with_values, folded=folded)
     return [_figures_table(run, "Statistics of all tasks"), *failed, tasks]
 
 
@@ -129,7 +129,7 @@ def _outcome(run: SweepResult) -> Outcome:
 
 def _write_cards(run: SweepResult, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
-    for task in run.whole:
+    for task in run.tasks_with_values:
         if task.card is not None:
             write_json(folder / f"{task.name}.json", task.card)
 
@@ -144,7 +144,7 @@ def _figure(run: SweepResult) -> Figure | None:
     figure = Figure(figsize=(WIDTH_INCH, height))
     for panel, name in enumerate(names):
         axes = figure.add_subplot(rows, PANELS_PER_ROW, panel + 1)
-        values = np.sort([v for task in run.whole if (v := task.figures.get(name)) is not None])
+        values = np.sort([v for task in run.tasks_with_values if (v := task.figures.get(name)) is not None])
         percent = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
         axes.plot(values, percent, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
         axes.axvline(float(np.median(values)), color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
@@ -160,7 +160,7 @@ def _figure(run: SweepResult) -> Figure | None:
 
 
 def _first(run: SweepResult) -> FirstScreen:
-    plan, done, tasks = run.plan, len(run.whole), len(run.plan.tasks)
+    plan, done, tasks = run.plan, len(run.tasks_with_values), len(run.plan.tasks)
     leading = list(run.statistics.items())[:3]
     tiles = [
         Tile(
@@ -210,7 +210,9 @@ REPORT = Report(
         WrittenFile(
             name="cards",
             write=_write_cards,
-            when=lambda run: not run.cancelled and any(task.card is not None for task in run.whole),
+            when=lambda run: (
+                not run.cancelled and any(task.card is not None for task in run.tasks_with_values)
+            ),
         ),
     ),
     in_folder=_in_folder,

@@ -110,7 +110,7 @@ def _sections(run: TrackResult) -> list[Section]:
         Table(
             title=f"Worst of {temperatures} °C",
             columns=_columns(target),
-            rows=run.worst,
+            rows=run.max_error_rows,
             caption="A target is feasible if it is at least 20 N inside the range between the forces at zero "
             "and at maximum current, for the same motion and temperature. For targets below 800 N the margin "
             "is 2.5 % of the target. Errors always refer to the full target. The first second is ignored. "
@@ -130,7 +130,7 @@ def _sections(run: TrackResult) -> list[Section]:
 
 def _best(run: TrackResult, target: str) -> Row:
     """Return the controller with the lowest RMS error on a target at its worst temperature."""
-    rows = [row for row in run.worst if row.target == target]
+    rows = [row for row in run.max_error_rows if row.target == target]
     return min(rows, key=lambda row: _feasible(row.score))
 
 
@@ -160,7 +160,7 @@ def _temperatures(run: TrackResult) -> list[float]:
 def _answer(run: TrackResult) -> Json:
     return {
         "rows": [_row(row, run.plant) for row in run.rows],
-        "worst": [_row(row, run.plant) for row in run.worst],
+        "worst": [_row(row, run.plant) for row in run.max_error_rows],
         "plant": run.plant,
         "seeds": list(run.seeds),
         "rate_Hz": run.rate_Hz,
@@ -221,7 +221,7 @@ def _show(run: TrackResult, console: Console) -> None:
     console.print(escape(sentence(_verdict({target: _best(run, target) for target in run.targets}))))
     temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
     for target in run.targets:
-        rows = [row for row in run.worst if row.target == target]
+        rows = [row for row in run.max_error_rows if row.target == target]
         feasible = rows[0].score.feasible_share
         console.print(
             f"{target} on {run.plant}, worst of {temperatures} degC, "

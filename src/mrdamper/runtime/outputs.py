@@ -98,7 +98,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         os.close(handle)
 
 
-def written() -> Sequence[Path]:
+def output_folders() -> Sequence[Path]:
     """Return the folders that this program has written to, as far as a job's files are whole there."""
     return tuple(_WRITTEN)
 

@@ -41,15 +41,17 @@ DISC_GAP = 0.010
 class Body:
     """The tube and its two caps; lengths in metres."""
 
-    outer_diameter: Annotated[float, length_option("of the tube", "outer_diameter_mm")]
-    length: Annotated[float, length_option("over the caps", "length_mm")]
-    wall: Annotated[float, length_option("thickness of the tube", "wall_mm")]
-    cap: Annotated[
-        float,
-        length_option("thickness of each cap", "cap_mm", "the wall's"),
-    ] = 0.0  # 0: equal to the wall
-    material: Annotated[Material, Option("material", among=lambda: MATERIALS)] = _STEEL
-    orientation: Annotated[Orientation, Option("of the axis")] = "horizontal"
+    outer_diameter: Annotated[float, length_option("outer_diameter_mm")]
+    """Outer diameter of the tube."""
+    length: Annotated[float, length_option("length_mm")]
+    """Length including the caps."""
+    wall: Annotated[float, length_option("wall_mm")]
+    """Thickness of the tube."""
+    cap: Annotated[float, length_option("cap_mm", "the thickness of the wall")] = 0.0
+    """Thickness of each cap; 0 selects the thickness of the wall."""
+    material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
+    orientation: Orientation = "horizontal"
+    """Orientation of the axis."""
 
     def __post_init__(self) -> None:
         if self.cap == 0.0:
@@ -70,65 +72,51 @@ class Body:
 class Piston:
     """The piston in the middle of the bore, which is its mean position; lengths in metres."""
 
-    diameter: Annotated[float, length_option("of its face", "diameter_mm")]
-    length: Annotated[float, length_option("axial", "length_mm")]
-    material: Annotated[Material, Option("material", among=lambda: MATERIALS)] = _STEEL
+    diameter: Annotated[float, length_option("diameter_mm")]
+    """Diameter of the piston."""
+    length: Annotated[float, length_option("length_mm")]
+    """Axial length."""
+    material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
 
 
 @dataclass(frozen=True, slots=True)
 class Rod:
     """The rod; with ``through`` it leaves the body at both ends."""
 
-    diameter: Annotated[float, length_option("of the rod", "diameter_mm")]  # [m]
-    through: Annotated[bool, Option("true: it leaves the body at both ends")] = True
-    material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
-    mount: Annotated[
-        float,
-        Option(
-            "from each end that leaves the body into what holds it, at ambient",
-            key="mount_W_K", unit="W/K", least=0.0,
-        ),
-    ] = 0.0  # fmt: skip
+    diameter: Annotated[float, length_option("diameter_mm")]
+    """Diameter of the rod."""
+    through: bool = True
+    """The rod leaves the body at both ends."""
+    material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
+    mount: Annotated[float, Option(key="mount_W_K", unit="W/K", least=0.0)] = 0.0
+    """Conductance from each outer end of the rod to its mounting at ambient temperature."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coil:
     """The winding: a ring in the middle of the piston's outer surface; lengths in metres."""
 
-    resistance: Annotated[float, Option("at 20 degC", key="resistance_ohm", unit="ohm", least=0.0)]
-    length: Annotated[float, length_option("axial", "length_mm")]
-    depth: Annotated[
-        float,
-        length_option(
-            "radial, inwards from the piston's face",
-            "depth_mm",
-            "0.4 of what the piston leaves around the rod",
-        ),
-    ] = 0.0  # 0: the default depth
-    amperes_per_volt: Annotated[
-        float | None,
-        Option("for cards whose command is a voltage", key="A_per_V", unit="A/V", above=0.0),
-    ] = None
-    material: Annotated[Material, Option("of the winding", among=lambda: MATERIALS)] = MATERIALS["winding"]
-    insulation: Annotated[
-        str,
-        Option(
-            "of the winding, which limits its hottest point",
-            key="insulation_class",
-            among=lambda: INSULATION_DEGC,
-        ),
-    ] = "F"
+    resistance: Annotated[float, Option(key="resistance_ohm", unit="ohm", least=0.0)]
+    """Resistance at 20 degC."""
+    length: Annotated[float, length_option("length_mm")]
+    """Axial length."""
+    depth: Annotated[float, length_option("depth_mm", "0.4 of the gap between rod and piston surface")] = 0.0
+    """Radial depth below the surface of the piston; 0 selects the default."""
+    amperes_per_volt: Annotated[float | None, Option(key="A_per_V", unit="A/V", above=0.0)] = None
+    """Current per volt, for cards with a command in volts."""
+    material: Annotated[Material, Option(among=lambda: MATERIALS)] = MATERIALS["winding"]
+    """Material of the winding."""
+    insulation: Annotated[str, Option(key="insulation_class", among=lambda: INSULATION_DEGC)] = "F"
+    """Insulation class, which limits the hottest point of the winding."""
     limit: Annotated[
-        float | None,
-        Option("of the winding's hottest point", key="limit_degC", unit="degC", default_help="the class's"),
+        float | None, Option(key="limit_degC", unit="degC", default_help="the limit of the class")
     ] = None
+    """Limit of the hottest point of the winding."""
     conductivity: Annotated[
         float | None,
-        Option(
-            "across the wires, by enamel and potting",
-            key="conductivity_W_m_K", unit="W/(m K)", above=0.0, default_help="the material's",
-        ),
-    ] = None  # fmt: skip
+        Option(key="conductivity_W_m_K", unit="W/(m K)", above=0.0, default_help="the value of the material"),
+    ] = None
+    """Conductivity across the wires, with enamel and potting."""
 
     def __post_init__(self) -> None:
         if self.conductivity is not None:
@@ -140,11 +128,12 @@ class Coil:
 class Seals:
     """The seals of the rod in the caps."""
 
-    material: Annotated[str, Option("which limits their hottest point", among=lambda: SEALS_DEGC)] = "HNBR"
+    material: Annotated[str, Option(among=lambda: SEALS_DEGC)] = "HNBR"
+    """Material, which limits the hottest point of the seals."""
     limit: Annotated[
-        float | None,
-        Option("of the seals' hottest point", key="limit_degC", unit="degC", default_help="the material's"),
+        float | None, Option(key="limit_degC", unit="degC", default_help="the value of the material")
     ] = None
+    """Limit of the hottest point of the seals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,26 +158,19 @@ class Filling:
 class Surroundings:
     """Air and mountings of the damper."""
 
-    ambient: Annotated[
-        float, Option("air around the damper", key="ambient_degC", unit="degC", least=-50.0, most=100.0)
-    ] = REFERENCE_K  # [K]
-    air_speed: Annotated[
-        float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=AIR_MAX_M_S)
-    ] = 0.0
-    emissivity: Annotated[float, Option("of the bare body", least=0.0, most=1.0)] = 0.3
-    mount: Annotated[
-        float,
-        Option("into the mountings at ambient, both ends", key="mount_W_K", unit="W/K", least=0.0),
-    ] = 0.0
-    altitude: Annotated[
-        float,
-        Option(
-            "above sea level, where air is thinner", key="altitude_m", unit="m", least=-500.0, most=9000.0
-        ),
-    ] = 0.0
+    ambient: Annotated[float, Option(key="ambient_degC", unit="degC", least=-50.0, most=100.0)] = REFERENCE_K
+    """Temperature of the air around the damper."""
+    air_speed: Annotated[float, Option(key="air_m_s", unit="m/s", least=0.0, most=AIR_MAX_M_S)] = 0.0
+    """Speed of air across the axis."""
+    emissivity: Annotated[float, Option(least=0.0, most=1.0)] = 0.3
+    """Emissivity of the bare body."""
+    mount: Annotated[float, Option(key="mount_W_K", unit="W/K", least=0.0)] = 0.0
+    """Conductance of both ends to the mountings at ambient temperature."""
+    altitude: Annotated[float, Option(key="altitude_m", unit="m", least=-500.0, most=9000.0)] = 0.0
+    """Altitude above sea level, which determines the density of air."""
 
 
-Multiplier = Annotated[float, Option("of the drawing's value", above=0.0)]
+Multiplier = Annotated[float, Option("Factor of the value in the geometry file.", above=0.0)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,16 +13,7 @@ from typing import Annotated
 
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text
-from mrdamper.schema import (
-    Json,
-    OnPage,
-    Option,
-    did_you_mean,
-    fields_of,
-    read_record,
-    toml_text,
-    write_record,
-)
+from mrdamper.schema import Json, Option, did_you_mean, fields_of, read_record, toml_text, write_record
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,
@@ -46,22 +37,22 @@ DRAWINGS = ("paper",)
 class FluidTable:
     """The fluid of a geometry file: a preset with optional changes."""
 
-    preset: Annotated[str, Option("a fluid's name, or its file", page=OnPage(offers="fluids"))]
+    preset: Annotated[str, Option(offers="fluids")]
+    """Name of a fluid, or its file."""
     density: Annotated[float | None, Option(key="density_kg_m3", unit="kg/m^3", above=0.0)] = None
     heat_capacity: Annotated[float | None, Option(key="heat_capacity_J_kg_K", unit="J/(kg K)", above=0.0)] = (
         None
     )
-    conductivity: Annotated[
-        float | None, Option("at rest", key="conductivity_W_m_K", unit="W/(m K)", above=0.0)
-    ] = None
-    stirring: Annotated[float | None, Option("effective over own conductivity", above=0.0)] = None
-    exchange: Annotated[
-        float | None, Option("gap to each chamber, by pumping", key="exchange_W_K", unit="W/K", least=0.0)
-    ] = None
+    conductivity: Annotated[float | None, Option(key="conductivity_W_m_K", unit="W/(m K)", above=0.0)] = None
+    """Conductivity at rest."""
+    stirring: Annotated[float | None, Option(above=0.0)] = None
+    """Ratio of the effective conductivity to the conductivity at rest."""
+    exchange: Annotated[float | None, Option(key="exchange_W_K", unit="W/K", least=0.0)] = None
+    """Conductance of the pumped fluid from the gap to each chamber."""
     limit: Annotated[
-        float | None,
-        Option("of the fluid's hottest point", key="limit_degC", unit="degC", default_help="the preset's"),
+        float | None, Option(key="limit_degC", unit="degC", default_help="the limit of the preset")
     ] = None
+    """Limit of the hottest point of the fluid."""
 
     def filling(self) -> Filling:
         """Return the filling of the preset with the changes."""

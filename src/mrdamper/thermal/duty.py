@@ -123,7 +123,7 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
         command, unit = _command(words[-2])
         return motion_from_text(":".join(words[:-2])), command, unit, seconds
     except InputError as fault:
-        told = fault.at_place(f"duty {text!r}")
+        told = fault.prepend_place(f"duty {text!r}")
         if not told.expected:
             told = InputError(told.found, place=told.place, expected=_EXPECTED, remedy=told.remedy)
         raise told from fault
@@ -204,20 +204,19 @@ def _number(text: str, role: str) -> float:
 def _duty_of_table(table: Table, place: str) -> Duty:
     columns = _columns(table, place)
     unit = "A" if "current" in columns else "V"
-    time = columns["time"]
-    command = columns["current" if unit == "A" else "voltage"]
+    time, command = (columns[name] for name in ("time", "current" if unit == "A" else "voltage"))
     steps = np.diff(time)
     if not (steps > 0.0).all():
         raise InputError(place=place, found="time does not rise from row to row", expected="rising times")
     if "amplitude" in columns:
         segments = []
-        for k, duration in enumerate(steps):
-            amplitude, frequency = float(columns["amplitude"][k]), float(columns["frequency"][k])
+        sines = (columns[name].tolist() for name in ("amplitude", "frequency"))
+        # The last row is the end of the last segment.
+        for duration, level, amplitude, frequency in zip(steps.tolist(), command.tolist(), *sines):  # noqa: B905
             if amplitude == 0.0:
-                segments.append(Segment(float(duration), None, 0, abs(float(command[k]))))
+                segments.append(Segment(duration, None, 0, abs(level)))
             else:
-                sine = Sine(abs(amplitude), frequency)
-                segments.append(segment_of(sine, float(command[k]), float(duration)))
+                segments.append(segment_of(Sine(abs(amplitude), frequency), level, duration))
         return Duty(tuple(segments), unit, place)
     step = float(time[-1] - time[0]) / (len(time) - 1)
     if np.abs(steps - step).max() > STEP_DEVIATION_MAX_RATIO * step or len(time) < 8:

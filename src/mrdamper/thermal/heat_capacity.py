@@ -33,7 +33,7 @@ class CapacityCurve:
     high: float  # [K]
     coefficients: tuple[float, ...]  # of powers of T - low, lowest first
 
-    def at(self, kelvin: float) -> float:
+    def evaluate(self, kelvin: float) -> float:
         """Return the curve at a temperature [K]."""
         x = min(max(kelvin, self.low), self.high) - self.low
         return float(polynomial.polyval(x, self.coefficients))
@@ -42,7 +42,10 @@ class CapacityCurve:
         """Return the integral from the low end to temperatures [K], in their shape."""
         x, width = np.asarray(kelvin, dtype=np.float64) - self.low, self.high - self.low
         inside = polynomial.polyval(np.clip(x, 0.0, width), polynomial.polyint(self.coefficients))
-        below, above = self.at(self.low) * np.minimum(x, 0.0), self.at(self.high) * np.maximum(x - width, 0.0)
+        below, above = (
+            self.evaluate(self.low) * np.minimum(x, 0.0),
+            self.evaluate(self.high) * np.maximum(x - width, 0.0),
+        )
         return np.asarray(inside + below + above)
 
     @property
@@ -57,17 +60,15 @@ class CapacityCurve:
 
 
 def _polynomial(part: str, unit: str = "J/(kg K)") -> Option:
-    return Option(f"Of {part}: coefficients of powers of the temperature in degC, lowest first.", unit=unit)
+    return Option(f"Coefficients for {part}: powers of the temperature in degC, lowest first.", unit=unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolynomialHeatCapacity:
     """Heat capacities c(T) = c0 + c1 T + c2 T^2 + ... of parts, T in degC; constant outside the range."""
 
-    range_degC: Annotated[
-        tuple[Annotated[float, Option(least=-100.0, most=500.0)], ...],
-        Option("Lowest and highest temperature that the polynomials hold at.", unit="degC"),
-    ]
+    range_degC: Annotated[tuple[Annotated[float, Option(least=-100.0, most=500.0)], ...], Option(unit="degC")]
+    """Lowest and highest temperature of the polynomials."""
     fluid_J_kg_K: Annotated[Coefficients, _polynomial("the fluid")] = None
     body_J_kg_K: Annotated[Coefficients, _polynomial("tube and caps")] = None
     piston_J_kg_K: Annotated[Coefficients, _polynomial("the piston")] = None

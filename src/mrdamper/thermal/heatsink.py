@@ -22,23 +22,23 @@ from mrdamper.thermal.materials import MATERIALS, Material
 _LONGEST_mm = 10_000.0  # A longer length has probably another unit.
 
 
-def length_option(said: str, key: str, default_help: str = "") -> Option:
+def length_option(key: str, default_help: str = "") -> Option:
     """Return the option for a length [m] that a file states in millimetres under ``key``."""
-    return Option(said, key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
+    return Option(key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manufacture:
     """Manufacturing limits of a sink, and narrowing of its gaps in use; lengths in metres."""
 
-    least_thickness: Annotated[float, length_option("of a fin", "least_thickness_mm")] = 1e-3
-    least_gap: Annotated[float, length_option("between two fins", "least_gap_mm")] = 3e-3
-    tolerance: Annotated[
-        float, Option("manufacturing tolerance of a gap", key="tolerance_mm", unit="mm", least=0.0)
-    ] = 0.0
-    fouling: Annotated[
-        float, Option("thickness of dirt on each side of a gap", key="fouling_mm", unit="mm", least=0.0)
-    ] = 0.0
+    least_thickness: Annotated[float, length_option("least_thickness_mm")] = 1e-3
+    """Smallest thickness of a fin."""
+    least_gap: Annotated[float, length_option("least_gap_mm")] = 3e-3
+    """Smallest gap between two fins."""
+    tolerance: Annotated[float, Option(key="tolerance_mm", unit="mm", least=0.0)] = 0.0
+    """Manufacturing tolerance of a gap."""
+    fouling: Annotated[float, Option(key="fouling_mm", unit="mm", least=0.0)] = 0.0
+    """Thickness of dirt on each side of a gap."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "manufacture")
@@ -53,21 +53,22 @@ class Manufacture:
 class HeatSink:
     """Annular fins on a body; lengths in metres."""
 
-    fins: Annotated[int, Option("number of fins", least=1, most=10_000)]
-    width: Annotated[float, length_option("radial, root to tip", "width_mm")]
-    thickness: Annotated[float, length_option("of a fin", "thickness_mm")]
-    pitch: Annotated[float, length_option("from fin to fin", "pitch_mm")]
-    material: Annotated[Material, Option("of the fins", among=lambda: MATERIALS)] = MATERIALS[
-        "aluminium-alloy"
-    ]
-    emissivity: Annotated[float, Option("of the fins", least=0.0, most=1.0)] = 0.3
-    film_multiplier: Annotated[
-        float, Option("on the fins' convection; 1 is the correlation as it stands", above=0.0)
-    ] = 1.0
-    contact: Annotated[
-        float,
-        Option("thermal resistance, body to fin", key="contact_m2K_W", unit="m^2 K/W", least=0.0),
-    ] = 0.0
+    fins: Annotated[int, Option(least=1, most=10_000)]
+    """Number of fins."""
+    width: Annotated[float, length_option("width_mm")]
+    """Radial width from root to tip."""
+    thickness: Annotated[float, length_option("thickness_mm")]
+    """Thickness of a fin."""
+    pitch: Annotated[float, length_option("pitch_mm")]
+    """Distance from fin to fin."""
+    material: Annotated[Material, Option(among=lambda: MATERIALS)] = MATERIALS["aluminium-alloy"]
+    """Material of the fins."""
+    emissivity: Annotated[float, Option(least=0.0, most=1.0)] = 0.3
+    """Emissivity of the fins."""
+    film_multiplier: Annotated[float, Option(above=0.0)] = 1.0
+    """Factor of the convection of the fins; 1 for the correlation."""
+    contact: Annotated[float, Option(key="contact_m2K_W", unit="m^2 K/W", least=0.0)] = 0.0
+    """Thermal resistance between body and fins."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "sink")

@@ -6,14 +6,12 @@ range, which is less than the uncertainty of a geometry file. Module ``models.fl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from mrdamper.errors import InputError
-from mrdamper.schema import unknown_name
+from mrdamper.schema import Positive, check_ranges, unknown_name
 
 COPPER_PER_K = 0.00393
 """Relative rise of copper's resistance per kelvin, from its value at 20 degC [1/K] (standard copper)."""
@@ -24,20 +22,13 @@ class Material:
     """A solid that conducts and stores heat."""
 
     name: str
-    conductivity: float  # [W/(m K)]
-    density: float  # [kg/m^3]
-    heat_capacity: float  # [J/(kg K)]
+    conductivity: Positive  # [W/(m K)]
+    density: Positive  # [kg/m^3]
+    heat_capacity: Positive  # [J/(kg K)]
     source: str = "given by the user"
 
     def __post_init__(self) -> None:
-        for name, unit in (("conductivity", "W/(m K)"), ("density", "kg/m^3"), ("heat_capacity", "J/(kg K)")):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(
-                    place=f"material {self.name!r}",
-                    found=f"{name} is {value} {unit}",
-                    expected="a positive, finite number",
-                )
+        check_ranges(self, f"material {self.name!r}")
 
     def __str__(self) -> str:
         return self.name

@@ -68,6 +68,11 @@ class Rise:
     field: ReducedModel | None  # model that converts the unknowns to temperatures
 
     @property
+    def input_J(self) -> float:
+        """Return the energy that motion and coil supply."""
+        return self.energy_J["mechanical"] + self.energy_J["coil"]
+
+    @property
     def limit_K(self) -> float:
         """Return the limit of the hottest point of the fluid."""
         return self.limits[0].limit.kelvin

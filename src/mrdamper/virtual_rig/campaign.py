@@ -50,16 +50,6 @@ class PlannedRun:
     held_out: bool
 
 
-def _steps(value: object) -> object:
-    """Return the default current steps for true; None for false."""
-    return {True: write_record(CURRENT_STEPS), False: None}[value] if isinstance(value, bool) else value
-
-
-def _random(value: object) -> object:
-    """Return the default random current for true; None for false."""
-    return {True: write_record(RANDOM_CURRENT), False: None}[value] if isinstance(value, bool) else value
-
-
 @dataclass(frozen=True)
 class Campaign:
     """Test plan: each motion at each current and temperature, and changing currents at each temperature.
@@ -76,16 +66,12 @@ class Campaign:
     temperatures_degC: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 123.0)
     steps: Annotated[
         CurrentSteps | None,
-        Option(
-            "none: no such runs", short=_steps, expected="true, false or a table with levels_A and hold_s"
-        ),
+        Option(expected="true, false or a table with levels_A and hold_s"),
     ] = CURRENT_STEPS
     steps_motion: str = "steps"  # under the current steps
     random: Annotated[
         RandomCurrent | None,
         Option(
-            "none: no such runs",
-            short=_random,
             expected="true, false or a table with highest_A, shortest_s, longest_s and seed",
         ),
     ] = None
@@ -186,11 +172,14 @@ class Campaign:
         try:
             usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
         except InputError as error:
-            raise error.at_place(place) from error
+            raise error.prepend_place(place) from error
         document = {name: value for name, value in given.items() if name != "preset"}
         known = write_record(usual, defaults=True)
         if isinstance(given.get("sensors"), Mapping):
             document["sensors"] = {**known["sensors"], **given["sensors"]}
+        for name, default in (("steps", CURRENT_STEPS), ("random", RANDOM_CURRENT)):
+            if isinstance(given.get(name), bool):
+                document[name] = write_record(default) if given[name] else None
         campaign = read_record(cls, {**known, **document}, place)
         for name, of in _HELD_OUT.items():
             for value in given.get(name, ()):

@@ -61,7 +61,7 @@ def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper")
     try:
         base = find_preset(given.get("preset", "nominal"))
     except InputError as error:
-        raise error.at_place(place) from error
+        raise error.prepend_place(place) from error
     changed = {name: value for name, value in given.items() if name != "preset"}
     own = {"name": f"{base.name}-own"} if changed else {}
     return read_record(type(base), {**write_record(base, defaults=True), **own, **changed}, place)

@@ -14,8 +14,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.schema import Option
-from mrdamper.virtual_rig.lumped import NotNegative, Positive, check_parameters
+from mrdamper.schema import NotNegative, Option, Positive
+from mrdamper.virtual_rig.lumped import check_parameters
 
 _Share = Annotated[float, Option(least=0.0, most=1.0)]
 

@@ -16,12 +16,10 @@ import numpy as np
 
 from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.schema import Option, check_ranges, fields_of
+from mrdamper.schema import NotNegative, Option, Positive, check_ranges, fields_of
 
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
 _OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
-Positive = Annotated[float, Option(above=0.0)]
-NotNegative = Annotated[float, Option(least=0.0)]
 
 
 def check_parameters(damper: object, name: str) -> None:

@@ -171,13 +171,15 @@ class Plant:
         out = np.empty((3 if whole else 1, x.size))
         rows = (out[0], out[1], out[2]) if whole else (out[0], None, None)
         try:
-            self._native.run(x, v, _held(current), _held(temperature_degC, ZERO_CELSIUS_K), *rows)
+            self._native.run(
+                x, v, _input_samples(current), _input_samples(temperature_degC, ZERO_CELSIUS_K), *rows
+            )
         except ValueError as error:
             raise InputError(f"{error}", place="plant") from error
         return out
 
 
-def _held(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
+def _input_samples(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
     """Return a number unchanged, or samples as an array, plus an offset."""
     if isinstance(given, float):
         return float(given) + above

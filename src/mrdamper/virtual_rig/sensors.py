@@ -37,9 +37,8 @@ class Sensors:
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
     force_offset_N: Annotated[float, Option(unit="N")] = 0.0
-    cell_mass_kg: Annotated[
-        float, Option("moving with the rod, between it and the force cell", unit="kg", least=0.0)
-    ] = 0.0
+    cell_mass_kg: Annotated[float, Option(unit="kg", least=0.0)] = 0.0
+    """Moving mass between the rod and the force cell."""
     thermocouple_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
     thermocouple_offset_K: Annotated[float, Option(unit="K")] = 0.0
 

@@ -16,9 +16,9 @@ from typing import Any
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.previews.choices import choices, run_formats
-from mrdamper.registry import KINDS, Input, Job
+from mrdamper.registry import KINDS, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
-from mrdamper.schema import Json
+from mrdamper.schema import Field, Json, finite_or_none
 from mrdamper.web.schemas import job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
@@ -38,18 +38,18 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
     With ``resume`` a sweep continues after its finished tasks.
     """
     answer = _perform(job_of(kind), options, folder, out, say, resume=resume)
-    for part in ("c", "matlab") if kind == "export" else ():
-        if part in options["what"]:
-            _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
-    if kind == "export" and "fmu" in options["what"]:
-        answer["fmu_platforms"] = _platforms(out / f"{options['name']}.fmu")
+    exported = options["what"] if kind == "export" else ()
+    for part in {"c", "matlab"} & set(exported):
+        _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
+    if "fmu" in exported:
+        answer |= {"fmu_platforms": _platforms(out / f"{options['name']}.fmu")}
     return answer
 
 
 def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool) -> Json:
     """Run a job of the registry."""
     given: dict[str, Any] = {
-        each.name: _thing(folder, each, options) for each in job.inputs if each.flag != "-"
+        each.name: _thing(folder, each, options) for each in job.inputs if each.option.flag != "-"
     }
     given |= {each.name: options[each.name] for each in job.reading if each.name in options}
     if given.get("channels") is not None:
@@ -78,20 +78,20 @@ def _in_folder(folder: WorkFolder, told: Json) -> Json:
     return found
 
 
-def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several
+def _thing(folder: WorkFolder, each: Field, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several
     """Return the path, name or names for an input of a job."""
-    kind = KINDS[each.kind]
+    kind = KINDS[each.option.kind]
     if kind.place == "runs":
         is_wanted = each.required or options["files"] is not None
         return _runs(folder, options["files"]) if is_wanted else None
-    value = options[each.told]
-    if kind.many and not kind.choices:
+    value = options[each.key]
+    if each.many and not kind.choices:
         return tuple(map(folder.input, value)) or None
-    if kind.many:
+    if each.many:
         return tuple(_preset_or_input(folder, name, kind.choices) for name in value) or None
-    if value is None or each.kind in {"law", "name"}:
+    if value is None or each.option.kind in {"law", "name"}:
         return value
-    if kind.choices and each.kind != "plant":
+    if kind.choices and each.option.kind != "plant":
         return _preset_or_input(folder, value, kind.choices)
     finders: dict[str, Callable[[str], Any]] = {
         "duty": lambda name: _duty(folder, name),
@@ -99,7 +99,7 @@ def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN4
         "cards": folder.card,
         "records": folder.record,
     }
-    find = finders.get(each.kind) or finders.get(kind.place) or folder.input
+    find = finders.get(each.option.kind) or finders.get(kind.place) or folder.input
     return find(value)
 
 
@@ -157,7 +157,7 @@ def _progress(say: Say, word: str) -> Progress:
 
     def on_progress(now: ProgressUpdate) -> None:
         state = asdict(now.detail) if is_dataclass(now.detail) and not isinstance(now.detail, type) else {}
-        told: Json = {k: _finite(v) if isinstance(v, float) else v for k, v in state.items()}
+        told: Json = {k: finite_or_none(v) if isinstance(v, float) else v for k, v in state.items()}
         text = now.text
         if word == "row":
             of = "" if now.total is None else f" of {now.total:,}"
@@ -167,10 +167,6 @@ def _progress(say: Say, word: str) -> Progress:
         say(done=now.done, of=now.total or 0, text=text, **told)
 
     return on_progress
-
-
-def _finite(value: float) -> float | None:
-    return value if abs(value) < float("inf") else None
 
 
 def _platforms(fmu: Path) -> list[str]:

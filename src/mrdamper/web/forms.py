@@ -53,40 +53,38 @@ def label_of(field: Field) -> str:
 
 
 def _field(field: Field, choices: Mapping[str, Any]) -> Json:
-    option, page = field.option, field.option.page
+    option = field.option
     default = None if field.required else field.default
     return {
         "name": field.key,
         "label": label_of(field),
-        "help": option.help,
+        "help": field.help,
         "type": _TYPES.get(field.item, "text"),
         "many": field.many,
         "required": field.required,
         "default": default,
-        "begins": default if page.begins is None else page.begins,
-        "none": option.default_help or ("none" if page.places else ""),
+        "begins": default if option.begins is None else option.begins,
+        "none": option.default_help or ("none" if option.places else ""),
         "unit": _SHOWN_UNITS.get(option.unit, option.unit),
         "choices": _choices(field, choices),
         "free": not field.choices
-        and not page.places
-        and page.offers in {"", "runs"},  # Other values are possible.
-        "group": page.group,
-        "offers": page.offers,
-        "slider": page.slider,
-        "places": page.places,
-        "files": page.files,
-        "looks": page.looks,
-        "word": page.word,
-        "part": page.part,
+        and not option.places
+        and option.offers in {"", "runs"},  # Other values are possible.
+        "group": option.group,
+        "offers": option.offers,
+        "slider": option.slider,
+        "places": option.places,
+        "files": option.files,
+        "looks": option.looks,
+        "word": option.word,
+        "part": option.part,
     }
 
 
 def _choices(field: Field, choices: Mapping[str, Any]) -> list[list[str]]:
     """Return the choices as pairs of value and label."""
     if field.choices:
-        return [
-            list(pair) for pair in zip(field.choices, field.option.page.titles or field.choices, strict=True)
-        ]
-    offered = choices.get(field.option.page.offers, ())
+        return [list(pair) for pair in zip(field.choices, field.option.titles or field.choices, strict=True)]
+    offered = choices.get(field.option.offers, ())
     named = [each if isinstance(each, Mapping) else {"name": each, "title": ""} for each in offered]
     return [[one["name"], ": ".join(filter(None, (one["name"], one["title"])))] for one in named]

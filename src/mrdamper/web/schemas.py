@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatOptions
-from mrdamper.registry import JOBS, KINDS, Input, Job
-from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
+from mrdamper.registry import JOBS, KINDS, Job
+from mrdamper.schema import Field, Json, Option, fields_of, read_record, unknown_name, write_record
 
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
 _NAME_WORDS = "a name in the folder, of at most 160 characters"
@@ -52,7 +52,7 @@ _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
         "card": (
             _ANNOTATED[
                 str,
-                Option(pattern=_NAME, expected=_NAME_WORDS, label="Name of the card", page=OnPage(group="")),
+                Option(pattern=_NAME, expected=_NAME_WORDS, label="Name of the card", group=""),
             ],
             _REQUIRED,
         ),
@@ -100,45 +100,48 @@ def _members(kind: str, job: Job) -> Iterator[tuple[str, Any, Any]]:
     """Yield (name, type, default) of each field of a job request."""
     yield from ((name, type_, default) for name, (type_, default) in _OWN.get(kind, {}).items())
     for each in job.inputs:
-        if each.flag != "-":
+        if each.option.flag != "-":
             yield _member_of(each)
-    mapped = any(KINDS[each.kind].place == "runs" for each in job.inputs)  # Each run has its own map.
+    mapped = any(KINDS[each.option.kind].place == "runs" for each in job.inputs)  # Each run has its own map.
     for option in (*job.reading, *job.fields):
         is_path = option.type is Path
         if option.option.local or (is_path and mapped):
             continue
         plain: Any = str if is_path else option.type
-        said = replace(option.option, pattern=_NAME, expected=_NAME_WORDS) if is_path else option.option
-        yield option.name, _ANNOTATED[plain | None if option.optional else plain, said], option.default
+        more: Json = {"pattern": _NAME, "expected": _NAME_WORDS} if is_path else {}
+        described = replace(option.option, help=option.help, **more)
+        yield option.name, _ANNOTATED[plain | None if option.optional else plain, described], option.default
 
 
-def _member_of(each: Input) -> tuple[str, Any, Any]:
+def _member_of(each: Field) -> tuple[str, Any, Any]:
     """Return (name, type, default) of an input of a job."""
-    kind = KINDS[each.kind]
+    kind = KINDS[each.option.kind]
     places = tuple(place for place in (kind.place, kind.also) if place)
-    page = OnPage(
-        group=each.group,
-        begins=each.begins,
+    option = replace(
+        each.option,
+        help=each.help,
+        group=kind.group,
         offers=kind.choices,
         places=("records", "runs") if places == ("records",) else places,
         files=kind.files,
         looks=kind.looks,
-        word=each.kind,
+        word=each.option.kind,
     )
-    option = Option(each.help, label=each.label, default_help=each.default_help, page=page)
-    if kind.many:
+    if each.many:
         most = 20_000 if kind.place == "runs" else 20
         needed = each.required and kind.place != "runs"  # Without names the job reads all runs.
         words = f"a list of names, {most} at most"
         option = replace(option, most_items=most, least_items=int(needed), expected=words)
         if kind.place == "runs":
             return "files", _ANNOTATED[tuple[Name, ...] | None, option], None
-        return each.told, _ANNOTATED[tuple[Name, ...], option], _REQUIRED if needed else ()
-    pattern, words = (_WORD, _WORD_WORDS) if each.kind in {"law", "name"} else (_NAME, _NAME_WORDS)
+        return each.key, _ANNOTATED[tuple[Name, ...], option], _REQUIRED if needed else ()
+    is_word = each.option.kind in {"law", "name"}
+    pattern, words = (_WORD, _WORD_WORDS) if is_word else (_NAME, _NAME_WORDS)
     option = replace(option, pattern=pattern, expected=words)
     if each.required:
-        return each.told, _ANNOTATED[str, option], "paper" if each.kind == "drawing" else _REQUIRED
-    return each.told, _ANNOTATED[str | None if each.default is None else str, option], each.default
+        default = "paper" if each.option.kind == "drawing" else _REQUIRED
+        return each.key, _ANNOTATED[str, option], default
+    return each.key, _ANNOTATED[str | None if each.default is None else str, option], each.default
 
 
 def read_order(kind: object, options: object) -> Order:

@@ -253,11 +253,11 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
     """Return the rows of the table for temperatures and currents, shape (10, t, n)."""
     zero = np.zeros_like(values["offset"])
     second = values.get("second_force", values.get("rate_force", zero))
-    return np.stack([
-        values["offset"], values["stiffness"], values["mass"], values["viscosity"],
-        values["coulomb_friction"], values["breakaway_friction"], values["yield_force"], second,
-        values.get("rho", zero), values.get("second_rho", zero),
-    ])  # fmt: skip
+    names = (
+        "offset", "stiffness", "mass", "viscosity", "coulomb_friction", "breakaway_friction", "yield_force",
+    )  # fmt: skip
+    inverse = (values.get(name, zero) for name in ("rho", "second_rho"))
+    return np.stack([*(values[name] for name in names), second, *inverse])
 
 
 def _scales(rows: FloatArray) -> FloatArray:
@@ -275,8 +275,8 @@ def _scales(rows: FloatArray) -> FloatArray:
         "mass": force / TYPICAL_ACCELERATION_M_S2,
         "viscous": own[3],
         "rho": own[8],
+        "second_rho": own[9],
     }
-    at["second_rho"] = own[9]
     return np.array([at.get(name, force) for name in ROWS])
 
 

@@ -12,15 +12,14 @@ detected.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from mrdamper.control.config import HeatBalance
-from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
+from mrdamper.schema import NotNegative, check_ranges
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
@@ -32,35 +31,17 @@ _RISE_K = 60.0  # Rise above ambient at which the loss of a geometry is computed
 class Heating:
     """Heat capacity and loss of a damper as one body. A capacity of 0 disables the detection."""
 
-    capacity_J_K: float
-    loss_W_K: float
-    ambient_K: float = REFERENCE_K
-    resistance_20_ohm: float = 0.0  # coil resistance; its change with temperature is ignored
+    capacity_J_K: NotNegative
+    loss_W_K: NotNegative
+    ambient_K: NotNegative = REFERENCE_K
+    resistance_20_ohm: NotNegative = 0.0  # coil resistance; its change with temperature is ignored
     amperes_per_volt: float | None = None  # for a command in volts; None: the coil heat is ignored
     source: str = "given"
-    loss_ratio_max: float = 1.5
-    frozen_K: float = 5.0
+    loss_ratio_max: NotNegative = 1.5
+    frozen_K: NotNegative = 5.0
 
     def __post_init__(self) -> None:
-        for name in (
-            "capacity_J_K",
-            "loss_W_K",
-            "ambient_K",
-            "resistance_20_ohm",
-            "loss_ratio_max",
-            "frozen_K",
-        ):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(
-                    place="heating", found=f"{name} is {value}", expected="a finite number, 0 or more"
-                )
-        if self.amperes_per_volt is not None and not math.isfinite(self.amperes_per_volt):
-            raise InputError(
-                place="heating",
-                found=f"amperes_per_volt is {self.amperes_per_volt}",
-                expected="a finite number",
-            )
+        check_ranges(self, "heating")
 
     @classmethod
     def from_drawing(cls, drawing: DamperDrawing) -> Heating:

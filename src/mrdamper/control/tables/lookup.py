@@ -254,8 +254,8 @@ def functions_of_speed(
     """
     nothing = _zero_table(end)
     viscous = sliding = breakaway = saturation = nothing
-    exponent, stribeck = shape["viscous_exponent"], shape["stribeck_velocity"]
-    transition = shape["transition_velocity"]
+    names = ("viscous_exponent", "stribeck_velocity", "transition_velocity")
+    exponent, stribeck, transition = (shape[name] for name in names)
     if "viscous" in present:
         viscous = fit_lookup(
             lambda v: v * (np.maximum(v, 1e-300) / VISCOUS_SPEED) ** (exponent - 1.0),

@@ -147,25 +147,26 @@ def tabulate_series(
     is_chain = damper.law.name == "chain"
     planes = PLANES if is_chain else PLANES[:1]
     _check_tabulated(values, damper.law.name, planes)
-    exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}
+    thinning, leak, viscous = (float(values[name].flat[0]) for name in _EXPONENTS)
     rows = {name: values[name][:, 0].copy() for name in ((*CHAIN, *OF_CHAIN) if is_chain else CHAIN)}
-    rows["viscosity"] *= VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
     moved = {name: values[name] for name in planes}
+    factors: dict[str, float | FloatArray] = {"viscosity": VISCOUS_SPEED ** (1.0 - viscous)}
     if is_chain:  # thinning and dashpot are defined at 1 m/s, as the powers are
-        speed = values["reference_speed"][:, 0]
-        rows["thinning"] *= speed ** -exponents["thinning_exponent"]
-        moved["thinning_force"] = moved["thinning_force"] * speed[:, None] ** -exponents["thinning_exponent"]
-        rows["leak_damping"] *= speed ** (1.0 - exponents["leak_exponent"])
-        rows["bristle_spread"] = np.exp(rows["bristle_spread"])
+        speed = values["reference_speed"]
+        factors |= {"thinning": speed[:, 0] ** -thinning, "leak_damping": speed[:, 0] ** (1.0 - leak)}
+        moved |= {"thinning_force": values["thinning_force"] * speed[:, :1] ** -thinning}
+        rows |= {"bristle_spread": np.exp(rows["bristle_spread"])}
+    for name, factor in factors.items():
+        rows[name] *= factor
     for name in set(_INVERTED) & set(rows):
         rows[name] = np.divide(1.0, rows[name], out=np.zeros_like(rows[name]), where=rows[name] > 0.0)
     tables = SeriesTables(
         yield_force=np.ascontiguousarray(np.stack([moved[name] for name in planes])),
         chain=np.ascontiguousarray(np.stack(list(rows.values()), axis=1)),
-        thinning=tabulate_power(exponents["thinning_exponent"]),
-        leak=tabulate_power(exponents["leak_exponent"]),
-        viscous=tabulate_power(exponents["viscous_exponent"]),
-        gas=tabulate_power(_GAS_EXPONENT if is_chain else exponents["viscous_exponent"]),
+        thinning=tabulate_power(thinning),
+        leak=tabulate_power(leak),
+        viscous=tabulate_power(viscous),
+        gas=tabulate_power(_GAS_EXPONENT if is_chain else viscous),
         side=tabulate_lookup(
             np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=CELL_BITS, rising=True
         ),

@@ -1,12 +1,11 @@
-/* The controller in single precision: the files that a target gets, as one translation unit of the extension. */
-#define MRD_SINGLE
+/* The controller in single precision: the files that a target gets, as one translation unit. */
 #define MRD_TRACK_API static
-#include "../kernel/controller.c"
+#include "controller.c"
 
-#include "tracker.h"
+#include "interface.h"
 
-#define TRACK(name) mrd_track_##name
-#define TRACK_MODEL mrd_model_step
-#include "tracker_face.c"
-
-const tracker_face *mrd_tracker_single(void) { return &face; }
+const mrd_api *mrd_level(int level)
+{
+    static const mrd_api api = {"baseline", mrd_track_start, mrd_track_step, mrd_model_step, mrd_track_parts};
+    return level == 0 ? &api : NULL;
+}

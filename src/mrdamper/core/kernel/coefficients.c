@@ -5,7 +5,7 @@ static inline double coefficient_at(const mrd_model *m, int k, size_t i)
     return m->stride ? m->coefficient[(size_t)k * m->stride + i] : m->coefficient[k];
 }
 
-static int varies(const mrd_model *m, int k, size_t n)
+static inline int varies(const mrd_model *m, int k, size_t n)
 {
     if (!m->stride) return 0;
     const double *row = m->coefficient + (size_t)k * m->stride;

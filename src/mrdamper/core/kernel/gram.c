@@ -166,9 +166,7 @@ static double *residual_of(const gram_task *t, size_t job)
     return t->residuals ? t->residuals + job / t->runs * all + at : NULL;
 }
 
-#if PACK > 1
 #include "gram_lanes.c"
-#endif
 
 static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
 {
@@ -202,12 +200,7 @@ static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *r
     if (!store) return MRD_NO_MEMORY;
     const gram_room room = {places, rows, by, store, store + rows * longest, store + (rows + 1) * longest};
     for (size_t i = 0; i < longest; i++) room.one[i] = 1.0;
-    mrd_status status;
-#if PACK > 1
-    if (law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW) status = gram_in_lanes(&room, &task, longest);
-    else
-#endif
-        status = gram_one_by_one(&room, &task);
+    const mrd_status status = has_own_spring(law) ? gram_in_lanes(&room, &task, longest) : gram_one_by_one(&room, &task);
     free(store);
     return status;
 }

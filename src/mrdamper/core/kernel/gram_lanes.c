@@ -68,37 +68,9 @@ static void gather(const double *const *source, const lane_job *lane, size_t beg
     }
 }
 
-/* State of the lanes of a law. */
-typedef union {
-    valve_lanes valve[LANES / PACK];
-    chain_lanes chain[LANES / PACK];
-} law_lanes;
-
-static void lanes_begin(mrd_law law, law_lanes *state, const mrd_model *const *model, const mrd_record *const *record)
-{
-    for (size_t part = 0; part < LANES / PACK; part++) {
-        const mrd_model *const *of = model + part * PACK;
-        if (law == MRD_CHAIN_LAW) chain_lanes_begin(state->chain + part, of, record + part * PACK);
-        else valve_lanes_begin(state->valve + part, of, record + part * PACK);
-    }
-}
-
-/* Sample i of one pack of lanes: xx and vv are of the sample before and of this one. */
-static void lanes_step(mrd_law law, law_lanes *state, size_t part, size_t i, size_t substeps, const pack *xx, const pack *vv,
-                       size_t ways, const int *partial, double *force, double *const *by)
-{
-    if (law == MRD_CHAIN_LAW) {
-        if (i) chain_lanes_step(state->chain + part, substeps, xx, vv, ways, partial, force, by);
-        else chain_lanes_first(state->chain + part, xx[1], vv[1], ways, partial, force, by);
-    } else if (i) valve_lanes_step(state->valve + part, substeps, xx, vv, ways, partial, force, by);
-    else valve_lanes_first(state->valve + part, xx[1], vv[1], ways, partial, force, by);
-}
-
-static size_t substeps_of(mrd_law law, const mrd_record *r) { return law == MRD_CHAIN_LAW ? chain_substeps(r) : r->substeps; }
-
-/* The stepped rows of a block: force to `force`, tangents by partial[d] to column[d], both lane by lane. */
-static void step_block(mrd_law law, law_lanes *state, size_t substeps, const lane_job *lane, size_t begin, size_t end,
-                       size_t ways, const int *partial, double *force, double *const *column)
+/* The stepped rows of a block: force to `force`, tangents to column[d], both lane by lane. Packs without a job are skipped. */
+static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lane_job *lane, size_t jobs, size_t begin,
+                       size_t end, double *force, double *const *column)
 {
     double x[LANES * (STEPS + 1)], v[LANES * (STEPS + 1)];
     const double *xs[LANES], *vs[LANES];
@@ -109,49 +81,56 @@ static void step_block(mrd_law law, law_lanes *state, size_t substeps, const lan
     const size_t before = begin ? begin - 1 : 0;
     gather(xs, lane, before, end, x);
     gather(vs, lane, before, end, v);
-    for (size_t part = 0; part < LANES; part += PACK) {
+    for (size_t part = 0; part < jobs; part += PACK) {
+        double step[PACK];
+        for (size_t k = 0; k < PACK; k++) step[k] = lane[part + k].record->step;
+        memcpy(&t->step, step, sizeof step);
         for (size_t i = begin; i < end; i++) {
             const size_t to = LANES * (i - begin) + part, at = LANES * (i - before) + part;
             double *by[MRD_DIRECTIONS];
             pack xx[2], vv[2];
-            for (size_t d = 0; d < ways; d++) by[d] = column[d] + to;
+            for (size_t d = 0; d < t->ways; d++) by[d] = column[d] + to;
             for (size_t k = 0; k < 2; k++) {
                 const size_t from = k || !i ? at : at - LANES;
                 xx[k] = *(const loose_pack *)(x + from);
                 vv[k] = *(const loose_pack *)(v + from);
             }
-            lanes_step(law, state, part / PACK, i, substeps, xx, vv, ways, partial, force + to, by);
+            t->x = xx;
+            t->v = vv;
+            lanes_step(law, state + part / PACK, !i, t, force + to, by);
         }
     }
 }
 
-/* The sums of LANES jobs of one number of substeps, all records at least one sample long. `block` is [rows][BLOCK]. */
-static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job *lane, double *block)
+/* The sums of up to LANES jobs of one number of substeps, all records at least one sample long; the other lanes repeat a job.
+ * `block` is [rows][BLOCK]. */
+static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job *lane, size_t jobs, double *block)
 {
-    law_lanes state;
+    law_lanes state[LANES / PACK];
     const mrd_model *model[LANES];
     const mrd_record *record[LANES];
     const double *row[MRD_DIRECTIONS + 1], *source[LANES];
     double *column[MRD_DIRECTIONS];
-    int partial[MRD_DIRECTIONS];
+    int way[MRD_DIRECTIONS];
     size_t longest = 0, ways = 0;
     for (size_t k = 0; k < LANES; k++) {
         model[k] = &lane[k].model;
         record[k] = lane[k].record;
         longest = record[k]->n > longest ? record[k]->n : longest;
     }
-    lanes_begin(t->law, &state, model, record);
+    for (size_t part = 0; part < LANES; part += PACK) lanes_begin(t->law, model + part, state + part / PACK);
     for (size_t i = 0; i < g->rows; i++) row[i] = block + i * BLOCK;
     for (size_t i = 0; i < g->places; i++) {
         if (lane[0].row[i]) continue;
-        partial[ways] = t->law == MRD_CHAIN_LAW ? g->by[i] : partial_of(g->by[i]);
+        way[ways] = g->by[i];
         column[ways++] = block + i * BLOCK;
     }
-    double *residual = block + (g->rows - 1) * BLOCK, force[BLOCK];
+    double *residual = block + (g->rows - 1) * BLOCK, force[BLOCK] = {0.0};
+    lane_samples samples = {pack_of(0.0), substeps_of(t->law, record[0]), NULL, NULL, NULL, NULL, ways, way, NULL, NULL};
     memset(g->lanes, 0, 8 * g->rows * g->rows * sizeof *g->lanes);
     for (size_t begin = 0; begin < longest; begin += STEPS) {
         const size_t end = begin + STEPS < longest ? begin + STEPS : longest, n = LANES * (end - begin);
-        step_block(t->law, &state, substeps_of(t->law, record[0]), lane, begin, end, ways, partial, force, column);
+        step_block(t->law, state, &samples, lane, jobs, begin, end, force, column);
         for (size_t i = 0; i + 1 < g->rows; i++) {
             if (!lane[0].row[i]) continue;
             for (size_t k = 0; k < LANES; k++) source[k] = lane[k].row[i];
@@ -160,7 +139,7 @@ static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job
         for (size_t k = 0; k < LANES; k++) source[k] = lane[k].left;
         gather(source, lane, begin, end, residual);
         for (size_t i = 0; i < n; i++) residual[i] -= force[i];
-        for (size_t k = 0; k < LANES; k++)
+        for (size_t k = 0; k < jobs; k++)
             for (size_t i = begin; lane[k].residual && i < end && i < record[k]->n; i++)
                 lane[k].residual[i] = residual[LANES * (i - begin) + k];
         for (size_t k = 0; k < LANES; k++) {
@@ -177,7 +156,7 @@ static mrd_status gram_in_lanes(const gram_room *g, const gram_task *t, size_t l
 {
     const size_t jobs = t->candidates * t->runs, each = (g->rows + 1) * longest, square = g->rows * g->rows;
     job_order *order = malloc((jobs + 1) * sizeof *order);
-    double *store = malloc((LANES * each + g->rows * BLOCK) * sizeof *store);
+    double *store = calloc(LANES * each + g->rows * BLOCK, sizeof *store);
     lane_job *lane = malloc(LANES * sizeof *lane);
     mrd_status status = order && store && lane ? MRD_OK : MRD_NO_MEMORY;
     for (size_t job = 0; job < jobs && status == MRD_OK; job++) {
@@ -187,13 +166,13 @@ static mrd_status gram_in_lanes(const gram_room *g, const gram_task *t, size_t l
     }
     if (status == MRD_OK) qsort(order, jobs, sizeof *order, compare_jobs);
     for (size_t first = 0, next; first < jobs && order[first].n && status == MRD_OK; first = next) {
-        /* A lane without a job of its own repeats the first. */
         for (next = first; next < jobs && next < first + LANES && order[next].n; next++)
             if (order[next].substeps != order[first].substeps) break;
-        for (size_t k = 0; k < LANES && status == MRD_OK; k++)
-            status = lane_open(lane + k, g, t, order[first + k < next ? first + k : first].job, longest, store + k * each);
+        for (size_t k = 0; first + k < next && status == MRD_OK; k++)
+            status = lane_open(lane + k, g, t, order[first + k].job, longest, store + k * each);
+        for (size_t k = next - first; k < LANES; k++) lane[k] = lane[0];
         if (status != MRD_OK) break;
-        gram_of_lanes(g, t, lane, store + LANES * each);
+        gram_of_lanes(g, t, lane, next - first, store + LANES * each);
         for (size_t k = 0; first + k < next; k++) {
             double *out = t->out + lane[k].job * square;
             for (size_t i = 0; i < g->rows; i++)

@@ -8,20 +8,13 @@
 #include "record.c"
 #include "coefficients.c"
 #include "hysteresis.c"
-#include "series_valve.c"
-#include "chain.c"
+#include "implicit.c"
 #include "lugre.c"
 #include "spencer.c"
 #include "common.c"
 #include "laws.c"
-#if PACK > 1
-#include "lane_search.c"
-#include "series_lanes.c"
-#include "chain_lanes.c"
-#endif
 #include "gram.c"
 #include "actuation.c"
-#include "banded.c"
 #include "controller.c"
 
 #ifndef MRD_ISA
@@ -39,7 +32,7 @@ const mrd_api *MRD_API(void)
 {
     static const mrd_api api = {MRD_TEXT(MRD_ISA), workspace_open, workspace_close,
                                 record_open, batch_open, record_close, coefficient_count, run, carry, causal,
-                                squared_errors, gram, gram_sums, curve_values, first_order_lag, banded_solve,
+                                squared_errors, gram, gram_sums, curve_values, first_order_lag,
                                 turns_feed, mrd_track_start, mrd_track_step, mrd_model_step, mrd_track_parts};
     return &api;
 }

@@ -1,8 +1,9 @@
 /* The kernel of mrdamper: hysteresis laws, their exact flow, tangents and Gram sums.
  *
  * C99, no allocation inside the arithmetic, no global state, no fused multiply-add (compile with
- * -ffp-contract=off): every build gives the same bits. One translation unit, kernel.c, includes the
- * others; it is compiled once per instruction set, and MRD_API() is its only external name.
+ * -ffp-contract=off): every build gives the same bits. kernel.c includes the other files; it is compiled once per
+ * instruction set, and MRD_API() is its only external name. implicit_run.c is compiled once: it includes the
+ * implicit laws again, with a number type of one lane.
  *
  * SI throughout. Extension is positive; a force that resists extension is positive.
  */
@@ -45,7 +46,7 @@ enum { TH_YIELD = MRD_COMMON, TH_SLOPE, TH_SHIFT };
 enum { LG_YIELD = MRD_COMMON, LG_RHO, LG_EXCESS, LG_FADE, LG_DAMPING };
 enum { SP_YIELD = MRD_COMMON, SP_SERIES, SP_VISCOSITY, SP_STIFFNESS, SP_RHO, SP_KAPPA, SP_N };
 enum { SV_YIELD = MRD_COMMON, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION, SV_SPRING, SV_GAP, SV_CORNER, SV_LEAK,
-       SV_LEAK_EXPONENT };
+       SV_LEAK_EXPONENT, SV_COUNT };
 enum { CH_YIELD = MRD_COMMON, CH_VELOCITY, CH_THINNING, CH_OWN, CH_EXPONENT, CH_SPEED, CH_ORIFICE, CH_ASYMMETRY,
        CH_FLOW_ASYMMETRY, CH_POSITION, CH_CURVATURE, CH_SPRING, CH_GAP, CH_CORNER, CH_LEAK, CH_LEAK_EXPONENT,
        CH_SHARE, CH_BRISTLE, CH_SPREAD,
@@ -102,7 +103,8 @@ typedef struct {
     double kappa, n;                        /* of the first batch */
     double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
-    double y, q, q_rate;                    /* Spencer, series valve, chain */
+    double y, q, q_rate;                    /* Spencer; series valve: y; chain: y, q */
+    double lag[2], change[2];               /* series valve, chain */
     double e, side, place;                  /* Spencer */
     double play, cavity, bristle[5], level[2]; /* chain */
 } mrd_state;
@@ -151,7 +153,6 @@ typedef struct {
                   double *by_n);
     void (*lag)(size_t n, double step, double rise, double fall, double wheel, double saturation, const double *command,
                 double *applied, double *by_lag, const double *before);
-    int (*banded)(size_t n, size_t width, double *lower, double *right);
     size_t (*turns)(mrd_turns *turns, size_t n, const double *x, double dead_band, double *at);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
     mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_inputs *told);

@@ -1,8 +1,14 @@
 /* Roots of functions that rise, one in each lane: Newton steps kept inside a bracket, in p = |root| on one side of rest.
  *
  * The side is that of the guess. If Newton's method leaves it, the value at rest decides. A finished lane is
-  * evaluated again at its root with the same bits.
+ * evaluated again at its root with the same bits.
  */
+
+/* After this number of steps every other one halves the bracket: about a root where the slope has no limit (a dashpot's
+ * exponent of a half at rest) Newton's method swings from side to side. */
+#define SEARCH_PATIENCE 16
+#define SEARCH_STEPS_MAX 100
+#define SEARCH_TOLERANCE 1e-7 /* One more Newton step ends a search if the residual is below this ratio to the force. */
 
 typedef struct {
     pack sign, p; /* next argument of the function: sign * p */
@@ -12,56 +18,56 @@ typedef struct {
     int step;
 } lane_search;
 
-static void search_begin(pack guess, pack small, lane_search *f)
+IN_LANES void search_begin(pack guess, pack small, lane_search *f)
 {
     const pack zero = pack_of(0.0), size = size_of(guess);
-    f->sign = choose((pack_mask)(guess < 0.0), pack_of(-1.0), pack_of(1.0));
-    f->p = choose((pack_mask)(size > 0.0), size, small);
+    f->sign = choose(is_less(guess, zero), pack_of(-1.0), pack_of(1.0));
+    f->p = choose(is_positive(size), size, small);
     f->low = f->last = zero;
     f->high = pack_of(HUGE_VAL);
     f->small = small;
     f->step = 0;
-    f->known = f->done = (pack_mask)zero;
+    f->known = f->done = is_less(zero, zero);
 }
 
-/* Bring the bracket on by the value and slope at sign p; `near` is how small a value is small enough for one more Newton step.
+/* Narrow the bracket by the value and slope at sign p. A value below `near` needs only one more Newton step.
  * Return 0 if all lanes are finished. `ask` marks lanes that need the value at rest by search_turn(). */
 IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_mask *ask)
 {
     const pack never = pack_of(HUGE_VAL), p = f->p, residual = f->sign * value, next = p - residual / slope;
-    const pack_mask above = (pack_mask)(residual > 0.0);
+    const pack_mask above = is_positive(residual);
     f->high = choose(above, p, f->high);
     f->low = choose(above, f->low, p);
-    const pack_mask over_low = (pack_mask)(next > f->low), under_high = (pack_mask)(next < f->high);
-    /* A step that rounding ends on the bracket's own side is one of no length: halving would go on for the last digits. */
-    const pack_mask within = (pack_mask)(next >= f->low) & (pack_mask)(next <= f->high);
-    const pack_mask converged = (pack_mask)(size_of(residual) <= near) & within & ~f->done;
+    const pack_mask over_low = is_less(f->low, next), under_high = is_less(next, f->high);
+    /* A step that rounding ends on the bracket's own side has no length: halving would go on for the last digits. */
+    const pack_mask within = both(both(is_at_most(f->low, next), is_at_most(next, f->high)), is_less(next, never));
+    const pack_mask converged = both(both(is_at_most(size_of(residual), near), within), not_of(f->done));
     f->last = choose(converged, f->sign * (next - p), f->last);
-    f->done |= converged;
-    *ask = f->known ^ f->known;
-    if (!any_of(~f->done)) return 0;
+    f->done = either(f->done, converged);
+    *ask = is_less(p, p);
+    if (all_of(f->done)) return 0;
     pack moved = next;
-    const int late = search_halves(f->step++, 0.0);
-    if (late || any_of(~(over_low & under_high) & ~f->done)) { /* rarely */
-        const pack_mask from_rest = (pack_mask)(f->low == 0.0);
-        *ask = ~over_low & from_rest & ~f->known & ~f->done;
+    const int step = f->step++, late = step > SEARCH_PATIENCE && step % 2;
+    if (late || !all_of(either(both(over_low, under_high), f->done))) { /* rarely */
+        const pack_mask from_rest = is_equal(f->low, pack_of(0.0));
+        *ask = both(both(from_rest, not_of(over_low)), not_of(either(f->known, f->done)));
         moved = choose(over_low, next, choose(from_rest, 0.05 * p, 0.5 * (f->low + p)));
-        moved = choose(under_high, moved, choose((pack_mask)(f->high == never), 4.0 * p, 0.5 * (f->low + f->high)));
-        if (late) moved = choose((pack_mask)(f->high < never) & ~*ask, 0.5 * (f->low + f->high), moved);
+        moved = choose(under_high, moved, choose(is_equal(f->high, never), 4.0 * p, 0.5 * (f->low + f->high)));
+        if (late) moved = choose(both(is_less(f->high, never), not_of(*ask)), 0.5 * (f->low + f->high), moved);
     }
     f->p = choose(f->done, p, moved);
-    f->done |= (pack_mask)(moved == p) & ~*ask;
+    f->done = either(f->done, both(is_equal(moved, p), not_of(*ask)));
     return 1;
 }
 
-/* Turn lanes that ask round where their root is on the other side of rest; end those whose root is there. */
+/* Turn lanes that ask round if their root is on the other side of rest; end those whose root is there. */
 static void search_turn(lane_search *f, pack_mask ask, pack at_rest)
 {
-    const pack residual = f->sign * at_rest;
-    const pack_mask turns = ask & (pack_mask)(residual > 0.0), rests = ask & (pack_mask)(residual == 0.0);
-    f->known |= ask;
+    const pack zero = pack_of(0.0), residual = f->sign * at_rest;
+    const pack_mask turns = both(ask, is_positive(residual)), rests = both(ask, is_equal(residual, zero));
+    f->known = either(f->known, ask);
     f->sign = choose(turns, -f->sign, f->sign);
     f->high = choose(turns, pack_of(HUGE_VAL), f->high);
-    f->p = choose(turns, f->small, choose(rests, pack_of(0.0), f->p));
-    f->done |= rests;
+    f->p = choose(turns, f->small, choose(rests, zero, f->p));
+    f->done = either(f->done, rests);
 }

@@ -1,7 +1,9 @@
-/* Several numbers at once, as wide as the instruction set has them. The bits of a lane do not depend on the width or on other lanes. The result of a candidate therefore does not depend on the machine.
+/* The number type of the implicit laws: `pack` is one double, or several as wide as the instruction set has them. The
+ * bits of a lane do not depend on the width or on other lanes. The result of a candidate therefore does not depend on
+ * the machine.
  *
- * With a compiler that has no vector types a pack is one number, exp and ln are the C library's, and laws are not
- * stepped in lanes.
+ * Comparisons and selections are functions, so that a law is written once for all widths. A pack is one number if
+ * MRD_ONE_LANE is defined, or if the compiler has no vector types. Its exp and ln are then those of the C library.
  */
 #ifndef MRD_LANES_H
 #define MRD_LANES_H
@@ -12,19 +14,29 @@
 
 #define LANES 8 /* that go together, in LANES / PACK packs */
 
-#if !defined(__GNUC__)
+#if defined(MRD_ONE_LANE) || !defined(__GNUC__)
 #define PACK 1
+#define IN_LANES static inline
 typedef double pack;
 typedef double loose_pack;
 typedef int pack_mask;
-static inline pack pack_of(double x) { return x; }
-static inline pack choose(pack_mask m, pack a, pack b) { return m ? a : b; }
-static inline pack greater_of(pack a, pack b) { return a > b ? a : b; }
-static inline pack lesser_of(pack a, pack b) { return a < b ? a : b; }
-static inline pack signed_as(pack x, pack y) { return copysign(x, y); }
-static inline pack size_of(pack x) { return fabs(x); }
-static inline pack exp_of(pack x) { return exp(x); }
-static inline pack log_of(pack x) { return log(x); }
+IN_LANES pack pack_of(double x) { return x; }
+IN_LANES pack_mask is_less(pack a, pack b) { return a < b; }
+IN_LANES pack_mask is_at_most(pack a, pack b) { return a <= b; }
+IN_LANES pack_mask is_equal(pack a, pack b) { return a == b; }
+IN_LANES pack_mask both(pack_mask a, pack_mask b) { return a && b; }
+IN_LANES pack_mask either(pack_mask a, pack_mask b) { return a || b; }
+IN_LANES pack_mask not_of(pack_mask a) { return !a; }
+IN_LANES int any_of(pack_mask m) { return m; }
+IN_LANES pack choose(pack_mask m, pack a, pack b) { return m ? a : b; }
+IN_LANES pack only(pack_mask m, pack x) { return m ? x : 0.0; }
+IN_LANES pack greater_of(pack a, pack b) { return a > b ? a : b; }
+IN_LANES pack lesser_of(pack a, pack b) { return a < b ? a : b; }
+IN_LANES pack signed_as(pack x, pack y) { return copysign(x, y); }
+IN_LANES pack size_of(pack x) { return fabs(x); }
+IN_LANES pack root_of(pack x) { return sqrt(x); }
+IN_LANES pack exp_of(pack x) { return exp(x); }
+IN_LANES pack log_of(pack x) { return log(x); }
 #else
 
 #if defined(__AVX512DQ__) && defined(__x86_64__)
@@ -45,6 +57,12 @@ typedef uint64_t pack_bits __attribute__((vector_size(PACK * sizeof(uint64_t))))
 typedef double loose_pack __attribute__((vector_size(PACK * sizeof(double)), aligned(sizeof(double)), may_alias));
 
 IN_LANES pack pack_of(double x) { return x - (pack){0.0}; }
+IN_LANES pack_mask is_less(pack a, pack b) { return (pack_mask)(a < b); }
+IN_LANES pack_mask is_at_most(pack a, pack b) { return (pack_mask)(a <= b); }
+IN_LANES pack_mask is_equal(pack a, pack b) { return (pack_mask)(a == b); }
+IN_LANES pack_mask both(pack_mask a, pack_mask b) { return a & b; }
+IN_LANES pack_mask either(pack_mask a, pack_mask b) { return a | b; }
+IN_LANES pack_mask not_of(pack_mask a) { return ~a; }
 
 /* m ? a : b */
 IN_LANES pack choose(pack_mask m, pack a, pack b)
@@ -141,4 +159,9 @@ IN_LANES pack log_of(pack x)
 }
 
 #endif
+
+IN_LANES pack_mask is_positive(pack x) { return is_less(pack_of(0.0), x); }
+IN_LANES int all_of(pack_mask m) { return !any_of(not_of(m)); }
+IN_LANES int some_lane(pack x) { return !all_of(is_equal(x, pack_of(0.0))); }
+
 #endif

@@ -10,7 +10,7 @@ static int coefficient_count(int law)
     case MRD_TANH: return TH_SHIFT + 1;
     case MRD_LUGRE: return LG_DAMPING + 1;
     case MRD_SPENCER: return SP_N + 1;
-    case MRD_SERIES_VALVE: return SV_LEAK_EXPONENT + 1;
+    case MRD_SERIES_VALVE: return SV_COUNT;
     case MRD_DOUBLE: return DB_N + 1;
     case MRD_CHAIN_LAW: return CH_COUNT;
     default: return 0;
@@ -274,6 +274,10 @@ static int is_inside(mrd_law law, int k)
     return k >= MRD_COMMON || (has_own_spring(law) && (k == C_STIFFNESS || k == C_OFFSET));
 }
 
+/* Defined in implicit_run.c. */
+void mrd_implicit_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way, double *force,
+                      double *const *column, mrd_state *state);
+
 /* The stepped laws' own force along a record, and its derivatives. */
 static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
                               double *force, double *const *column, mrd_workspace *workspace, mrd_state *state)
@@ -288,10 +292,8 @@ static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t wa
         if (!own) return MRD_NO_MEMORY;
         spencer_run(m, r, ways, way, force, column, curve_in(own, shape.kappa_value, shape.n_value, ways > 0), state);
         if (!workspace) workspace_close(own);
-    } else if (m->law == MRD_CHAIN_LAW) {
-        chain_run(m, r, ways, way, force, column, state);
     } else {
-        series_valve_run(m, r, ways, way, force, column, state);
+        mrd_implicit_run(m, r, ways, way, force, column, state);
     }
     return MRD_OK;
 }

@@ -80,7 +80,9 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
     seen = [(run, _values_of(run)) for run in runs]
     sines = [(run, each) for run, each in seen if each.frequency is not None]
     for run, mine in sines:
-        others = [each for other, each in sines if other is not run and _same_motion(mine, each)]
+        others = [each for other, each in sines if other is not run and all(
+            abs(getattr(each, name) / getattr(mine, name) - 1.0) < ratio for name, ratio in _RATIO.items()
+        )]  # fmt: skip
         if len(others) < SIBLING_RUN_COUNT_MIN:
             continue
         for quantity, cause, channel in (
@@ -137,10 +139,6 @@ def _agrees(quantity: str, declared: float, found: float) -> bool:
     allowed = max(_WITHIN[quantity] * declared, _AT_LEAST[quantity])
     meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # A name may state an amplitude or a stroke.
     return any(abs(found - times * declared) <= times * allowed for times in meant)
-
-
-def _same_motion(one: _Values, other: _Values) -> bool:
-    return all(abs(getattr(other, name) / getattr(one, name) - 1.0) < share for name, share in _RATIO.items())
 
 
 def _values_of(run: Recording) -> _Values:

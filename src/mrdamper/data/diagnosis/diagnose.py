@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from mrdamper.data.diagnosis.mechanics import find_drift, find_force_lag, find_force_offset, find_wrong_sign
 from mrdamper.data.diagnosis.resolution import (
-    find_few_cycles,
     find_few_samples,
     find_interference,
     find_noise,
@@ -17,14 +15,19 @@ from mrdamper.data.diagnosis.resolution import (
 from mrdamper.data.diagnosis.sensors import (
     find_clipping,
     find_coarse_steps,
-    find_implausible_sizes,
     find_spikes,
     find_stuck_sensors,
 )
-from mrdamper.data.diagnosis.timing import find_lost_samples, find_missing_numbers, find_phase_jumps
-from mrdamper.data.finding import Finding, worst_first
+from mrdamper.data.diagnosis.timing import find_lost_samples, find_phase_jumps
+from mrdamper.data.finding import Finding, severity_rank
 from mrdamper.data.prepare import PreparedRun, prepare_run
-from mrdamper.data.records import Recording, find_time_faults
+from mrdamper.data.records import (
+    Recording,
+    channels_of,
+    find_implausible_sizes,
+    find_missing_numbers,
+    find_time_faults,
+)
 from mrdamper.errors import InputError
 
 
@@ -38,11 +41,12 @@ def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple
     """
     with np.errstate(over="ignore", invalid="ignore"):  # Overflow is reported as a size.
         found = list(find_missing_numbers(recording))
-        if not found and _has_equal_lengths(recording) and len(recording) > 1:
+        lengths = {len(values) for values in channels_of(recording).values()}
+        if not found and len(lengths) == 1 and len(recording) > 1:
             found = [*find_time_faults(recording.time), *find_implausible_sizes(recording)]
         if not any(finding.severity == "fault" for finding in found):
             found += _diagnose_valid_record(recording, prepared)
-    found.sort(key=worst_first)
+    found.sort(key=severity_rank)
     return tuple(replace(finding, run=recording.name) for finding in found)
 
 
@@ -52,7 +56,9 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
         run = recording.checked()
     except InputError as error:
         return _fault_findings(error)
-    found = [*find_lost_samples(recording), *_sensor_findings(recording)]
+    found = [*find_lost_samples(recording)]
+    for look in (find_phase_jumps, find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
+        found += look(recording)
     if prepared is None:
         try:
             prepared = prepare_run(run)
@@ -66,18 +72,12 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
         find_force_offset,
         find_drift,
         find_force_lag,
-        find_few_cycles,
         find_few_samples,
         find_noise,
         find_interference,
     ):
         found += find(prepared)
     return found
-
-
-def _sensor_findings(recording: Recording) -> Iterable[Finding]:
-    for find in (find_phase_jumps, find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
-        yield from find(recording)
 
 
 def _fault_findings(error: InputError) -> list[Finding]:
@@ -92,10 +92,3 @@ def _fault_findings(error: InputError) -> list[Finding]:
         )
         for fault in error.faults or (error,)
     ]
-
-
-def _has_equal_lengths(recording: Recording) -> bool:
-    sizes = {
-        array.shape for array in (recording.time, recording.displacement, recording.force, recording.command)
-    }
-    return len(sizes) == 1

@@ -36,7 +36,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
     """
     if prepared.period_s is None:
         return None
-    forces = forces_by_phase(prepared, alike_cycles(prepared))
+    forces = forces_by_phase(prepared, select_typical_cycles(prepared))
     if len(forces) < 2:
         return None
     deviation = forces - forces.mean(axis=0)
@@ -47,7 +47,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
 
 def drift(prepared: PreparedRun) -> Drift | None:
     """Return the change from the first to the last equal cycle, None with fewer than two cycles."""
-    found = alike_cycles(prepared)
+    found = select_typical_cycles(prepared)
     if len(found) < 2:
         return None
     ends = [
@@ -84,7 +84,7 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
     return (top - reach + shift) * path.step
 
 
-def alike(values: FloatArray) -> NDArray[np.bool_]:
+def is_typical(values: FloatArray) -> NDArray[np.bool_]:
     """Return True for strokes or durations of cycles that differ by less than 3 % from the median."""
     return np.asarray(np.abs(values / np.median(values) - 1.0) < CYCLE_RATIO_MAX)
 
@@ -97,11 +97,11 @@ def forces_by_phase(prepared: PreparedRun, found: CycleFigures) -> FloatArray:
     return np.array([np.interp(start + phase * count, samples, prepared.force) for start, count in pairs])
 
 
-def alike_cycles(prepared: PreparedRun) -> CycleFigures:
+def select_typical_cycles(prepared: PreparedRun) -> CycleFigures:
     """Return the cycles with the median stroke and duration whose end equals their start."""
     found = cycles(prepared)
     if not len(found):
         return found
     x = prepared.trajectory.displacement
     closed = np.abs(x[found.end] - x[found.row]) < CYCLE_RATIO_MAX * np.median(found.stroke_m)
-    return found.where(alike(found.stroke_m) & alike(found.samples.astype(np.float64)) & closed)
+    return found.where(is_typical(found.stroke_m) & is_typical(found.samples.astype(np.float64)) & closed)

@@ -8,8 +8,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
-from mrdamper.data.cycles import cycles
-from mrdamper.data.diagnosis.repeatability import alike_cycles, forces_by_phase, repeatability
+from mrdamper.data.diagnosis.repeatability import forces_by_phase, repeatability, select_typical_cycles
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
@@ -46,21 +45,6 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
             found=f"the fastest cycle has {per_cycle:.3g} samples (at {1 / step:.4g} Hz)",
             effect="Velocity and the corners of the loop are lost between samples",
             remedy=f"Record at {SAMPLE_COUNT_MIN / period:.3g} Hz or more",
-        )
-
-
-def find_few_cycles(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a periodic run with fewer than two comparable whole cycles."""
-    whole = cycles(prepared)
-    if prepared.period_s is not None and len(whole) < 2:
-        yield Finding(
-            kind="few_cycles",
-            severity="note",
-            size=float(len(whole)),
-            unit="cycles",
-            found=f"the run has {len(whole)} whole cycle{'' if len(whole) == 1 else 's'} after its start",
-            effect="Nothing can be said about repeatability and drift",
-            remedy="Record three cycles or more",
         )
 
 
@@ -107,7 +91,7 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     """
     if prepared.period_s is None or prepared.run.constant_command is None:
         return
-    cycle_forces = forces_by_phase(prepared, alike_cycles(prepared))
+    cycle_forces = forces_by_phase(prepared, select_typical_cycles(prepared))
     if len(cycle_forces) < CYCLE_COUNT_MIN:
         return
     spread = float(np.std(cycle_forces))

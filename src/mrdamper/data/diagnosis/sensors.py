@@ -1,4 +1,4 @@
-"""Findings on single channels: clipping, stuck values, coarse resolution, spikes, implausible size."""
+"""Findings on single channels: clipping, stuck values, coarse resolution, spikes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.resolution import white_noise
-from mrdamper.data.diagnosis.timing import channels_of
 from mrdamper.data.finding import Finding, percent
-from mrdamper.data.records import Recording
+from mrdamper.data.records import Recording, channels_of
 from mrdamper.quantities import QUANTITIES
 
 _MEASURED = ("displacement", "force", "velocity")
@@ -34,31 +33,6 @@ LEVEL_STEPS = 1.5  # Distance of neighbouring levels in units of the resolution.
 SPIKE_RATIO = 0.1  # Fraction of the range without outliers.
 _ABOVE_NOISE = 30.0
 SPIKE_COUNT_MIN = 100
-
-
-def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
-    """Yield channels outside the range of a damper on a rig."""
-    for role, values in channels_of(recording).items():
-        quantity = QUANTITIES[role]
-        outside = np.flatnonzero(~((values >= quantity.low) & (values <= quantity.high)))
-        if len(outside):
-            k, few = int(outside[0]), len(outside) < 0.01 * len(values)
-            worst = float(values[outside][np.argmax(np.abs(values[outside]))])
-            yield Finding(
-                kind="outliers" if few else "implausible_size",
-                severity="fault",
-                channel=role,
-                size=worst,
-                unit=quantity.unit,
-                from_s=float(recording.time[k]),
-                to_s=float(recording.time[outside[-1]]),
-                found=f"{role} is {worst:.4g} {quantity.unit} at worst, beyond {quantity.low:g} to "
-                f"{quantity.high:g} {quantity.unit} at {len(outside)} samples, the first at sample {k}",
-                effect="A single such sample outweighs the rest of the run in a fit",
-                remedy="Cut the samples out of the file, or repair the sensor's wiring"
-                if few
-                else "Check the column's unit and gain in the channel map",
-            )
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 
@@ -14,42 +13,6 @@ LOST_STEP_RATIO_MIN = 1.5  # A longer time step, in units of the median step, ha
 JUMP_SLOPE_RATIO_MIN = 0.6  # Multiple of the rms slope of the displacement.
 JUMP_NOISE_RATIO_MIN = 10.0  # Multiple of the scatter of the slope relative to neighbouring steps.
 JUMP_SAMPLE_COUNT_MIN = 64  # Shorter runs have too few neighbouring steps.
-
-
-def channels_of(recording: Recording) -> dict[str, FloatArray]:
-    """Return the channels of a recording by role."""
-    command = "current" if recording.command_unit == "A" else "voltage"
-    channels = {
-        "time": recording.time,
-        "displacement": recording.displacement,
-        "force": recording.force,
-        command: recording.command,
-    }
-    if recording.velocity is not None:
-        channels["velocity"] = recording.velocity
-    if recording.temperature is not None:
-        channels["temperature"] = recording.temperature
-    return channels
-
-
-def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
-    """Yield the channels that contain NaN or infinity."""
-    for role, values in channels_of(recording).items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            first, last = int(bad[0]), int(bad[-1])
-            yield Finding(
-                kind="missing_numbers",
-                severity="fault",
-                channel=role,
-                size=float(len(bad)),
-                unit="samples",
-                from_s=_finite(recording.time, first),
-                to_s=_finite(recording.time, last),
-                found=f"{role} is no finite number at {len(bad)} samples, the first at sample {first}",
-                effect="No fit can use the run: an error over such samples has no value",
-                remedy="Fill the empty cells in the source, or cut the segment out of the file",
-            )
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:
@@ -112,7 +75,3 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
         effect="Velocity there is wrong, and all that follows is shifted against the clock",
         remedy="Check the load of the recording computer and its buffers; cut the run at these places",
     )
-
-
-def _finite(time: FloatArray, k: int) -> float | None:
-    return float(time[k]) if np.isfinite(time[k]) else None

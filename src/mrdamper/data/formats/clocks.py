@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import OnUse, Table
+from mrdamper.data.formats.table import Moment, OnUse, Table
+from mrdamper.data.formats.timestamps import moment_of
 
-# A step or a rate without a unit counts in seconds or hertz only if the fastest channel is in this range.
-STEP_RANGE_s = (1e-6, 0.02)
 CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less are one clock.
+UNIX_TIME_MIN_s = 1e9  # Larger times are seconds since 1970.
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
 
 _STEP = re.compile(
@@ -42,13 +41,23 @@ _NUMBER = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)\s*([a-zµ]*)\s*", r
 class Sampling:
     """Start and step of a channel.
 
-    ``began_s`` is a moment [s], None if the file states none. The first sample comes ``offset_s`` later.
+    ``began`` is None if the file states no start. The first sample comes ``offset_s`` later.
     """
 
     step_s: float
     offset_s: float = 0.0
-    began_s: float | None = None
+    began: Moment | None = None
     has_unit: bool = True  # False: a number without a unit, taken in seconds or hertz
+
+    @property
+    def is_plausible(self) -> bool:
+        """True if the step has a unit, or is between 1 us and 20 ms in seconds."""
+        return self.has_unit or 1e-6 <= self.step_s <= 0.02
+
+    @property
+    def began_s(self) -> float | None:
+        """Return the start in seconds, None if the file states no start."""
+        return None if self.began is None else self.began.day_first_s
 
     def is_same(self, other: Sampling, samples: int) -> bool:
         """Return True if another channel has the same times for this number of samples."""
@@ -100,9 +109,11 @@ def with_samplings(
     counts = sizes or {name: len(values) for name, values in table.columns.items()}
     channels = {name: size for name, size in counts.items() if size > 1}
     known = {name: each for name in channels if (each := stated.get(name)) is not None}
-    if not known or not _is_plausible(known.values()):
+    if not known or not min(known.values(), key=lambda each: each.step_s).is_plausible:
         return table
-    known = _with_begin(known)
+    begun = [each.began.later(each.offset_s) for each in known.values() if each.began is not None]
+    start = min((each for each in begun if each.has_date), key=lambda each: each.day_first_s, default=None)
+    table, known = replace(table, start=start), _with_begin(known)
     clocks: list[tuple[Sampling, int]] = []
     number_of: dict[str, int] = {}
     for name, sampling in known.items():
@@ -155,15 +166,8 @@ def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
     """
     begins = {each.began_s for each in known.values()} - {None}
     if len(begins) == 1:
-        return {name: replace(each, began_s=None) for name, each in known.items()}
-    return {name: each for name, each in known.items() if not begins or each.began_s is not None}
-
-
-def _is_plausible(samplings: Iterable[Sampling]) -> bool:
-    """Return True unless a step without a unit is out of range for the fastest channel."""
-    low, high = STEP_RANGE_s
-    fastest = min(samplings, key=lambda each: each.step_s)
-    return fastest.has_unit or low <= fastest.step_s <= high
+        return {name: replace(each, began=None) for name, each in known.items()}
+    return {name: each for name, each in known.items() if not begins or each.began is not None}
 
 
 def _words(name: str) -> tuple[str, str]:
@@ -182,17 +186,16 @@ def _number(value: object, unit: str) -> tuple[float, float | None]:
     return float(match[1]), _UNITS.get(match[2].lower() or unit)
 
 
-def _moment(value: object, unit: str) -> float | None:
-    """Return a moment in seconds: a date with a time of day, or a number; None for any other value."""
+def _moment(value: object, unit: str) -> Moment | None:
+    """Return a moment: a date with a time of day, or a number; None for any other value."""
     number, scale = _number(value, unit)
     if math.isfinite(number):
-        return number * (scale or 1.0)
-    try:
-        moment = datetime.fromisoformat(_text(value).strip())
-    except ValueError:
+        seconds = number * (scale or 1.0)
+        return Moment(seconds, seconds, has_date=seconds > UNIX_TIME_MIN_s, is_utc=True)
+    moment = moment_of(_text(value))
+    if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None
-    seconds = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    return None if seconds == LABVIEW_EPOCH_s else seconds
+    return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # TDMS counts in UTC.
 
 
 def _text(value: object) -> str:

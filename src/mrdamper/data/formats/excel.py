@@ -113,7 +113,6 @@ def _require_harmless(path: Path) -> None:
             raise InputError(
                 place=path,
                 found=f"unpacks to more than {_UNPACKED_MAX_BYTES >> 20} MB",
-                expected="one run",
                 remedy="Export it as CSV",
             )
         for member in members:

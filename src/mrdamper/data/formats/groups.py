@@ -14,7 +14,6 @@ from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_r
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
-_COMMON_CHANNELS_MIN = 2  # Groups with this number of equal names record the same channels.
 _ATTRIBUTE_LINES_MAX, _ATTRIBUTE_LENGTH_MAX = 64, 200
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
 MOST_LISTED = 8  # Limit of the names in a remark.
@@ -158,7 +157,8 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
             group
             for group in inside
             if any(
-                len(inside[group] & inside[other]) >= _COMMON_CHANNELS_MIN
+                # Groups with this number of equal names record the same channels.
+                len(inside[group] & inside[other]) >= 2
                 for other in inside
                 if other != group
             )

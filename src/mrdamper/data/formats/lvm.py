@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,9 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import Sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.header import split_line
-from mrdamper.data.formats.table import FileOptions, Layout, Table
+from mrdamper.data.formats.table import FileOptions, Layout, Moment, Table
 from mrdamper.data.formats.text import Head, lines_of, parse_rows, read_head
+from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.data.words.headers import unit_in_brackets
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
@@ -28,7 +28,6 @@ _FIRST = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
-_HEADER_LINES_MAX = 200
 
 Tags = Mapping[str, list[str]]
 
@@ -66,7 +65,6 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
             raise InputError(
                 place=f"{path}, line {each.lines_above}",
                 found="the columns are not those of the first segment",
-                expected="the same",
                 remedy="Split the file there",
             )
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
@@ -75,6 +73,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
     begun = _stamp(filled[0][0].tags)
     first, *others = [table if len(filled) == 1 else _with_time(table, each, begun) for each, table in filled]
     notes = (*first.layout.notes, f"{len(filled)} segments") if others else first.layout.notes
+    first, *others = [replace(table, start=begun) for table in (first, *others)]
     return replace(first, following=tuple(others), layout=replace(first.layout, notes=notes))
 
 
@@ -100,11 +99,6 @@ def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
     return tags
 
 
-def _begins_segment(line: bytes) -> bool:
-    """Return True if a line is the first of a header: notes are optional and precede the channel count."""
-    return re.match(rb"(Notes|Channels)[\t,]", line) is not None
-
-
 def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> Iterator[_Segment]:
     """Yield the segments; ``tags`` are the tags of the first."""
     header: list[bytes] | None = None  # The header of the next segment while it is read.
@@ -116,7 +110,8 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
         now = _Segment(tags, labels.rstrip(), at, at, lines_above)
         for number, line in lines_of(stream, path, lines_above + 1):
             at += len(line)
-            if header is None and _begins_segment(line):
+            # Notes are optional and precede the channel count.
+            if header is None and re.match(rb"(Notes|Channels)[\t,]", line) is not None:
                 yield replace(now, stop=at - len(line))
                 header, ended = [line], False
             elif header is None:
@@ -127,7 +122,7 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
                 header = None
             elif line.startswith(_END.encode()):
                 ended = True
-            elif len(header) < _HEADER_LINES_MAX:
+            elif len(header) < 200:
                 header.append(line)
             else:
                 raise InputError(
@@ -190,8 +185,7 @@ def _samplings(tags: Tags, columns: int) -> list[Sampling]:
         step, begun = _number(own, "Delta_X", 0.0), _stamp(own)
         if not step > 0.0:
             break
-        began_s = None if begun is None else (begun - datetime(1970, 1, 1)).total_seconds()
-        samplings.append(Sampling(step, _number(own, "X0", 0.0), began_s))
+        samplings.append(Sampling(step, _number(own, "X0", 0.0), begun))
     return samplings
 
 
@@ -205,7 +199,7 @@ def _without_empty_ends(table: Table) -> Table:
     return replace(table, columns=columns)
 
 
-def _with_time(table: Table, segment: _Segment, begun: datetime | None) -> Table:
+def _with_time(table: Table, segment: _Segment, begun: Moment | None) -> Table:
     """Return the table of a segment with its times [s]; a time from zero is counted from its date."""
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table
@@ -213,20 +207,17 @@ def _with_time(table: Table, segment: _Segment, begun: datetime | None) -> Table
     uniform = np.asarray(x0 + (table.step_s or 0.0) * np.arange(table.rows), dtype=np.float64)
     time = table.columns.get("time", uniform)
     if begun is not None and now is not None and len(time) and time[0] == 0.0:
-        time = time + (now - begun).total_seconds()
+        time = time + (now.day_first_s - begun.day_first_s)
     names = table.names if "time" in table.names else ("time", *table.names)
     columns = {**table.columns, "time": time}
     return replace(table, names=names, columns=columns, units={**table.units, "time": "s"}, step_s=None)
 
 
-def _stamp(tags: Tags) -> datetime | None:
-    """Return date and time of day of a segment; ten digits of a second are cut to six."""
-    date, time = tags.get("Date", [""])[0], tags.get("Time", [""])[0].replace(",", ".")
-    whole, _, part = time.partition(".")
-    try:
-        return datetime.strptime(f"{date} {whole}.{part[:6] or '0'}", "%Y/%m/%d %H:%M:%S.%f")
-    except ValueError:
-        return None
+def _stamp(tags: Tags) -> Moment | None:
+    """Return date and time of day of a segment."""
+    time = re.sub(r"([.,]\d{6})\d+", r"\1", tags.get("Time", [""])[0])  # A stamp has up to nine digits.
+    begun = moment_of(f"{tags.get('Date', [''])[0]} {time}")
+    return begun if begun is not None and begun.has_date else None
 
 
 def _number(tags: Tags, name: str, otherwise: float) -> float:

@@ -28,6 +28,7 @@ from mrdamper.data.formats.table import (
     require_room,
     shortest_names,
 )
+from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.errors import InputError
 
 _CLOCK_INDEX = -1  # This channel index means the clock of the group.
@@ -67,6 +68,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         title=others[0] if others else options.part,
         more=others[1:],
         clocks={name: each[5] for name, each in named.items()},
+        start=moment_of(file.header.start_time.isoformat()),
     )
 
 
@@ -90,12 +92,8 @@ def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammd
             if said:
                 raise InputError(
                     place=path,
-                    found=(
-                        f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}, which is not "
-                        "run"
-                    ),
-                    expected="a factor and an offset",
-                    remedy="Export the run with its values scaled",
+                    found=f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}",
+                    remedy="Formulas are not run: export the run with its values scaled",
                 )
 
 

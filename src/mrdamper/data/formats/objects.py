@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.mat import table_of_variables
 from mrdamper.data.formats.table import MOST_WHOLE, FileOptions, Table, require_held, require_room
+from mrdamper.data.formats.variables import table_of_variables
 from mrdamper.errors import InputError
-from mrdamper.quantities import roles_of_unit
 
 _OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins another kind of text
 
@@ -64,7 +63,7 @@ def read_json(path: Path, options: FileOptions) -> Table:
         whole = json.loads(text)
     except json.JSONDecodeError:
         whole = [json.loads(line) for line in text.splitlines() if line.strip()]
-    arrays = _arrays(whole, _lists_of_words(whole))
+    arrays = _arrays(whole)
     variables = arrays if isinstance(arrays, dict) else {"": arrays}
     return table_of_variables(variables, path, options, "JSON file")
 
@@ -76,43 +75,22 @@ def _as_plain_value(value: Any) -> Any:  # noqa: ANN401 - any array
     return str(value) if value.dtype.kind == "U" and value.ndim == 0 else value
 
 
-def _lists_of_words(value: object) -> list[list[str]]:
-    """Return the lists of words at any depth of an object: names of columns, and their units."""
-    inside = [*value.values()] if isinstance(value, dict) else []
-    return [each for each in inside if _is_list_of(each, str)] + [
-        words for each in inside for words in _lists_of_words(each)
-    ]
-
-
-def _arrays(value: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - of JSON
+def _arrays(value: Any) -> Any:  # noqa: ANN401 - of JSON
     """Return a JSON value with its lists of numbers and its tables as arrays."""
     if isinstance(value, dict):
-        inside = {str(key): _arrays(each, words) for key, each in value.items()}
-        matrices = {k: v for k, v in inside.items() if isinstance(v, np.ndarray) and v.ndim == 2}
-        return inside | {key: _columns_by_name(each, words) for key, each in matrices.items()}
+        return {str(key): _arrays(each) for key, each in value.items()}
     if not isinstance(value, list) or not value:
         return value
     inner = [each for row in value if isinstance(row, dict) for each in row.values()]
     if _is_list_of(value, dict) and not any(isinstance(each, dict | list) for each in inner):
         keys = list(dict.fromkeys(key for row in value for key in row))
-        return {str(key): _arrays([row.get(key) for row in value], words) for key in keys}
+        return {str(key): _arrays([row.get(key) for row in value]) for key in keys}
     if all(each is None or isinstance(each, int | float) for each in value):
         return np.array([np.nan if each is None else float(each) for each in value])
-    rows = [_arrays(row, words) for row in value]
+    rows = [_arrays(row) for row in value]
     if all(isinstance(row, np.ndarray) and row.ndim == 1 for row in rows) and len({*map(len, rows)}) == 1:
         return np.array(rows)
     return value if _is_list_of(value, str) else rows
-
-
-def _columns_by_name(matrix: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - an array
-    """Return the columns of a matrix by name if there is a list of as many words."""
-    lists = [each for each in words if len(each) == matrix.shape[1]]
-    units = next((each for each in lists if all(roles_of_unit(word) or not word for word in each)), None)
-    names = next((each for each in lists if each is not units), None)
-    if names is None:
-        return matrix
-    stated = [f" [{unit}]" if unit else "" for unit in units or [""] * len(names)]
-    return {f"{name}{unit}": matrix[:, k] for k, (name, unit) in enumerate(zip(names, stated, strict=True))}
 
 
 def _is_list_of(value: object, kind: type) -> bool:

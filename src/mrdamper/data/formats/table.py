@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -91,6 +91,29 @@ class Layout:
         return {key: list(value) if key == "notes" else value for key, value in asdict(self).items()}
 
 
+class NoTableError(InputError):
+    """A readable file without columns of numbers, such as notes or settings next to the runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A moment by a clock, in seconds since 1970 or, without a date, in seconds of its day.
+
+    A date such as 11/12/2026 has two readings. Otherwise these are equal.
+    """
+
+    day_first_s: float
+    month_first_s: float
+    has_date: bool = True
+    is_utc: bool = False  # False: local time
+
+    def later(self, seconds: float) -> Moment:
+        """Return the moment a number of seconds later."""
+        return replace(
+            self, day_first_s=self.day_first_s + seconds, month_first_s=self.month_first_s + seconds
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
     """Columns of a file by name, with text columns separate. A scalar is a column of one number."""
@@ -105,7 +128,9 @@ class Table:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
     recorded_apart: bool = False  # True: the channels may begin and end at different times
-    stamps: frozenset[str] = frozenset()  # Columns of times of day or dates, in seconds from the first.
+    # Columns of times of day or dates, in seconds from the first, and the first moment.
+    stamps: Mapping[str, Moment] = field(default_factory=lambda: MappingProxyType({}))
+    start: Moment | None = None  # Moment of time zero.
     title: str = ""  # Title of the sheet, group or structure.
     said: tuple[str, ...] = ()  # Lines above the table, or its attributes: "name: value".
     # Stated, not applied.
@@ -190,10 +215,8 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
     if not 0 <= samples * size <= MOST_UNPACKED * path.stat().st_size:
         raise InputError(
             place=path,
-            found=(
-                f"{name!r} states {samples} samples of {size} bytes, which a file of its size does not hold. "
-                "The file is damaged: copy it again"
-            ),
+            found=f"{name!r} states {samples} samples of {size} bytes, more than its file holds",
+            remedy="Copy the file again",
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -46,12 +46,16 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         cut = bool(file.file_status.incomplete_final_segment)
     found = [each for each in every if each.size]
     if cut and (len(found) < len(every) or not every):
-        raise _cut_before([each.name for each in every if not each.size], path)
+        empty = ", ".join([each.name for each in every if not each.size][:5])
+        raise InputError(
+            place=path.name,
+            found=f"the TDMS file is cut off before the first sample of {empty or 'its first channel'}",
+            remedy="Copy it again, or record again",
+        )
     if not found and not options.part:
         raise InputError(
             place=path.name,
             found="the TDMS file holds no sample: it is empty, or cut off",
-            expected="a whole file",
             remedy="Copy it again, or record again",
         )
     numbers = [each for each in found if each.kind in "fiubmM"]
@@ -92,16 +96,6 @@ class _Channel:
     size: int
     kind: str  # The dtype kind of its numbers in NumPy.
     properties: Mapping[str, object]
-
-
-def _cut_before(names: Sequence[str], path: Path) -> InputError:
-    first = f"the first sample of {', '.join(names[:5])}" if names else "its first channel"
-    return InputError(
-        place=path.name,
-        found=f"the TDMS file is cut off before {first}",
-        expected="a whole file",
-        remedy="Copy it again, or record again",
-    )
 
 
 @contextmanager

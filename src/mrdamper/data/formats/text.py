@@ -19,7 +19,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in
+from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in, with_dates
 from mrdamper.data.formats.lines.encodings import (
     READ_AS,
     UTF8,
@@ -45,6 +45,7 @@ from mrdamper.data.formats.table import (
     MOST_WHOLE,
     FileOptions,
     Layout,
+    NoTableError,
     Table,
     Texts,
     distinct_names,
@@ -52,6 +53,7 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
+_COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
 
@@ -105,6 +107,13 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
+    count = next((stated[1] for line in header.said if (stated := _COUNT.fullmatch(line))), "0")
+    if table.rows < int(count) and stop is None:
+        raise InputError(
+            place=f"{path}",
+            found=f"holds {table.rows} samples where its header states {count}: it was cut off",
+            remedy="Copy it again, or correct the number if the rest is not wanted",
+        )
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
     if not header.scales:
@@ -161,7 +170,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     ):
         return _table_of_rows(rows, delimiter, options)
     if first is None:
-        raise InputError(
+        raise NoTableError(
             place=f"{path}",
             found=f"no rows of numbers in the first {len(head.lines)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
@@ -196,14 +205,12 @@ def read_head(path: TextSource) -> Head:
         raise InputError(
             place=f"{path}",
             found="is a web page or XML",
-            expected="columns of numbers",
             remedy="Download the file itself",
         )
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
             place=f"{path}",
             found="lines end in CR alone, as on old Macs",
-            expected="LF or CR LF",
             remedy="Save it with such lines",
         )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
@@ -212,7 +219,7 @@ def read_head(path: TextSource) -> Head:
         raise InputError(
             place=f"{path}",
             found=f"the first line has more than {_HEAD_BYTES} bytes",
-            expected="rows of numbers",
+            remedy="Split it",
         )
     encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
@@ -225,10 +232,7 @@ def read_head(path: TextSource) -> Head:
 def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
     """Yield the lines of a text from the current position with their numbers, beginning with ``first``.
 
-    Raises
-    ------
-    InputError
-        A line does not end.
+    Raise InputError if a line does not end.
     """
     for number, line in enumerate(iter(partial(stream.readline, _HEAD_BYTES), b""), first):
         if len(line) == _HEAD_BYTES:
@@ -262,7 +266,7 @@ def parse_rows(
         layout=layout,
         rows=max(map(len, (numbers | words).values())),
         units={order[k]: "s" for k in stamps},
-        stamps=frozenset(order[k] for k in stamps),
+        stamps={order[k]: reader.first for k, reader in stamps.items() if reader.first},
     )
 
 
@@ -287,7 +291,7 @@ def _column_blocks(
             is_number = [True] * len(plain)
             yield plain
             continue
-        columns = _parse_block(path, content, layout, len(order), first_line)
+        columns = with_dates(_parse_block(path, content, layout, len(order), first_line))
         for k, column in list(columns.items()):
             if k in stamps:
                 columns[k] = column.as_times(stamps[k])
@@ -319,7 +323,6 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
                 raise InputError(
                     place=f"{path}",
                     found=f"holds zero bytes after about line {first_line}",
-                    expected="text",
                     remedy="The file was cut off while it was written: cut the rest off, or record again",
                 )
             content = rest + piece

@@ -3,29 +3,39 @@
 Examples: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
 
 They are converted to seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. A time of
-day that falls by more than half a day has passed midnight. Only differences of dates are used. A date begins
-with the year, or it has points and begins with the day. Dates of another form must all be equal, because
-11/12/2026 has two meanings.
+day that falls by more than half a day has passed midnight. A date such as 11/12/2026 has two readings. Such
+dates must be equal, unless one reading is invalid for some of them.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from datetime import date
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import Texts
+from mrdamper.data.formats.table import Moment, Texts
 
-_TIME = re.compile(
-    r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
+_DATE = r"[0-9]{1,4}[-./](?:[0-9]{1,2}|[A-Za-z]{3})[-./][0-9]{1,4}"
+_CLOCK = (
     r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:(?:[.,]|:(?=[0-9]{3}\b))([0-9]{1,9}))? *([AaPp][Mm])?"
-    r" *(?:Z|(?:UTC|GMT)?(?:([+-])([0-9]{1,2})(?::?([0-9]{2}))?)?)$"
+    r" *(Z|UTC|GMT)?(?:([+-])([0-9]{1,2})(?::?([0-9]{2}))?)?"
 )
-_PM = ("pm", "PM", "Pm", "pM")
-_DAY_S = 86400.0
+_TIME = re.compile(rf"^(?:({_DATE})[T ,] *)?{_CLOCK}$")
+_DATE_INSIDE = re.compile(rf"(?<![0-9.]){_DATE}(?![0-9.]*[0-9])|(?<![0-9])20[0-9]{{6}}(?![0-9])")
+_CLOCK_INSIDE = re.compile(rf"(?<![0-9:]){_CLOCK}(?![0-9:])")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+DAY_S = 86400.0
+_NO_DAY = (math.nan, math.nan)
+# Words above a table about the start of the record, its other dates, and the dates of other events.
+_START = re.compile(r"start|beg[ai]n|trigger|\bt ?0\b|anfang|d[ée]but|inicio|开始", re.IGNORECASE)
+_RECORD = re.compile(r"dat[eu]|time|zeit|record|measur|mess|acqui|fecha|hora|heure|日期|时间", re.IGNORECASE)
+_OTHER = re.compile(
+    r"\b(end|due|fin|ende)\b|stop|finish|export|print|[ck]alib|creat|erstell|modif|save|valid", re.IGNORECASE
+)
 
 
 def is_time(cell: str) -> bool:
@@ -33,17 +43,77 @@ def is_time(cell: str) -> bool:
     return _TIME.match(cell) is not None
 
 
+def days_of(text: str | None) -> tuple[float, float]:
+    """Return the days since 1970 of a date, read with the day first and with the month first.
+
+    The readings are equal if only one is valid, and NaN if the text is not a date.
+    """
+    if not text or _DATE_INSIDE.fullmatch(text) is None:
+        return _NO_DAY
+    parts = re.split(r"[-./]", re.sub(r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3", text))
+    month = parts[1][:3].lower()
+    first, second, third = ((part if part.isdecimal() else "0") for part in parts)
+    if month in _MONTHS:
+        second = f"{_MONTHS.index(month) + 1}"
+    if len(first) == 4:
+        orders = [(first, second, third)]
+    else:
+        orders = [(third, second, first), (third, first, second)][
+            : 1 if "." in text or month in _MONTHS else 2
+        ]
+    valid = [day for order in orders if not math.isnan(day := _day(*map(int, order)))]
+    return (valid[0], valid[-1]) if valid and len(orders[0][0]) == 4 else _NO_DAY
+
+
+def _day(year: int, month: int, day: int) -> float:
+    try:
+        return float(date(year, month, day).toordinal() - date(1970, 1, 1).toordinal())
+    except ValueError:
+        return math.nan
+
+
+def moment_of(text: str) -> Moment | None:
+    """Return the moment of a time of day or of a date with a time of day, None for any other text."""
+    reader = Timestamps()
+    reader.seconds([text.strip()])
+    return reader.first
+
+
+def start_in(lines: Iterable[str]) -> Moment | None:
+    """Return the start of a record in lines of words, None without a time of day or with several.
+
+    Lines about a start have priority over other lines with a date or a time of day.
+    """
+    lines = [line for line in lines if not _OTHER.search(line)]
+    groups = [" ; ".join(line for line in lines if form.search(line)) for form in (_START, _RECORD)]
+    clocks, dates = (
+        next((found for text in groups if (found := {each[0].strip() for each in form.finditer(text)})), ())
+        for form in (_CLOCK_INSIDE, _DATE_INSIDE)
+    )
+    return moment_of(" ".join((*dates, *clocks))) if len(clocks) == 1 and len(dates) < 2 else None
+
+
+def date_in(texts: Iterable[str]) -> tuple[float, float] | None:
+    """Return the readings of the only date in texts, None without a date or with several dates."""
+    found = {
+        days_of(each[0]) for text in texts if not _OTHER.search(text) for each in _DATE_INSIDE.finditer(text)
+    } - {_NO_DAY}
+    return found.pop() if len(found) == 1 else None
+
+
 class Timestamps:
-    """Reader of the cells of one column, block by block."""
+    """Reader of the cells of one column, block by block. ``first`` is the moment of the first time."""
 
     def __init__(self) -> None:
-        self._first: tuple[int, float] | None = None  # Day, and seconds of this day.
+        self.first: Moment | None = None
+        self._start = 0, 0.0  # Day, and seconds of this day.
         self._last_s, self._midnights = -np.inf, 0
-        self._only = ""  # A date of another form.
+        self._reading: int | None = None  # The reading of the dates: 0 is day first, 1 is month first.
+        self._only = ""  # A date with two readings.
 
     def seconds(self, cells: Texts) -> FloatArray:
         """Return seconds from the first time of all blocks, NaN if a cell is not a time."""
-        dates, read = _parts(cells)
+        dates, is_utc, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm, offset_s = read
         hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
         of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
@@ -51,10 +121,16 @@ class Timestamps:
         of_day -= offset_s
         days = self._days(dates, of_day)
         there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
-        if self._first is None and len(there):
-            self._first = int(days[there[0]]), float(of_day[there[0]])
-        first = self._first or (0, 0.0)
-        return np.asarray(_DAY_S * (days - first[0]) + (of_day - first[1]), dtype=np.float64)
+        if self.first is None and len(there):
+            k = int(there[0])
+            self._start = int(days[k]), float(of_day[k])
+            day = days_of(dates[k])
+            readings = day if self._reading is None else (day[self._reading],) * 2
+            has_date = not math.isnan(day[0])
+            first, second = (DAY_S * (each if has_date else 0.0) + float(of_day[k]) for each in readings)
+            self.first = Moment(first, second, has_date=has_date, is_utc=is_utc[k])
+        first_day, first_s = self._start
+        return np.asarray(DAY_S * (days - first_day) + (of_day - first_s), dtype=np.float64)
 
     def _days(self, dates: Texts, of_day: FloatArray) -> FloatArray:
         """Return the day number of each cell. Without dates, it is the number of midnights passed."""
@@ -64,39 +140,51 @@ class Timestamps:
             days = np.zeros(len(of_day))
             if len(there):
                 steps = np.diff(of_day[there], prepend=self._last_s)
-                days[there] = self._midnights + np.cumsum(steps < -0.5 * _DAY_S)
+                days[there] = self._midnights + np.cumsum(steps < -0.5 * DAY_S)
                 self._last_s, self._midnights = float(of_day[there[-1]]), int(days[there[-1]])
             return days
-        day_of = {text: self._day(text) for text in found}
-        return np.array([day_of[text] for text in dates])
-
-    def _day(self, text: str | None) -> float:
-        """Return the day number of a date, NaN if its meaning is ambiguous."""
-        if text is None:
-            return np.nan
-        parts = text.replace("/", "-").replace(".", "-").split("-")
-        numbers = [int(part) for part in parts]
-        try:
-            if len(parts[0]) == 4:
-                return float(date(*numbers).toordinal())
-            if len(parts[2]) == 4 and "." in text:
-                return float(date(*reversed(numbers)).toordinal())
-        except ValueError:
-            return np.nan
-        self._only = self._only or text
-        return 0.0 if text == self._only else np.nan
+        read = {text: days_of(text) for text in found if text}
+        if self._reading is None and not self._only:
+            self._reading = _reading_of([text for text in read if not math.isnan(read[text][0])])
+            # A year of two digits has no reading, either.
+            unclear = [
+                text for text, (day, _) in read.items() if not (math.isnan(day) and re.search(r"\d{4}", text))
+            ]
+            self._only = "" if self._reading is not None else next(iter(unclear), "")
+        day_of: dict[str | None, float] = {
+            text: (float(text == self._only) or math.nan) if self._reading is None else days[self._reading]
+            for text, days in read.items()
+        }
+        return np.array([day_of.get(text, math.nan) for text in dates])
 
 
-def _parts(cells: Texts) -> tuple[Texts, list[FloatArray]]:
-    """Return dates, hours, minutes, seconds, fractions, 12-hour and pm flags, and UTC offsets [s]."""
-    nothing = (None,) * 9
+def _reading_of(dates: Iterable[str]) -> int | None:
+    """Return the only valid reading of dates in one form, None if two different readings are valid."""
+    days = [days_of(text) for text in dates]
+    if not days:
+        return None
+    if all(day == month for day, month in days):
+        return 0
+    # A date with one reading decides for the dates with two. Its day is above 12.
+    forced = {
+        int(int(re.split(r"[-./]", text)[0]) <= 12)
+        for text, (day, month) in zip(dates, days, strict=True)
+        if day == month and len({*re.split(r"[-./]", text)[:2]}) == 2
+    }
+    return forced.pop() if len(forced) == 1 else None
+
+
+def _parts(cells: Texts) -> tuple[Texts, list[bool], list[FloatArray]]:
+    """Return dates, flags of UTC; hours, minutes, seconds, fractions, 12-hour and pm flags, offsets [s]."""
+    nothing = (None,) * 10
     found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
     read = np.array(
         [
             (*(math.nan if each is None else float(each) for each in (h, m, s)), float(f"0.{rest or 0}"),
-             float(half is not None), float(half in _PM),
+             float(half is not None), float((half or "").lower() == "pm"),
              (-1.0 if sign == "-" else 1.0) * (3600.0 * float(away or 0) + 60.0 * float(beside or 0)))
-            for _, h, m, s, rest, half, sign, away, beside in found
+            for _, h, m, s, rest, half, _, sign, away, beside in found
         ]
     )  # fmt: skip
-    return [groups[0] for groups in found], list(read.reshape(-1, 7).T)
+    utc = [bool(groups[6] or groups[7]) for groups in found]
+    return [groups[0] for groups in found], utc, list(read.reshape(-1, 7).T)

@@ -15,21 +15,19 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS, UNIX_TIME_MIN_s, stated_sampling
+from mrdamper.data.formats.table import Moment, Table
+from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
-from mrdamper.data.proposal.refusals import listed, no_unit, perhaps, require_no_text
+from mrdamper.data.proposal.refusals import column_list, no_unit, require_no_text, suggest_columns
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
-RATE_RATIO_TOLERANCE = 0.01  # A sampling rate and a time step agree within this fraction.
 _TICKS = (1.0, 1e3, 1e6)  # Possible units of a time column, in ticks per second.
 _TICK_UNITS = ("s", "ms", "us")
-COVERED_RATIO_MIN = 0.9  # A shorter common time of one recording needs an answer.
-CUT_RATIO_MAX = 0.01  # A longer unused fraction of the recording is reported.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles without values outside their samples; the others keep a value for one step."""
 
@@ -60,12 +58,8 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
     ----------
     names : columns by role, without the time
 
-    Raises
-    ------
-    AskingError
-        If the channels of one recording overlap for less than 90 % of it.
-    InputError
-        If the channels have no common time, or one of them has no clock.
+    Raise AskingError if the channels of one recording overlap for less than 90 % of it. Raise InputError if
+    the channels have no common time, or one of them has no clock.
     """
     own = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
     columns = {role: table.columns[name] for role, name in names.items()}
@@ -93,7 +87,6 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
             raise InputError(
                 place=place,
                 found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
-                expected="all or none",
                 remedy="Export the run with a time column",
             )
     return OneClock(found, tuple(role for role, clock in own.items() if clock != main), findings)
@@ -132,11 +125,10 @@ def _findings_of_common_time(
         raise InputError(
             place=place,
             found=f"the channels have no time in common ({listed_spans})",
-            expected="clocks that cover the same time",
             remedy="Correct the start times in the file, or export one recording by itself",
         )
     used = f"{common_s:.4g} s of {whole_s:.4g} s"
-    is_short = common_s < COVERED_RATIO_MIN * whole_s
+    is_short = common_s < 0.9 * whole_s  # A shorter common time of one recording needs an answer.
     if is_short and not (table.recorded_apart or chosen.file.common_time):
         raise ask(
             "time",
@@ -152,7 +144,8 @@ def _findings_of_common_time(
     latest = max(spans, key=lambda role: spans[role])
     late_s = spans[latest][0] - spans[earliest][0]
     is_apart = table.recorded_apart and late_s > slack_s
-    if not is_apart and whole_s - common_s <= CUT_RATIO_MAX * whole_s:
+    # A longer unused fraction of the recording is reported.
+    if not is_apart and whole_s - common_s <= 0.01 * whole_s:
         return ()
     begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
     found = Finding(
@@ -198,6 +191,10 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     rates = (_rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])) if step is None else ()
     if step is None and len(rates) == 1:
         step = 1.0 / rates[0]
+    entries = [re.split(r"\s*[:=]\s*", line, maxsplit=1) for line in table.said]
+    stated = stated_sampling({entry[0]: entry[1] for entry in entries if len(entry) == 2})
+    if step is None and not rates and stated is not None and stated.is_plausible:
+        step = stated.step_s
     if step is None:
         require_no_text("time", table, place)
         meant = meant_without_unit("time", [header_of(table, name, place) for name in table.columns])
@@ -207,14 +204,43 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
             "time",
             "rate",
             place,
-            found=f"no time column; the columns are: {listed(table.names)}",
+            found=f"no time column; the columns are: {column_list(table.names)}",
             expected=(
                 "a header such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at "
-                f"its [constant]{perhaps(['time'], table)}"
+                f"its [constant]{suggest_columns(['time'], table)}"
             ),
             candidates=[f"{rate:g}" for rate in rates],
         )
     return step
+
+
+def start_of(table: Table, first_s: float, path: Path) -> Moment | None:
+    """Return the moment of time zero of a table, None if neither its times nor its lines state one.
+
+    A time of day gets the date in the lines above the table, in the name of the file, or of its folder.
+
+    Parameters
+    ----------
+    first_s : time of the first row [s]
+    """
+    stamps = [moment.later(-first_s) for moment in table.stamps.values()]
+    lines = start_in(table.said)
+    moments = [each for each in (*stamps, table.start, lines) if each is not None]
+    moment = next((each for each in moments if each.has_date), next(iter(moments), None))
+    if moment is None:
+        return Moment(0.0, 0.0, is_utc=True) if first_s > UNIX_TIME_MIN_s else None
+    if moment.has_date:
+        return moment
+    days = next(filter(None, map(date_in, (table.said, [path.stem], [path.parent.name]))), None)
+    if days is None:
+        return moment
+    day_s, month_s = (DAY_S * day for day in days)
+    return replace(
+        moment,
+        day_first_s=moment.day_first_s + day_s,
+        month_first_s=moment.month_first_s + month_s,
+        has_date=True,
+    )
 
 
 def _rates_of(table: Table) -> tuple[float, ...]:
@@ -266,4 +292,4 @@ def increases(table: Table, name: str, *, always: bool = False) -> bool:
 
 
 def _is_near(value: float, wanted: float) -> bool:
-    return abs(value / wanted - 1.0) < RATE_RATIO_TOLERANCE
+    return abs(value / wanted - 1.0) < 0.01  # A sampling rate and a time step agree within this fraction.

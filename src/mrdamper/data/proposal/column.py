@@ -82,7 +82,6 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
         raise InputError(
             place=place,
             found=f"column {name!r} states {stated!r} as its unit beside the name",
-            expected="one and the same",
             remedy="Correct the file",
         )
     return units[0] if units else of_header

@@ -24,7 +24,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit
 
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
-COMMAND_RATIO_TOLERANCE = 0.15  # Commands in a name and in the column agree within this fraction.
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
@@ -103,7 +102,8 @@ def _require_agreement(
     if label is None or held is None or len(label.values) != 1:
         return
     said = label.values[0]
-    if abs(said - held) > max(COMMAND_RATIO_TOLERANCE * abs(held), 5 * command_slack(held)):
+    # Commands in a name and in the column agree within this fraction.
+    if abs(said - held) > max(0.15 * abs(held), 5 * command_slack(held)):
         unit = COMMAND_UNITS[role]
         values = [f"{said:g} {unit}", f"{held:.4g} {unit}"]
         found = f"the {label.source} {label.text!r} says {values[0]}, and the {role} measured is {values[1]}"
@@ -143,11 +143,7 @@ def segments_of(
     if len(edges) - 1 != len(commands):
         raise InputError(
             place=place,
-            found=(
-                f"{split!r} splits the file into {len(edges) - 1} tests and [segments] of the channel map "
-                f"gives {len(commands)} commands"
-            ),
-            expected="as many",
+            found=f"{split!r} splits the file into {len(edges) - 1} tests, [segments] has {len(commands)}",
             remedy="Check the events and the list",
         )
     return edges, list(commands)

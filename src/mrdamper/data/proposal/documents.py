@@ -21,12 +21,13 @@ from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.labels import Place, labels_in
 from mrdamper.errors import InputError
+from mrdamper.quantities import is_any_unit
 
 _MAX_BYTES = 1 << 17
 _MAX_LINES = 2000
 _ROLES = ("current", "voltage", "temperature")
 _NUMBER_WORDS = re.compile(
-    r"\b(no|nr|num|number|run|test|file|id|versuch|lauf|messung|essai|prueba)\b|#", re.IGNORECASE
+    r"^$|\b(no|nr|num|number|run|test|file|id|versuch|lauf|messung|essai|prueba)\b|#", re.IGNORECASE
 )
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 _SETTINGS = re.compile(
@@ -66,7 +67,7 @@ class _Files:
     numbers: dict[int, Path] = field(default_factory=dict)  # The last number of each stem, if unique.
 
     @classmethod
-    def of(cls, files: Sequence[Path]) -> _Files:
+    def from_paths(cls, files: Sequence[Path]) -> _Files:
         names = {name.lower(): path for path in files for name in (path.stem, path.name)}
         last = [re.findall(r"\d+", path.stem) for path in files]
         numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
@@ -117,16 +118,9 @@ def _states(line: str) -> bool:
 def _lines_of(path: Path) -> list[str]:
     """Return the lines of a small text, of a sheet with tabs, or of a JSON file as ``key: value``.
 
-    Raises
-    ------
-    InputError
-        If a workbook is damaged or encrypted, or if a text has no known encoding.
-    OSError
-        If the file is not readable.
-    ValueError
-        If the file is not valid JSON or not valid text.
-    RecursionError
-        If JSON is nested too deeply.
+    Raise InputError if a workbook is damaged or encrypted, or if a text has no known encoding. Raise OSError
+    if the file is not readable. Raise ValueError if the file is not valid JSON or not valid text. Raise
+    RecursionError if JSON is nested too deeply.
     """
     if not path.is_file() or path.stat().st_size > _MAX_BYTES:
         return []
@@ -161,7 +155,7 @@ def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table counts if most of its rows name files."""
-    known = _Files.of(files)
+    known = _Files.from_paths(files)
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]
@@ -187,7 +181,11 @@ def _lines_by_file(
             mentions += 1
             continue
         if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
-            header = cells
+            units = [cell.strip("[]()") for cell in cells]
+            is_units = len(cells) == len(header) and all(not unit or is_any_unit(unit) for unit in units)
+            header = (
+                [f"{h} [{u}]" if u else h for h, u in zip(header, units, strict=True)] if is_units else cells
+            )
         named = named or known.file_in_line(line)
         mentions += named is not None
         goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)

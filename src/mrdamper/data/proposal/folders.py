@@ -23,18 +23,7 @@ from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
 from mrdamper.files import PathLike, is_file, is_folder, is_there
 
-_JOBS = (
-    "card",
-    "check",
-    "compare",
-    "cycles",
-    "derate",
-    "heat",
-    "heatsink",
-    "summary",
-    "sweep",
-    "verification",
-)
+_JOBS = tuple("card check compare cycles derate heat heatsink summary sweep verification".split())  # noqa: SIM905
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }
@@ -66,7 +55,7 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             inside = list(_files_below(path))
             if not inside:
                 raise InputError(
-                    place=path, found="no runs in this folder", expected=", ".join(sorted(known_suffixes()))
+                    place=path, found="no runs in this folder", expected=", ".join(sorted(format_suffixes()))
                 )
         elif is_there(path):
             inside = [path]
@@ -87,7 +76,7 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
 def _unpack(file: Path, space: Path) -> list[Path]:
     """Return the unpacked files of an archive, or the file itself if it is not an archive."""
     is_archive = is_file(file) and _head(file).startswith(_ARCHIVES)
-    if not is_archive or file.suffix.lower() in known_suffixes():
+    if not is_archive or file.suffix.lower() in format_suffixes():
         return [file]
     folder = space.joinpath(*file.absolute().parts[-3:-1])
     try:
@@ -148,7 +137,7 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     return found
 
 
-def known_suffixes() -> set[str]:
+def format_suffixes() -> set[str]:
     """Return the suffixes of the supported formats."""
     return {suffix for known in FORMATS for suffix in known.suffixes}
 
@@ -160,12 +149,13 @@ def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):
             yield file
     for inner in entries:
-        if depth and inner.is_dir() and not inner.is_symlink() and not _holds_results(inner):
+        if (
+            depth
+            and inner.is_dir()
+            and not inner.is_symlink()
+            and not any((inner / name).is_file() for name in _RESULTS)
+        ):
             yield from _files_below(inner, depth - 1)
-
-
-def _holds_results(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in _RESULTS)
 
 
 def _may_hold_runs(file: Path) -> bool:
@@ -176,7 +166,7 @@ def _may_hold_runs(file: Path) -> bool:
     suffix = file.suffix.lower()
     if suffix in _NO_RUNS or file.name.endswith("~"):
         return False
-    is_known = suffix in known_suffixes()
+    is_known = suffix in format_suffixes()
     if is_known and suffix not in {*_OF_ANYTHING, ".json"}:
         return True
     head = _head(file)

@@ -16,16 +16,12 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Texts
+from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Moment, Texts
 from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
+from mrdamper.schema import finite_or_none
 
-MISSING_RATIO_MAX = 0.01
 _SLOW = frozenset({"temperature", "command"})
-PAIR_RATIO_MIN = 0.9  # A larger ratio of repeats without motion means pairs of rows.
-REPEAT_RATIO_MIN = 0.1  # Rarer repeats are faults of single stamps.
-STAMP_COUNT_MIN = 100  # A coarse time with this number of stamps has a rate accurate to 0.3 %.
 _SWING_RATIO, _TURN_COUNT_MIN, _REGULAR_RATIO = 0.2, 5, 0.2  # A periodic motion meets these limits.
-RUN_RATIO_MAX = 1 / 16  # A column of words that changes more often, per row, does not name runs.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +32,7 @@ class Piece:
     channels: Mapping[str, FloatArray]  # Values by role, the command under "command".
     title: str = ""  # Title of the sheet, group or run.
     findings: tuple[Finding, ...] = ()
+    start: Moment | None = None  # Moment of time zero.
     told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source.
 
     def part(self, rows: slice) -> Piece:
@@ -50,7 +47,8 @@ def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], 
     titles: dict[int, str] = {}
     for cells in texts.values():
         begins = [k for k in range(len(cells)) if k == 0 or cells[k] != cells[k - 1]]
-        if all(cells) and 1 < len(begins) <= RUN_RATIO_MAX * len(cells):
+        # A column of words that changes more often, per row, does not name runs.
+        if all(cells) and 1 < len(begins) <= (1 / 16) * len(cells):
             edges |= set(begins)
             titles |= {k: f"{cells[k]}" for k in begins}
     if len(time) > 1 and np.isfinite(time).all():
@@ -63,7 +61,7 @@ def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], 
     return [*sorted(edge for edge in edges if edge < len(time)), len(time)], titles
 
 
-def joined(pieces: Sequence[Piece]) -> list[Piece]:
+def join_pieces(pieces: Sequence[Piece]) -> list[Piece]:
     """Join pieces that continue the time of the preceding piece at the same command."""
     found: list[Piece] = []
     for piece in pieces:
@@ -119,7 +117,7 @@ def filled(piece: Piece) -> Piece:
                 )
             )
             continue
-        if not 0 < count <= MISSING_RATIO_MAX * len(values) or missing[0] or missing[-1]:
+        if not 0 < count <= 0.01 * len(values) or missing[0] or missing[-1]:
             continue
         whole = values.copy()
         whole[missing] = np.interp(rows[missing], rows[~missing], values[~missing])
@@ -131,8 +129,8 @@ def filled(piece: Piece) -> Piece:
                 channel=role,
                 size=float(count),
                 unit="samples",
-                from_s=_finite_time(piece.time, first),
-                to_s=_finite_time(piece.time, int(np.flatnonzero(missing)[-1])),
+                from_s=finite_or_none(piece.time[first]),
+                to_s=finite_or_none(piece.time[int(np.flatnonzero(missing)[-1])]),
                 found=f"{role} has {count} missing numbers, the first at sample {first}: interpolated",
                 effect="A reversal among them is flattened",
                 remedy="Fill them in the source if it has them",
@@ -175,13 +173,15 @@ def evened(piece: Piece) -> Piece:
     if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
         return piece
     repeats = steps == 0.0
-    if np.mean(repeats) < REPEAT_RATIO_MIN:
+    if np.mean(repeats) < 0.1:  # Rarer repeats are faults of single stamps.
         return piece
     still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
-    if "displacement" in piece.channels and np.mean(still[repeats]) > PAIR_RATIO_MIN:  # Rows are min and max.
+    # A larger ratio of repeats without motion means pairs of rows.
+    if "displacement" in piece.channels and np.mean(still[repeats]) > 0.9:  # Rows are min and max.
         return piece
     resolution = float(steps[steps > 0.0].min())
-    if float(piece.time[-1] - piece.time[0]) < STAMP_COUNT_MIN * resolution:
+    # A coarse time with this number of stamps has a rate accurate to 0.3 %.
+    if float(piece.time[-1] - piece.time[0]) < 100 * resolution:
         return piece
     rows = np.arange(len(piece.time), dtype=np.float64)
     slope, start = np.polyfit(rows, piece.time, 1)
@@ -278,7 +278,3 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     inner = turns[1:-1]
     first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # Both are at the same side.
     return float((path[last] - path[first]) / (time[last] - time[first]))
-
-
-def _finite_time(time: FloatArray, k: int) -> float | None:
-    return float(time[k]) if np.isfinite(time[k]) else None

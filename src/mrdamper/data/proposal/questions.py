@@ -100,10 +100,7 @@ class Answer:
 def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
     """Parse answers of the form ``ROLE.TOPIC=VALUE`` with an optional pattern of files.
 
-    Raises
-    ------
-    InputError
-        If an answer has another form, or an unknown role or topic.
+    Raise InputError if an answer has another form, or an unknown role or topic.
     """
     answers = []
     for text in given:
@@ -114,12 +111,13 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
                 found="it has another form",
                 expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
             )
-        if found["role"] not in QUANTITIES:
-            raise unknown_name("no role", found["role"], QUANTITIES, f"answer {text!r}")
-        topic = next((each for each in get_args(Topic) if each == found["topic"]), None)
+        role, name, value, files = found.group("role", "topic", "value", "files")
+        if role not in QUANTITIES:
+            raise unknown_name("no role", role, QUANTITIES, f"answer {text!r}")
+        topic = next((each for each in get_args(Topic) if each == name), None)
         if topic is None:
-            raise unknown_name("no topic", found["topic"], get_args(Topic), f"answer {text!r}")
-        answers.append(Answer(found["role"], topic, found["value"].strip(), found["files"] or "*"))
+            raise unknown_name("no topic", name, get_args(Topic), f"answer {text!r}")
+        answers.append(Answer(role, topic, value.strip(), files or "*"))
     return tuple(answers)
 
 
@@ -144,7 +142,10 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")
         elif answer.topic == "part":
-            file_options = replace(file_options, common_time=_is_common_part(answer))
+            if (answer.role, answer.value) != ("time", "common"):
+                place = f"answer {answer.role}.part={answer.value}"
+                raise InputError(place=place, found="no such part", expected="time.part=common")
+            file_options = replace(file_options, common_time=True)
         else:
             constant[answer.role] = _number(answer, QUANTITIES[answer.role].unit)
     return replace(
@@ -154,17 +155,6 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
         rate_Hz=rate,
         file=file_options,
     )
-
-
-def _is_common_part(answer: Answer) -> bool:
-    """Return True if an answer selects the common time of all channels, the only part that is supported."""
-    if (answer.role, answer.value) != ("time", "common"):
-        raise InputError(
-            place=f"answer {answer.role}.part={answer.value}",
-            found="no such part",
-            expected="time.part=common",
-        )
-    return True
 
 
 def _number(answer: Answer, unit: str) -> float:

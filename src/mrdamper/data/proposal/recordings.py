@@ -15,8 +15,15 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
-from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.clocks import OneClock, increases, sampling_step, to_one_clock, with_clocks
+from mrdamper.data.formats.table import Layout, Moment, Table
+from mrdamper.data.proposal.clocks import (
+    OneClock,
+    increases,
+    sampling_step,
+    start_of,
+    to_one_clock,
+    with_clocks,
+)
 from mrdamper.data.proposal.column import Column, headers_of
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
@@ -31,7 +38,7 @@ from mrdamper.data.proposal.pieces import (
     evened,
     filled,
     integrated,
-    joined,
+    join_pieces,
     run_edges,
     without_repeated_end,
 )
@@ -60,6 +67,7 @@ class RigFile:
     chosen: ChannelMap  # The map includes the answers.
     findings: tuple[Finding, ...] = ()  # These findings are from the reading.
     inferred: tuple[Inference, ...] = ()
+    starts: tuple[Moment | None, ...] = ()  # Moment of time zero of each recording.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,12 +111,12 @@ def runs_in(
         notes += (f"{len(parts)} parts",)
     layout = replace(layout, notes=(*layout.notes, *notes))
     whole = [piece for part in parts for piece in part.pieces]
-    pieces = [(piece, parts[0].role) for piece in (joined(whole) if chosen.segments is None else whole)]
+    pieces = [(piece, parts[0].role) for piece in (join_pieces(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:
         pieces = [(piece, part.role) for part in parts for piece in part.pieces]
     stem = file.name if file.suffix[1:].isdecimal() else file.stem  # A number is no suffix: "test.001".
-    recordings, findings, inferred = _make_recordings(pieces, chosen, file, name or stem)
-    return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred)
+    recordings, findings, inferred, starts = _make_recordings(pieces, chosen, file, name or stem)
+    return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred, starts)
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
@@ -170,6 +178,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
             channels={name: each[first:last] for name, each in channels.items()},
             title=title or table.title,
             findings=() if number else one.findings,
+            start=start_of(table, float(time[0]), file) if len(time) else None,
         )
         place_texts = (*places_of(title or table.title, table.said, file), *stated)
         role_now, values, told = command_of(
@@ -178,7 +187,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
         piece, told = with_temperature(piece, told, chosen, place_texts)
         pieces.append(replace(piece, channels={**piece.channels, "command": values}, told=told))
         role = role_now
-    whole = joined(pieces) if chosen.segments is None else pieces
+    whole = join_pieces(pieces) if chosen.segments is None else pieces
     slow = ", ".join(one.interpolated)
     notes: tuple[str, ...] = (f"{slow} interpolated to the fastest clock",) if slow else ()
     skipped = skipped_columns(table, columns, chosen, place)
@@ -221,7 +230,6 @@ def _channels(
             raise InputError(
                 place=place,
                 found=f"column {column.name!r} ({column.role}) holds no sample",
-                expected="numbers",
                 remedy="The file may be cut off: copy it again",
             )
         channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)
@@ -239,23 +247,28 @@ def _channels(
 
 def _make_recordings(
     pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path, own_name: str
-) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...]]:
-    """Return the recordings of the pieces of a file, the changes, and the inferences."""
+) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...], tuple[Moment | None, ...]]:
+    """Return the recordings of the pieces of a file, the changes, the inferences, and the starts."""
     stem = printable(own_name)
     names = _names(pieces, chosen, stem)
     recordings: list[Recording] = []
     findings: list[Finding] = []
     inferred: list[Inference] = []
+    starts: list[Moment | None] = []
     for (piece, role), name in zip(pieces, names, strict=True):
-        time = piece.time - piece.time[0] if len(pieces) > 1 or chosen.segments else piece.time
-        parts = list(cut_at_gaps(filled(evened(without_repeated_end(replace(piece, time=time))))))
+        zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
+        start = None if piece.start is None else piece.start.later(zero)
+        parts = list(
+            cut_at_gaps(filled(evened(without_repeated_end(replace(piece, time=piece.time - zero)))))
+        )
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name
             recordings.append(_recording(part, run, COMMAND_UNITS[role], chosen.session or stem, file))
+            starts.append(start)
             findings += [replace(finding, run=run) for finding in part.findings]
             inferred += [Inference(run, *told) for told in part.told]
-    return tuple(recordings), tuple(findings), tuple(inferred)
+    return tuple(recordings), tuple(findings), tuple(inferred), tuple(starts)
 
 
 def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: Path) -> Recording:

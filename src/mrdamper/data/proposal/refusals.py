@@ -26,7 +26,6 @@ from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMANDS = ("current", "voltage")
 LEVEL_PARTS = 16  # Medians of this number of parts show a change of level despite noise.
-LEVEL_CHANGE_RATIO = 0.2  # Fraction of the largest value.
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -40,10 +39,10 @@ def no_column(role: str, table: Table, place: str) -> InputError:
         role,
         "unit" if bare is not None else "scale" if not names and scale else "column",
         place,
-        found=f"no {role} column; the columns are: {listed(table.names)}{skipped}",
+        found=f"no {role} column; the columns are: {column_list(table.names)}{skipped}",
         expected=(
             f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
-            f"(--channels FILE){perhaps([role], table)}"
+            f"(--channels FILE){suggest_columns([role], table)}"
         ),
         candidates=QUANTITIES[role].units if bare is not None else names or scale or list(table.columns),
     )
@@ -118,7 +117,7 @@ def no_command(
         found=found + listed_columns,
         expected=(
             "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
-            f"(--channels FILE){perhaps(('current', 'voltage'), table)}"
+            f"(--channels FILE){suggest_columns(('current', 'voltage'), table)}"
         ),
         candidates=values or (QUANTITIES["current"].units if bare is not None else columns),
     )
@@ -155,7 +154,7 @@ def _level_changes(values: FloatArray) -> bool:
     if len(finite) < LEVEL_PARTS:
         return False
     levels = [float(np.median(part)) for part in np.array_split(finite, LEVEL_PARTS)]
-    return max(levels) - min(levels) > LEVEL_CHANGE_RATIO * float(np.abs(finite).max())
+    return max(levels) - min(levels) > 0.2 * float(np.abs(finite).max())  # Fraction of the largest value.
 
 
 def command_shares(table: Table) -> list[str]:
@@ -183,14 +182,14 @@ def require_no_text(role: str, table: Table, place: str) -> None:
             )
 
 
-def perhaps(roles: Iterable[str], table: Table) -> str:
+def suggest_columns(roles: Iterable[str], table: Table) -> str:
     """Return the end of a message: the possible column of a missing role in the syntax of a map."""
     found = [(role, name) for role in roles for name in candidates(role, [*table.columns])]
     lines = " or ".join(f"[channel.{role}] name = {name!r}" for role, name in found[:3])
-    return f"; perhaps {lines}" if found else ""
+    return f"; suggest_columns {lines}" if found else ""
 
 
-def listed(names: Sequence[str]) -> str:
+def column_list(names: Sequence[str]) -> str:
     """Return the names of up to 24 columns as one line."""
     more = f" and {len(names) - 24} more" if len(names) > 24 else ""
     return ", ".join(names[:24]) + more

@@ -17,7 +17,7 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
 from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
-from mrdamper.data.proposal.refusals import command_shares, listed, no_column, no_scale, no_unit
+from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
     is_ambient,
     is_monitor,
@@ -40,10 +40,7 @@ _NEEDED = ("displacement", "force")
 def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, ...]:
     """Return the column of each role, from the map first, then from the headers. No values are read.
 
-    Raises
-    ------
-    AskingError
-        If a required role has no column, several columns, or no column with a unit.
+    Raise AskingError if a required role has no column, several columns, or no column with a unit.
     """
     headers = headers_of(table, place)
     columns: list[Column] = []
@@ -55,9 +52,12 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             if own_time is not None and chosen.channel("time").find(table.names, place) is None:
                 column: Column | None = _time_of_clock(table, own_time, chosen, place)
             else:
-                column = _column_of(role, table, headers, chosen, place)
+                column = column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
-                column = _select_one(role, [column, *_namesakes(column, table)], place)
+                # Readers number the other columns of the same name: ``force (4)``.
+                again = re.compile(rf"{re.escape(column.name)} \(\d+\)")
+                names = [column.name, *filter(again.fullmatch, table.columns)]
+                column = _select_one(role, [replace(column, name=name) for name in names], place)
             if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
                 raise _unclear_factor(column, table.scales[column.name], place)
         except InputError as fault:
@@ -89,12 +89,6 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
     )
 
 
-def _namesakes(column: Column, table: Table) -> list[Column]:
-    """Return the other columns of the same name in the file. Readers number them: ``force (4)``."""
-    numbered = re.compile(rf"{re.escape(column.name)} \(\d+\)")
-    return [replace(column, name=name) for name in table.columns if numbered.fullmatch(name)]
-
-
 def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
     """Return the column of a clock's times as the time. An answer may have to state its unit."""
     unit = chosen.channel("time").unit or header_of(table, name, place).unit
@@ -116,7 +110,7 @@ def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:
     return found if len({value for _, value in found}) == len(found) else ()
 
 
-def _column_of(
+def column_of(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
     """Return the column of a role, None if it is missing."""
@@ -125,7 +119,8 @@ def _column_of(
     if position is not None:
         return _column_of_map(table, channel, table.names[position], headers, place)
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
-        stamps = [name for name in table.names if name in table.stamps]
+        # A logger may repeat the moment of the start in each row.
+        stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
         if stamps and not named:
             return _select_one("time", [Column("time", name, "s", "times of day") for name in stamps], place)
@@ -196,7 +191,9 @@ def _column_without_unit(
         worded = [
             each
             for each in headers
-            if each.name in shares or ("voltage" in each.of_unit and _may_measure(each, role))
+            if each.name in shares
+            or ("voltage" in each.of_unit and speaks_of(each.word, role))
+            or ("voltage" in each.of_unit and role == "current" and is_monitor(each.word))
         ]
     meant = meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
@@ -204,7 +201,7 @@ def _column_without_unit(
     if not worded:
         if role in chosen.channels and channel.name is None and not channel.unit:
             found = f"neither channel.{role} nor a header names a column; the columns are: "
-            raise InputError(place=place, found=found + listed(table.names))
+            raise InputError(place=place, found=found + column_list(table.names))
         return None
     left = [each for each in worded if not is_set_point(each.word)] or worded
     left = [each for each in left if not names_by_symbol(each.name)] or left
@@ -220,11 +217,6 @@ def _column_without_unit(
     if not _is_needed(role, headers):
         return None
     raise no_scale(role, [column.name], place) if is_volts else no_unit(role, place, column.name, unit)
-
-
-def _may_measure(header: Header, role: str) -> bool:
-    """Return True if a column of volts may be the sensor of a role. An answer states its scale."""
-    return speaks_of(header.word, role) or (role == "current" and is_monitor(header.word))
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
@@ -245,7 +237,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
     """Return the columns of unknown unit that may have a role without a column."""
     taken = {column.name for column in columns}
     roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
-    headers = [header_of(table, name, place) for name in table.columns if name not in taken | table.stamps]
+    headers = [header_of(table, name, place) for name in table.columns if name not in {*taken, *table.stamps}]
     return [
         f"{each.name!r} ({role}, unknown unit)"
         for role in QUANTITIES

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,6 @@ from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit, to_si
 
 _COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
-COLUMN_COUNT_MIN = 3  # A run has at least this number of columns.
 
 
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
@@ -61,7 +60,12 @@ def wide_of_long(table: Table) -> Table:
     A column of texts names at least two roles, one column has the values, and another column the times.
     """
     kinds = [(name, dict.fromkeys(cells)) for name, cells in table.texts.items() if all(cells)]
-    named = [name for name, kind in kinds if 2 <= len(kind) <= MOST_COLUMNS and _roles_in(kind) > 1]
+    named = [
+        name
+        for name, kind in kinds
+        if 2 <= len(kind) <= MOST_COLUMNS
+        and len({header[0] for name in kind if (header := parse_header(name or ""))}) > 1
+    ]
     times = [
         name for name in table.columns if (parse_header(name) or ("",))[0] == "time" or name in table.stamps
     ]
@@ -80,7 +84,7 @@ def wide_of_long(table: Table) -> Table:
         names=(*columns,),
         columns=columns,
         texts={},
-        stamps=frozenset(),
+        stamps={},
         units={}
         if units is None
         else {name: units[int(np.argmax(there))] or "" for name, there in rows.items()},
@@ -91,11 +95,6 @@ def wide_of_long(table: Table) -> Table:
     )
 
 
-def _roles_in(names: Iterable[str | None]) -> int:
-    """Return the number of roles with a name."""
-    return len({header[0] for name in names if (header := parse_header(name or ""))})
-
-
 def _split_name(name: str) -> tuple[str, str]:
     """Return the text above the name of a column, and the name without the number of a reader."""
     above, colon, own = name.rpartition(": ")
@@ -104,7 +103,7 @@ def _split_name(name: str) -> tuple[str, str]:
 
 def _width(names: Sequence[str]) -> int | None:
     """Return the number of columns of a run, None for a single run."""
-    for width in range(COLUMN_COUNT_MIN, len(names) // 2 + 1):
+    for width in range(3, len(names) // 2 + 1):  # A run has at least this number of columns.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
         times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]

@@ -191,7 +191,8 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     named = [
         header
         for header in headers
-        if header.strip() == quantity.symbol or any(word in header.lower() for word in words)
+        if header.strip() == quantity.symbol
+        or any(re.search(rf"(?<![a-z]){word}", header.lower()) for word in words)
     ]
     units = {
         header: unit_in_brackets(header) or header.rpartition("_")[2]

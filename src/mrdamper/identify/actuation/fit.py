@@ -18,7 +18,7 @@ from mrdamper.identify.actuation.least_squares import (
     fit_lags,
     fit_lags_to_responses,
     largest_command,
-    whole_run_residual,
+    run_residual,
 )
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
 from mrdamper.identify.actuation.step_responses import (
@@ -121,7 +121,7 @@ def force_rmse_N(
     still: Damper, lags: Actuation | None, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> float:
     """Return the RMS force error [N] over runs of a damper behind an actuation, or without one."""
-    forces = LaggedForces(still, runs, settings.oversampling).behind(lags or Actuation(0.0, 0.0))
+    forces = LaggedForces(still, runs, settings.oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
     scored = zip(runs, forces, strict=True)
     return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))
 
@@ -143,7 +143,7 @@ def _fit_at_fixed_share(
     else:
         moving = _runs_with_moved_force(still, runs, settings)
         lagged = LaggedForces(still, moving, settings.oversampling)
-        fit = fit_lags(lagged, whole_run_residual(moving), start, settings)
+        fit = fit_lags(lagged, run_residual(moving), start, settings)
         up_s = fit.actuation.response_time(STEP_FRACTION)
         down_s = fit.actuation.response_time(STEP_FRACTION, 1.0, 0.0)
         times = ResponseTimes(MeanTime(up_s), MeanTime(down_s))

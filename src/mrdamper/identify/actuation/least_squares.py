@@ -16,8 +16,8 @@ from mrdamper.identify.actuation.settings import ActuationSettings
 from mrdamper.identify.actuation.step_responses import (
     ResponseTimes,
     SteppedRun,
+    mean_response_times,
     mean_time,
-    measured_times,
     model_times,
 )
 from mrdamper.models.actuation import Actuation
@@ -58,13 +58,13 @@ class LaggedForces:
         self._drives = [open_drive(run.trajectory) for run in runs]
         self.command_max = largest_command(runs)
 
-    def applied(self, lags: Actuation) -> list[FloatArray]:
+    def lag_commands(self, lags: Actuation) -> list[FloatArray]:
         """Return the command that the law feels [A or V] along each run."""
         count = self._oversampling
         paths = [drive.trajectory for drive in self._drives]
-        return [lags.applied(np.repeat(path.command, count), path.step / count)[::count] for path in paths]
+        return [lags.apply(np.repeat(path.command, count), path.step / count)[::count] for path in paths]
 
-    def at_commands(self, applied: Sequence[FloatArray]) -> list[FloatArray]:
+    def forces_at_commands(self, applied: Sequence[FloatArray]) -> list[FloatArray]:
         """Return the forces [N] at applied commands."""
         return [
             simulate(
@@ -73,9 +73,9 @@ class LaggedForces:
             for drive, at in zip(self._drives, applied, strict=True)
         ]
 
-    def behind(self, lags: Actuation) -> list[FloatArray]:
+    def forces_at_lags(self, lags: Actuation) -> list[FloatArray]:
         """Return the forces [N] behind an actuation."""
-        return self.at_commands(self.applied(lags))
+        return self.forces_at_commands(self.lag_commands(lags))
 
 
 def largest_command(runs: Sequence[PreparedRun]) -> float:
@@ -128,8 +128,8 @@ def fit_parameters(
 
     @lru_cache(maxsize=2)
     def simulated(point: bytes) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
-        applied = lagged.applied(actuation(np.frombuffer(point)))
-        forces = lagged.at_commands(applied)
+        applied = lagged.lag_commands(actuation(np.frombuffer(point)))
+        forces = lagged.forces_at_commands(applied)
         return applied, forces, residual(forces)
 
     def residual_at(point: FloatArray) -> FloatArray:
@@ -137,12 +137,12 @@ def fit_parameters(
 
     def jacobian(point: FloatArray) -> FloatArray:
         applied, forces, before = simulated(point.tobytes())
-        stepped = lagged.at_commands([at + command_step for at in applied])
+        stepped = lagged.forces_at_commands([at + command_step for at in applied])
         slopes = [(other - force) / command_step for other, force in zip(stepped, forces, strict=True)]
         steps = DIFFERENCE_RATIO * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
         columns = []
         for step, neighbour in zip(steps, point + np.diag(steps), strict=True):
-            runs = zip(forces, slopes, lagged.applied(actuation(neighbour)), applied, strict=True)
+            runs = zip(forces, slopes, lagged.lag_commands(actuation(neighbour)), applied, strict=True)
             columns.append((residual([f + slope * (to - at) for f, slope, to, at in runs]) - before) / step)
         return np.stack(columns, axis=1)
 
@@ -167,7 +167,7 @@ def fit_parameters(
     )
 
 
-def whole_run_residual(runs: Sequence[PreparedRun]) -> Residual:
+def run_residual(runs: Sequence[PreparedRun]) -> Residual:
     """Return the force errors at the scored samples, divided by the size of the force of their run."""
     sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
 
@@ -190,7 +190,7 @@ def fit_over_runs(
 ) -> ParameterFit:
     """Fit parameters to the force over whole runs."""
     lagged = LaggedForces(still, runs, settings.run_oversampling)
-    residual = whole_run_residual(runs)
+    residual = run_residual(runs)
     return fit_parameters(lagged, residual, start, parameter_names, settings, evaluation_count_max)
 
 
@@ -227,8 +227,8 @@ def fit_lags_to_responses(
     fit = fit_lags(lagged, residual, start, settings)
     lags, errors = fit.actuation, fit.standard_errors
     for _ in range(settings.time_correction_count):
-        times = model_times(runs, lagged.behind(lags), settings)
-        measured = measured_times([step for step, _ in times], settings)
+        times = model_times(runs, lagged.forces_at_lags(lags), settings)
+        measured = mean_response_times([step for step, _ in times], settings)
         up_s, down_s = (
             mean_time([(step.levels, s) for step, s in times if step.upwards == upwards]).mean_s
             for upwards in (True, False)

@@ -21,7 +21,7 @@ from mrdamper.identify.actuation.least_squares import (
     ParameterFit,
     fit_over_runs,
     largest_command,
-    whole_run_residual,
+    run_residual,
 )
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
 from mrdamper.models.actuation import Actuation
@@ -60,8 +60,8 @@ def refine_actuation(
 
     def test_error(form: Form, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun]) -> float:
         actuation = fit_form(form, training, settings.short_evaluation_count_max).actuation
-        forces = LaggedForces(still, held_out, settings.run_oversampling).behind(actuation)
-        return float(np.sum(whole_run_residual(held_out)(forces) ** 2))
+        forces = LaggedForces(still, held_out, settings.run_oversampling).forces_at_lags(actuation)
+        return float(np.sum(run_residual(held_out)(forces) ** 2))
 
     if not has_one_quadrant:
         first = random_runs[:2]

@@ -188,7 +188,7 @@ class ResponseTimes(NamedTuple):
     driver_quadrants: int | None = None
 
 
-def measured_times(steps: Sequence[StepResponse], settings: ActuationSettings) -> ResponseTimes:
+def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettings) -> ResponseTimes:
     """Return the mean measured times of steps."""
     up, down = (
         mean_time(

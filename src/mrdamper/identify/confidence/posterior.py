@@ -37,7 +37,7 @@ def sample_posterior(
     if not moving:
         raise InputError(place="posterior", found="no parameter of the fit has a standard error")
     free = problem.free
-    box = Box.of(free)
+    box = Box.from_parameters(free)
     low, high, log = box.low, box.high, box.log
     values = np.array([result.damper.parameters_and_lag[f.name] for f in free])
     mean = np.log(values, where=log, out=values.copy())

@@ -16,7 +16,7 @@ import numpy as np
 from mrdamper import core
 from mrdamper.arrays import FloatArray, inverse_sizes
 from mrdamper.excitation import Sine, Trajectory, drive
-from mrdamper.identify.evaluate import whole_envelope
+from mrdamper.identify.evaluate import operating_envelope
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Objective
@@ -67,7 +67,7 @@ def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) 
 
 def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Trajectory]]:
     """Return sines inside the envelope of the runs, including velocity and acceleration."""
-    envelope = whole_envelope(problem.runs)
+    envelope = operating_envelope(problem.runs)
     assert envelope.frequency is not None
     assert envelope.acceleration is not None
     half = 0.5 * (envelope.displacement[1] - envelope.displacement[0])

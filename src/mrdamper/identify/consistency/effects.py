@@ -56,7 +56,7 @@ class RunResidual:
     weight: float
 
     @property
-    def spread(self) -> float:
+    def force_std_N(self) -> float:
         """Standard deviation of the measured force [N], or 1 if the force is constant."""
         return float(np.std(self.residual + self.model)) or 1.0
 
@@ -80,14 +80,14 @@ class ResidualAnalysis:
     @property
     def levels(self) -> FloatArray:
         """The rms residual of each run without its mean, divided by the spread of the force."""
-        return np.array([float(np.std(each.residual)) / each.spread for each in self.residuals])
+        return np.array([float(np.std(each.residual)) / each.force_std_N for each in self.residuals])
 
     def run_effects(self, kind: str) -> list[Effect]:
         """Return the effect of one cause in each run alone."""
         effects = []
         for number, run in enumerate(self.residuals):
             effect = self._effect(kind, {number: 1.0})
-            relative_weight = 0.01 * run.spread * math.sqrt(run.weight * len(run.residual))
+            relative_weight = 0.01 * run.force_std_N * math.sqrt(run.weight * len(run.residual))
             effects.append(replace(effect, level=effect.level / relative_weight))
         return effects
 

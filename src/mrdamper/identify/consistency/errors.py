@@ -43,8 +43,9 @@ def summarize_errors(
     for run in runs:
         errors[run.split, "changing" if run.command is None else "constant"].append(run.nrmse_percent)
     if chosen is not None:
-        errors["cross_validation", "constant"] += chosen.cv_percent_by_run
-        errors["cross_validation", "changing"] += chosen.changing_percent_by_run
+        by_current = (chosen.cv_percent_by_run, chosen.changing_percent_by_run)
+        for current, percents in zip(get_args(CurrentKind), by_current, strict=True):
+            errors["cross_validation", current] += percents
     return tuple(
         ErrorSummary(kind, current, len(values), float(np.median(values)), rms(np.array(values)), max(values))
         for (kind, current), values in errors.items()
@@ -62,9 +63,9 @@ def find_contradictions(
     minimum. Only runs with constant current are compared because the fit uses these runs.
     """
     constant = {error.kind: error.rms_percent for error in errors if error.current == "constant"}
-    if "training" not in constant or "cross_validation" not in constant:
+    training_percent, cv_percent = constant.get("training"), constant.get("cross_validation")
+    if training_percent is None or cv_percent is None:
         return ()
-    training_percent, cv_percent = constant["training"], constant["cross_validation"]
     ratio = training_percent / cv_percent
     if not ratio > settings.training_cv_ratio_max:
         return ()

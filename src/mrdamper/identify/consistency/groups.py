@@ -63,7 +63,7 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
         effect="Yield displacement and viscosity include the lag of the channel",
         remedy="Give both channels the same filter and converter, or shift the force by the delay",
     )
-    yield effect.fraction, finding.within(effect.standard_error)
+    yield effect.fraction, finding.add_interval(effect.standard_error)
 
 
 def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings) -> Iterator[Deviation]:
@@ -115,7 +115,7 @@ def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySett
         if is_delay
         else "Fit the two groups separately and compare the cards; record the temperature",
     )
-    yield effect.fraction, finding.within(error)
+    yield effect.fraction, finding.add_interval(error)
 
 
 def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
@@ -139,7 +139,7 @@ def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterato
         remedy="Record the temperature with each run (a damper that heats loses force), or check the "
         "amplifier for drift; repeat the first run at the end",
     )
-    yield effect.fraction, finding.within(effect.standard_error)
+    yield effect.fraction, finding.add_interval(effect.standard_error)
 
 
 def _ramp(analysis: ResidualAnalysis) -> FloatArray:

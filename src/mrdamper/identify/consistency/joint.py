@@ -12,7 +12,7 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
-from mrdamper.identify.fit import usual_law
+from mrdamper.identify.fit import default_law
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
@@ -71,7 +71,7 @@ def joint_fit(
     The fit starts at ``first``, a former fit, if it is given.
     """
     data = FitData.prepare(Dataset(tuple(runs)))
-    problem = data.problem(usual_law(data.training))
+    problem = data.problem(default_law(data.training))
     if first is not None and first.parameters.keys() != problem.template.parameters.keys():
         first = None
     dampers = () if first is None else (first,)

@@ -250,7 +250,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
         found=cause.words.format(size=1e3 * size if kind == "force_delay" else value, unit=unit),
         effect=cause.effect,
         remedy=f"{cause.remedy}; until then leave the run out",
-    ).within(deviation.standard_error)
+    ).add_interval(deviation.standard_error)
 
 
 def _exchanged_labels(

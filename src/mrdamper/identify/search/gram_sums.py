@@ -73,7 +73,7 @@ class GramSums:
         self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine
         self._spread[..., -1, -1] = 1.0
 
-    def at(self, values: FloatArray) -> FloatArray:
+    def evaluate(self, values: FloatArray) -> FloatArray:
         """Return the Gram matrix, shape (candidates, rows, rows), of every row of varying parameters."""
         total = np.zeros((len(values), self._size, self._size))
         if self._runs:

@@ -28,7 +28,7 @@ class Box:
     log: BoolArray
 
     @classmethod
-    def of(cls, free: Sequence[FreeParameter]) -> Box:
+    def from_parameters(cls, free: Sequence[FreeParameter]) -> Box:
         return cls(
             np.array([float(f.to_search(f.lower)) for f in free]),
             np.array([float(f.to_search(f.upper)) for f in free]),
@@ -76,7 +76,7 @@ class Objective:
     def __init__(self, problem: FitProblem, runs: Sequence[FitWindow]) -> None:
         self.problem = problem
         self.runs = tuple(runs)
-        self.box = Box.of(problem.nonlinear)
+        self.box = Box.from_parameters(problem.nonlinear)
         self.nonlinear = tuple(free.name for free in problem.nonlinear)
         self.linear = tuple(free.name for free in problem.linear)
         names = (*self.nonlinear, *self.linear)
@@ -88,7 +88,7 @@ class Objective:
 
     def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents and residual at a damper."""
-        gram: FloatArray = GramSums(damper, (), parameters, self.runs).at(np.empty((1, 0)))[0]
+        gram: FloatArray = GramSums(damper, (), parameters, self.runs).evaluate(np.empty((1, 0)))[0]
         return gram
 
     def points_of(self, dampers: Sequence[Damper]) -> tuple[FloatArray, FloatArray]:
@@ -150,7 +150,7 @@ class Objective:
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
         """Return the Gram matrices at candidates; without ``tangents``, of the linear parameters alone."""
         values = np.concatenate([nonlinear, linear], axis=1)
-        return (self._all if tangents else self._inner).at(values)
+        return (self._all if tangents else self._inner).evaluate(values)
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return Gauss-Newton matrices and gradients of the nonlinear parameters, linear ones projected out.

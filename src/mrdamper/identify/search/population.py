@@ -31,7 +31,7 @@ class Ensemble:
     def __init__(self, problem: FitProblem) -> None:
         self.problem = problem
         self.windows = problem.windows()
-        self._box = Box.of(problem.free)
+        self._box = Box.from_parameters(problem.free)
         self._linear = np.array([f.linear for f in problem.free])
         self._sums = GramSums(problem.template, [f.name for f in problem.free], (), self.windows)
         self._rows, self._floor = problem.conditions
@@ -49,7 +49,7 @@ class Ensemble:
         is worse than every valid one.
         """
         values = self._values(unit)
-        costs = self._sums.at(values)[:, 0, 0]
+        costs = self._sums.evaluate(values)[:, 0, 0]
         linear = values[:, self._linear]
         beyond = np.maximum(self._floor - linear @ self._rows.T, 0.0)
         size = np.abs(linear) @ np.abs(self._rows).T + np.abs(self._floor) + 1e-300

@@ -38,6 +38,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 # Fraction of the coordinates that a hop moves, and how far, in e-folds on a logarithmic scale.
 PERTURBATIONS = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
+EXCHANGED_FRACTIONS = (0.15, 0.3, 0.5)  # fraction of the coefficients that come from another end
 PERTURBATION_RANGE_RATIO = 0.1  # The same on a linear scale, relative to the range of the bounds.
 
 PYTHON_LAW_DRAW_COUNT = 8  # Random points of each start of a law in Python, which is slow.
@@ -175,18 +176,22 @@ def thorough_starts(
 ) -> list[Damper]:
     """Return different local minima on some windows, best first.
 
-    The search starts from given dampers and random points. It then perturbs the best minimum several times
-    (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997) 5111-5116). The random numbers are always the
-    same, so that a fit does not depend on a seed.
+    Descents start from given dampers and random points. Each round then starts descents from the best
+    minimum with some coefficients of other ends (a memetic algorithm, Moscato & Cotta, Handbook of
+    Metaheuristics (2003) 105-144) and from a perturbation of it (basin hopping, Wales & Doye, J. Phys. Chem.
+    A 101 (1997) 5111-5116). An end whose friction is wrong can have the right free play. The random numbers
+    are always the same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
     random_dampers = _random_dampers(problem, 0)
     dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
     points, linear = objective.points_of(dampers)
-    points, linear, _ = _ends(objective, points, linear, settings.thorough_iterations_max)
-    points, linear, costs = _ends(objective, points, linear, settings.start_iterations_max)
+    points, linear, costs = _ends(objective, points, linear, settings.thorough_iterations_max, len(dampers))
     width = np.where(box.log, 1.0, PERTURBATION_RANGE_RATIO * (box.high - box.low))
+    coefficients = [free.name.partition(".")[0] for free in problem.nonlinear]
+    names = list(dict.fromkeys(coefficients))
+    number = np.array([names.index(name) for name in coefficients], dtype=np.intp)
 
     def hop(start: tuple[FloatArray, FloatArray]) -> Descents:
         point = np.clip(start[0], box.low, box.high)[None]
@@ -198,10 +203,13 @@ def thorough_starts(
     while failures < settings.failed_hop_count_max:
         first = int(costs.argmin())
         moved = []
-        for fraction, size in PERTURBATIONS:
-            is_moved = rng.random(len(width)) < fraction
-            change = is_moved * size * rng.standard_normal(len(width)) * width
-            moved.append((points[first] + change, linear[first]))
+        others = np.flatnonzero(costs > (1.0 + settings.same_cost_ratio) * costs[first])
+        for fraction in EXCHANGED_FRACTIONS if len(others) else ():
+            is_exchanged = (rng.random(len(names)) < fraction)[number]
+            moved.append((np.where(is_exchanged, points[rng.choice(others)], points[first]), linear[first]))
+        fraction, size = PERTURBATIONS[rng.integers(len(PERTURBATIONS))]
+        change = (rng.random(len(width)) < fraction) * size * rng.standard_normal(len(width)) * width
+        moved.append((points[first] + change, linear[first]))
         hops = list(pool.map(hop, moved, threads=True))
         points = np.vstack([points, *(each.points for each in hops)])
         linear = np.vstack([linear, *(each.linear for each in hops)])
@@ -218,7 +226,9 @@ def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
         count = PYTHON_LAW_DRAW_COUNT
-    values = Box.of(problem.nonlinear).to_physical(latin_hypercube(problem.nonlinear, count, index))
+    values = Box.from_parameters(problem.nonlinear).to_physical(
+        latin_hypercube(problem.nonlinear, count, index)
+    )
     names = [free.name for free in problem.nonlinear]
     return [problem.template.with_parameters(dict(zip(names, row, strict=True))) for row in values.tolist()]
 
@@ -237,23 +247,29 @@ def screened_starts(
     found = objective.eliminate(box.to_physical(points), linear, tangents=False)
     order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
     points, linear = points[order], found.linear[order]
-    points, linear, _ = _ends(objective, points, linear, settings.screening_iterations_max)
+    points, linear, _ = _ends(
+        objective, points, linear, settings.screening_iterations_max, settings.finalist_count
+    )
     at_bound = (points <= box.low) | (points >= box.high)
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)
     points, linear = np.vstack([points, middle[freed]]), np.vstack([linear, linear[freed]])
-    points, linear, _ = _ends(objective, points, linear, settings.finalist_iterations_max)
+    points, linear, _ = _ends(
+        objective, points, linear, settings.finalist_iterations_max, settings.finalist_count
+    )
     return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 
 def _ends(
-    objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int
+    objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the different ends of descents, best first: points, linear parameters and costs [%^2]."""
+    """Return the different ends of descents, best first: points, linear parameters and costs [%^2].
+
+    At most ``count`` ends are returned.
+    """
     descents = Descents(objective, points, linear, most=iterations_max)
     descents.run()
-    settings = objective.problem.settings
-    kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
+    kept = _different(descents.costs, count, objective.problem.settings.same_cost_ratio)
     if not kept:
         law = objective.problem.template.law.name
         raise ConvergenceError(place=law, found="no descent has a finite error")
@@ -314,5 +330,5 @@ def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> Flo
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
     unit = (cell + rng.random((count, len(free)))) / count
-    box = Box.of(free)
+    box = Box.from_parameters(free)
     return np.asarray(box.low + (0.1 + 0.8 * unit) * (box.high - box.low))

@@ -38,7 +38,7 @@ from mrdamper.identify.selection.starts import (
     warm_start_from,
 )
 from mrdamper.identify.terms import Archetype, archetypes_of, starts_of, terms_of
-from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
+from mrdamper.identify.windows import FitWindow, representative_windows, run_windows
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
@@ -78,7 +78,10 @@ class CandidateEvaluator:
             self.runs, data.settings, samples_max=samples_max, blocks=blocks
         )
         self.screening_windows = representative_windows(
-            self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
+            self.runs,
+            data.settings,
+            samples_max=min(data.settings.screening_samples_max, samples_max / 3),
+            blocks=blocks,
         )
         # The last validated candidate with its response to the current.
         self._response: Damper | None = None
@@ -261,7 +264,7 @@ class CandidateEvaluator:
     def error_on_all_runs_percent(self, fitted: FittedCandidate) -> float:
         """Return the error [%] of a fitted candidate on all samples of all runs."""
         problem = self.problem(fitted.candidate)
-        windows = whole_runs(self.runs, self.data.settings)
+        windows = run_windows(self.runs, self.data.settings)
         return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
 
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:

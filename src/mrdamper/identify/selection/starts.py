@@ -38,7 +38,7 @@ def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
     """
     warming_K = _warming_K(runs)
     base = [np.ones(len(runs)), *([] if warming_K is None else [warming_K])]
-    sizes = [float(np.std(_whole_periods(run))) for run in runs]
+    sizes = [float(np.std(_period_forces(run))) for run in runs]
     speeds = [float(np.std(run.trajectory.velocity)) for run in runs]
     return _mean_force(runs, np.column_stack(base), np.column_stack([sizes, speeds]))[1]
 
@@ -57,7 +57,7 @@ def _mean_force(
     The mean force of a run is divided by the standard deviation of its force, as its error is. ``base`` and
     ``more`` are columns of the linear model of the mean force, one row per run.
     """
-    forces = [_whole_periods(run) for run in runs]
+    forces = [_period_forces(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
     means = weights * [float(np.mean(force)) for force in forces]
     squares = []
@@ -68,7 +68,7 @@ def _mean_force(
     return tuple(solution.tolist()), 100.0 * float(np.sqrt(max(squares[0] - squares[1], 0.0)))
 
 
-def _whole_periods(run: PreparedRun) -> FloatArray:
+def _period_forces(run: PreparedRun) -> FloatArray:
     """Return the scored force [N] of whole periods of the motion; all of it if there is no period."""
     force, period = run.force[run.scored_from :], (run.period_s or np.inf) / run.trajectory.step
     whole = int(len(force) / period)

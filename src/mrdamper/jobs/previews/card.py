@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,11 @@ from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 CARD_BYTES_MAX = 8_000_000
+_CARD = itemgetter(
+    "title", "law", "command_unit", "actuation", "command_lag_s", "temperature_range_K", "notes"
+)
+_EVIDENCE = itemgetter("method", "runs", "cost", "converged", "held_out")
+_ENVELOPE = itemgetter("command", "displacement_m", "velocity_m_s", "temperature_K")
 
 
 def card_line(path: Path) -> dict[str, object]:
@@ -29,25 +35,27 @@ def card_line(path: Path) -> dict[str, object]:
     try:
         card: Any = json.loads(read_text(path, "card", CARD_BYTES_MAX))
         envelope, evidence = card["envelope"], card["evidence"]
-        held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
-        temperature = envelope["temperature_K"]
-        has_lag = card.get("actuation") is not None or card["command_lag_s"] > 0.0
+        title, law, unit, actuation, lag_s, warm, notes = _CARD(card)
+        method, runs, cost, converged, held_out = _EVIDENCE(evidence)
+        command, displacement, velocity, temperature = _ENVELOPE(envelope)
+        held_out = held_out.get("median_nrmse_percent")
+        has_lag = actuation is not None or lag_s > 0.0
         return row | {
-            "title": str(card["title"]),
-            "law": str(card["law"]),
-            "method": str(evidence["method"]),
-            "command_unit": str(card["command_unit"]),
-            "runs": len(evidence["runs"]),
-            "cost_percent": _number(evidence["cost"]),
-            "converged": bool(evidence["converged"]),
+            "title": str(title),
+            "law": str(law),
+            "method": str(method),
+            "command_unit": str(unit),
+            "runs": len(runs),
+            "cost_percent": _number(cost),
+            "converged": bool(converged),
             "held_out_percent": None if held_out is None else _number(held_out),
-            "tempered": card["temperature_range_K"] is not None,
-            "controllers": list(names_for(str(card["law"]), has_lag=has_lag)),
-            "cancelled": "cancelled" in card["notes"],
+            "tempered": warm is not None,
+            "controllers": list(names_for(str(law), has_lag=has_lag)),
+            "cancelled": "cancelled" in notes,
             "envelope": {
-                "command": [_number(end) for end in envelope["command"]],
-                "displacement_mm": [1e3 * _number(end) for end in envelope["displacement_m"]],
-                "velocity_mm_s": [1e3 * _number(end) for end in envelope["velocity_m_s"]],
+                "command": [_number(end) for end in command],
+                "displacement_mm": [1e3 * _number(end) for end in displacement],
+                "velocity_mm_s": [1e3 * _number(end) for end in velocity],
                 "temperature_degC": None
                 if temperature is None
                 else [_number(end) - ZERO_CELSIUS_K for end in temperature],

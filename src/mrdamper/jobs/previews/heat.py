@@ -18,12 +18,11 @@ from typing import Any, TypeVar
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
 from mrdamper.files import parse_toml
-from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import changed_drawing, start_of
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.schema import Json, read_record, toml_text, write_record
+from mrdamper.schema import Json, finite_or_none, read_record, toml_text, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawing, text_of
 from mrdamper.thermal.duty import Duty, Segment, segment_of
@@ -92,13 +91,13 @@ class QuickHeat:
                 "fluid_degC": rise.fluid_degC.tolist(),
                 "coil_degC": rise.coil_degC.tolist(),
                 "wall_degC": rise.wall_degC.tolist(),
-                "peak_force_N": [finite(force) for force in rise.peak_force_N.tolist()],
+                "peak_force_N": [finite_or_none(force) for force in rise.peak_force_N.tolist()],
             },
             "time_to_limit_s": rise.time_to_limit_s,
             "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
             "force_loss_percent": None
             if rise.force_loss_percent is None
-            else finite(rise.force_loss_percent),
+            else finite_or_none(rise.force_loss_percent),
             "power_W": {"mechanical": float(rise.mechanical_W[0]), "coil": float(rise.coil_W[0])},
             "notes": [*notes, *rise.notes],
             "beyond": f"extrapolated: {', '.join(beyond)}" if beyond else "",

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.finding import worst_first
+from mrdamper.data.finding import severity_rank
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.proposal.recordings import RigFile, runs_in
@@ -181,7 +181,7 @@ def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None
     from mrdamper.data.diagnosis.diagnose import diagnose
 
     found = [*diagnose(run, prepared), *(each for each in read.findings if each.run == run.name)]
-    return [dict(each.to_dict()) for each in sorted(found, key=worst_first)]
+    return [dict(each.to_dict()) for each in sorted(found, key=severity_rank)]
 
 
 def run_row(read: RigFile, recording: Recording) -> tuple[Json, PreparedRun | None]:

@@ -24,13 +24,13 @@ from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import read_file
 from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
-from mrdamper.identify.evaluate import finite, outside_envelope
+from mrdamper.identify.evaluate import outside_envelope
 from mrdamper.identify.scores import score_run
 from mrdamper.jobs.previews.runs import look_into, run_row
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 _STEP_TOLERANCE_RATIO = 1e-3  # allowed deviation in time steps
 _WINDOW_SAMPLES_MIN = 64  # min samples of a window
@@ -92,7 +92,7 @@ def keep_window(
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
         kept = low + _telling(chosen, max(most, _WINDOW_SAMPLES_MIN))
-    units = {column["name"]: column["unit"] for column in header["columns"]}
+    units = _units(header)
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 
 
@@ -119,8 +119,8 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
     error = score_run(damper, prepared)
     header = _header(recording, path.name) | {
         "card": shown,
-        "rmse_N": finite(error.rmse_N),
-        "nrmse_percent": finite(error.nrmse_percent),
+        "rmse_N": finite_or_none(error.rmse_N),
+        "nrmse_percent": finite_or_none(error.nrmse_percent),
         "notes": outside_envelope(model, [prepared]),
         "scored_from_s": prepared.scored_from * prepared.trajectory.step,
     }
@@ -142,10 +142,15 @@ def read_series(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float3
     with path.open("rb") as file:
         length = int.from_bytes(file.read(4), "little")
         header = json.loads(file.read(length))
-    names = [column["name"] for column in header["columns"]]
+    names = list(_units(header))
     shape = (len(names), header["n"])
     found = np.memmap(path, dtype="<f4", mode="r", offset=4 + length, shape=shape)
     return header, dict(zip(names, found, strict=True))
+
+
+def _units(header: Mapping[str, Any]) -> dict[str, str]:
+    """Return the units of the columns of a kept run, by name."""
+    return {column["name"]: column["unit"] for column in header["columns"]}
 
 
 def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
@@ -169,7 +174,7 @@ def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
     }
     warm = recording.temperature
     if warm is not None and len(warm) == len(x):
-        columns["temperature_degC"] = ("degC", warm - ZERO_CELSIUS_K)
+        columns |= {"temperature_degC": ("degC", warm - ZERO_CELSIUS_K)}
     return columns
 
 
@@ -191,7 +196,7 @@ def _header(recording: Recording, file: str) -> dict[str, Any]:
         "name": recording.name,
         "file": file,
         "samples": len(recording),
-        "t0_s": finite(float(time[0])),
+        "t0_s": finite_or_none(float(time[0])),
         "step_s": step if uniform else None,
     }
 

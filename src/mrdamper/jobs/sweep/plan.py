@@ -96,7 +96,7 @@ def make_plan(
             count = options.samples or 0
             named = [(f"sample-{k:0{len(str(count - 1))}d}", {}) for k in range(count)]
             common = {"card": card_json, "spread_percent": options.spread_percent}
-            told["spread_percent"] = options.spread_percent
+            told |= {"spread_percent": options.spread_percent}
         else:
             named = [(each.name, {"drawing": each}) for each in dampers or ()]
             common = {"card": card_json, "duty": duty}

@@ -67,7 +67,7 @@ class SweepResult(JobResult):
         return len(self.tasks) < len(self.plan.tasks)
 
     @property
-    def whole(self) -> list[SweptTask]:
+    def tasks_with_values(self) -> list[SweptTask]:
         """Return the tasks that have values."""
         return [task for task in self.tasks if not task.error]
 
@@ -79,14 +79,14 @@ class SweepResult(JobResult):
     @property
     def names(self) -> list[str]:
         """Return the names of all values."""
-        return list(dict.fromkeys(name for task in self.whole for name in task.figures))
+        return list(dict.fromkeys(name for task in self.tasks_with_values for name in task.figures))
 
     @property
     def statistics(self) -> dict[str, FigureSummary]:
         """Return median, 5th and 95th percentile and extremes of every value."""
         found = {}
         for name in self.names:
-            values = [v for task in self.whole if (v := task.figures.get(name)) is not None]
+            values = [v for task in self.tasks_with_values if (v := task.figures.get(name)) is not None]
             if values:
                 shares = np.quantile(np.array(values), (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
                 found[name] = FigureSummary(len(values), *shares)
@@ -141,12 +141,12 @@ def sweep(
             raise
     return SweepResult(
         plan,
-        tuple(_swept_task(task.name, done[task.name]) for task in plan.tasks if task.name in done),
+        tuple(_task_result(task.name, done[task.name]) for task in plan.tasks if task.name in done),
         before,
     )
 
 
-def _swept_task(name: str, result: Result) -> SweptTask:
+def _task_result(name: str, result: Result) -> SweptTask:
     return SweptTask(name, result.get("figures", {}), result.get("error", ""), result.get("card"))
 
 

@@ -77,7 +77,7 @@ def derate(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnvelopeWarning)  # A map covers more temperatures than the card.
         found = derate_damper(card.damper, drawing, duty, conditions, options.quantity)
-    whole, unit = _whole(duty, options.quantity)
+    whole, unit = _unchanged_value(duty, options.quantity)
     return DerateResult(
         drawing.name,
         duty.text,
@@ -96,7 +96,7 @@ def derate(
     )
 
 
-def _whole(duty: Duty, quantity: Quantity) -> tuple[float, str]:
+def _unchanged_value(duty: Duty, quantity: Quantity) -> tuple[float, str]:
     """Return the value of a quantity in the unchanged load cycle, and its unit."""
     if quantity == "current":
         return max(each.command for each in duty.segments), duty.command_unit

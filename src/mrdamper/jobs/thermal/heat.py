@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass, replace
 
 from mrdamper.errors import EnvelopeWarning
-from mrdamper.identify.evaluate import beyond_in_words
+from mrdamper.identify.evaluate import describe_extrapolation
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -176,6 +176,6 @@ def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
     return [
         (
             f"the fluid goes from {least:.1f} to {most:.1f} degC; the card was identified from "
-            f"{known_least:.1f} to {known_most:.1f} degC, {beyond_in_words(card.damper)}"
+            f"{known_least:.1f} to {known_most:.1f} degC, {describe_extrapolation(card.damper)}"
         )
     ]

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.schema import Positive, check_ranges
 
 MU_0 = 1.25663706212e-6
 """Magnetic constant [V s/(A m)], CODATA 2018."""
@@ -43,16 +44,11 @@ _IRON_T, _IRON_POWER, _IRON_RATE = 1.91, 1.133, 10.97
 class Carlson:
     """Yield stress over the field at 20 degC: saturation tanh(H / field_scale)."""
 
-    saturation_Pa: float
-    field_scale_A_m: float = FIELD_SCALE_A_m
+    saturation_Pa: Positive
+    field_scale_A_m: Positive = FIELD_SCALE_A_m
 
     def __post_init__(self) -> None:
-        for name, unit in (("saturation_Pa", "Pa"), ("field_scale_A_m", "A/m")):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(
-                    place="yield stress", found=f"{name} is {value:g} {unit}; it must be positive"
-                )
+        check_ranges(self, "yield stress")
 
     def stress(self, field_A_m: ArrayLike) -> FloatArray:
         """Return the yield stress [Pa] at field strengths H [A/m], in their shape."""

@@ -7,7 +7,6 @@ tables are in ``fits``. The viscosity is that without field; it is valid at the 
 
 from __future__ import annotations
 
-import math
 import warnings
 from dataclasses import dataclass
 from typing import cast
@@ -20,6 +19,7 @@ from mrdamper.errors import EnvelopeError, EnvelopeWarning, InputError
 from mrdamper.models.fluids.carlson import Carlson, checked_fraction, field_strength
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import QUANTITIES, REFERENCE_K, to_degC
+from mrdamper.schema import Positive, check_ranges
 
 PLAUSIBLE_K = (QUANTITIES["temperature"].low, QUANTITIES["temperature"].high)
 
@@ -28,12 +28,11 @@ PLAUSIBLE_K = (QUANTITIES["temperature"].low, QUANTITIES["temperature"].high)
 class Collapse:
     """factor = 1 / (1 + exp[(T - middle) / width]): a fluid that fails, outside its valid range."""
 
-    middle_K: float
-    width_K: float
+    middle_K: Positive
+    width_K: Positive
 
     def __post_init__(self) -> None:
-        for name, value in (("middle_K", self.middle_K), ("width_K", self.width_K)):
-            _require_positive(f"collapse.{name}", value)
+        check_ranges(self, "collapse")
 
     def value(self, temperature_K: ArrayLike) -> FloatArray:
         """Return the factor [-] at temperatures [K], in their shape."""
@@ -52,15 +51,15 @@ class Fluid:
     name: str
     title: str = ""
     source: str = ""
-    viscosity_Pa_s: float  # viscosity at 20 degC, without field
+    viscosity_Pa_s: Positive  # viscosity at 20 degC, without field
     viscosity_factor: TemperatureFactor
     viscosity_fitted_K: tuple[float, float]
     yield_field: Carlson  # yield stress at 20 degC
     yield_factor: TemperatureFactor
     particle_fraction: float  # volume fraction of iron [-]
-    density_kg_m3: float | None = None
-    heat_capacity_J_kg_K: float | None = None
-    conductivity_W_m_K: float | None = None  # thermal
+    density_kg_m3: Positive | None = None
+    heat_capacity_J_kg_K: Positive | None = None
+    conductivity_W_m_K: Positive | None = None  # thermal
     collapse: Collapse | None = None
     valid_K: tuple[float, float]
 
@@ -68,10 +67,7 @@ class Fluid:
         place = f"fluid {self.name!r}"
         if not self.name:
             raise InputError("the name is empty", place="fluid")
-        for name in ("viscosity_Pa_s", "density_kg_m3", "heat_capacity_J_kg_K", "conductivity_W_m_K"):
-            value = getattr(self, name)
-            if value is not None:
-                _require_positive(f"{place}: {name}", value)
+        check_ranges(self, place)
         checked_fraction(self.particle_fraction)
         for what, (low, high) in (("valid", self.valid_K), ("viscosity's fitted", self.viscosity_fitted_K)):
             if not PLAUSIBLE_K[0] <= low < high <= PLAUSIBLE_K[1]:
@@ -177,11 +173,6 @@ class Fluid:
 def fall_percent(factor: TemperatureFactor, cold_K: float = REFERENCE_K, hot_K: float = 373.15) -> float:
     """Return the fall of a factor between two temperatures [% of its value at the first]."""
     return 100.0 * (1.0 - float(factor.value(hot_K)) / float(factor.value(cold_K)))
-
-
-def _require_positive(what: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"{what} is {value:g}", expected="a positive number")
 
 
 def _celsius(kelvin: float) -> str:

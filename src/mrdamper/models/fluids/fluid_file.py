@@ -25,7 +25,7 @@ PRESETS = ("paper", "lord-mrf-132dg")
 
 SCHEMA_VERSION: Final = 1
 
-_Law = Annotated[str, Option("of temperature", among=lambda: FACTORS)]
+_Law = Annotated[str, Option(among=lambda: FACTORS)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,8 @@ class FluidTables:
     title: str = ""
     source: str = ""
     like: str | None = None
-    valid_degC: Annotated[tuple[float, float], Option("low, high", unit="degC")] = (-40.0, 130.0)
+    valid_degC: Annotated[tuple[float, float], Option(unit="degC")] = (-40.0, 130.0)
+    """Lowest and highest temperature."""
     viscosity: Mapping[str, Any]
     yield_stress: Mapping[str, Any]
     properties: PropertiesTable
@@ -134,7 +135,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
             valid_K=_to_kelvin(valid),
         )
     except InputError as fault:
-        raise fault.at_place(place) from fault
+        raise fault.prepend_place(place) from fault
 
 
 def _completed(given: Json, place: str) -> Json:
@@ -169,7 +170,7 @@ def _section(
     try:
         return record, make_factor(record.law, parameters)
     except InputError as fault:
-        raise fault.at_place(place) from fault
+        raise fault.prepend_place(place) from fault
 
 
 def fluid_to_toml(fluid: Fluid) -> str:

@@ -26,7 +26,7 @@ def runs_figure(result: CheckResult) -> Figure | None:
     for place, run in enumerate(shown):
         axes = figure.add_subplot(rows, columns, place + 1)
         axes.plot(*run.samples_drawn.T, ".", color=TRAINING, markersize=1.4)
-        colour = HELD_OUT if run.worst == "fault" else INK
+        colour = HELD_OUT if run.max_severity == "fault" else INK
         axes.set_title(shortened(run.name, 34), loc="left", pad=3, fontsize=6.5, color=colour)
         axes.locator_params(nbins=4)
         if place % columns == 0:
@@ -40,4 +40,4 @@ def runs_figure(result: CheckResult) -> Figure | None:
 
 
 def _severity(run: CheckedRun) -> int:
-    return len(SEVERITIES) if run.worst is None else SEVERITIES.index(run.worst)
+    return len(SEVERITIES) if run.max_severity is None else SEVERITIES.index(run.max_severity)

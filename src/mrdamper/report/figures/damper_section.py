@@ -70,7 +70,7 @@ def draw_dampers(dampers: Sequence[tuple[str, DamperDrawing]], label: str) -> st
                 axes.tick_params(axis="x", labelbottom=False)
         keys = {word: colour for colour, word in _COLOURS.values()}
         if not any(drawing.sink for _, drawing in dampers):
-            del keys["fins"]
+            keys.pop("fins")
         patches = [Patch(facecolor=colour, label=word) for word, colour in keys.items()]
         figure.legend(
             handles=patches,

@@ -55,7 +55,7 @@ class Limits:
     force_N: tuple[float, float]
 
     @classmethod
-    def of(cls, traces: Sequence[Trace]) -> Limits:
+    def from_traces(cls, traces: Sequence[Trace]) -> Limits:
         """Return limits that fit all traces."""
 
         def span(arrays: Sequence[FloatArray]) -> tuple[float, float]:

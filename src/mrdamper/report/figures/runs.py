@@ -21,7 +21,7 @@ TITLE_LETTER_COUNT_MAX = 110  # All titles together must fit the width of the fi
 COLOUR_QUANTILE = 0.99  # This quantile of the current selects the colour, which short peaks do not change.
 
 
-def measured_loops(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
+def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
     """Return force versus displacement and velocity, a column for each of at most seven runs.
 
     If the velocity was not measured, it is the derivative of the smoothed displacement.

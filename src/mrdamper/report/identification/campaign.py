@@ -69,14 +69,14 @@ class Campaign:
         """True if the runs have two or more temperatures."""
         return self.levels.kind == "temperature"
 
-    def at(self, motion: str, level: float | None, command: float | None) -> RunError | None:
+    def find_run(self, motion: str, level: float | None, command: float | None) -> RunError | None:
         """Return the run with the median error of a motion, level and current."""
         found = [
             error
             for error in self.errors
             if error.motion == motion
             and error.command == command
-            and (level is None or self.levels.of(error) == level)
+            and (level is None or self.levels.level_of(error) == level)
         ]
         return sorted(found, key=lambda error: error.nrmse_percent)[len(found) // 2] if found else None
 

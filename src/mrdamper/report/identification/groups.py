@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import cycles
-from mrdamper.data.diagnosis.repeatability import alike, forces_by_phase
+from mrdamper.data.diagnosis.repeatability import forces_by_phase, is_typical
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
@@ -33,7 +33,7 @@ class OperatingPoints:
     values: tuple[float, ...]
     unit: str
 
-    def of(self, error: RunError) -> float | None:
+    def level_of(self, error: RunError) -> float | None:
         """Return the level of a run, or None if its current changes."""
         value = error.temperature_degC if self.kind == "temperature" else error.command
         return None if value is None else min(self.values, key=lambda level: abs(level - value))
@@ -88,14 +88,14 @@ def error_table(errors: Sequence[RunError], levels: OperatingPoints) -> ErrorTab
         return tuple(
             ErrorCell(
                 *(
-                    pooled_rms(e for e in members if levels.of(e) == level and e.split == split)
+                    pooled_rms(e for e in members if levels.level_of(e) == level and e.split == split)
                     for split in ("training", "held_out")
                 )
             )
             for level in levels.values
         )
 
-    placed = [error for error in errors if levels.of(error) is not None]
+    placed = [error for error in errors if levels.level_of(error) is not None]
     motions = dict.fromkeys(error.motion for error in placed)
     rows = tuple((motion, cells([e for e in placed if e.motion == motion])) for motion in motions)
     return ErrorTable(levels, rows, cells(placed))
@@ -115,7 +115,7 @@ def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None
     counts: dict[str, set[tuple[float | None, float | None]]] = {}
     for error in errors:
         if error.motion.startswith("sine") and error.command is not None:
-            counts.setdefault(error.motion, set()).add((levels.of(error), error.command))
+            counts.setdefault(error.motion, set()).add((levels.level_of(error), error.command))
     if not counts:
         return None
     return max(counts, key=lambda motion: (len(counts[motion]), _stroke_in(motion), motion))
@@ -151,7 +151,7 @@ def peak_force(run: PreparedRun) -> float | None:
     found = cycles(run)
     if run.period_s is None or not len(found):
         return None
-    mean: FloatArray = np.mean(forces_by_phase(run, found.where(alike(found.stroke_m))), axis=0)
+    mean: FloatArray = np.mean(forces_by_phase(run, found.where(is_typical(found.stroke_m))), axis=0)
     return float(np.abs(mean).max())
 
 

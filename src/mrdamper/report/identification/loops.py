@@ -47,7 +47,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> Picture | None:
     levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
-    picked = [(level, campaign.at(motion, level, command)) for level in levels]
+    picked = [(level, campaign.find_run(motion, level, command)) for level in levels]
     columns = [(campaign.levels.label(level), campaign.colour(level), error) for level, error in picked]
     svg = _loop_grid(campaign, columns, f"Loops of {motion} at each temperature")
     if svg is None:
@@ -59,7 +59,7 @@ def _over_levels(campaign: Campaign, motion: str, command: float | None) -> Pict
 def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Picture | None:
     unit = campaign.errors[0].command_unit
     picked = [
-        (command, campaign.at(motion, level, command))
+        (command, campaign.find_run(motion, level, command))
         for command in pick_evenly(campaign.commands, PANEL_COLUMNS_MAX)
     ]
     columns = [
@@ -85,7 +85,8 @@ def overview(campaign: Campaign) -> Figure:
         drawn = [
             (f"{command:g} {unit}", run)
             for command in pick_evenly(campaign.commands, OVERVIEW_COUNT_MAX)
-            if campaign.main is not None and (run := campaign.at(campaign.main, level, command)) is not None
+            if campaign.main is not None
+            and (run := campaign.find_run(campaign.main, level, command)) is not None
         ]
         drawn += [(f"worst: {run.name}", run) for run in worst[: 1 if drawn else PANEL_COLUMNS_MAX]]
     found = _loop_rows(
@@ -131,7 +132,10 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
     levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
     rows, splits = [], []
     for motion in motions:
-        picked = [campaign.at(motion, level, command) or campaign.at(motion, level, None) for level in levels]
+        picked = [
+            campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None)
+            for level in levels
+        ]
         known = [error for error in picked if error is not None]
         if not known:
             continue
@@ -182,7 +186,7 @@ def residual_picture(campaign: Campaign) -> Picture | None:
         errors = [
             error
             for command in campaign.commands
-            if (error := campaign.at(motion, level, command)) is not None
+            if (error := campaign.find_run(motion, level, command)) is not None
         ]
         if not errors:
             continue
@@ -236,7 +240,7 @@ def error_section(campaign: Campaign) -> ErrorSection:
     """Return the RMS errors [N] by motion and temperature (or current) of training and held-out runs."""
     levels = campaign.levels
     table = error_table(campaign.errors, levels)
-    placed = [error for error in campaign.errors if levels.of(error) is not None]
+    placed = [error for error in campaign.errors if levels.level_of(error) is not None]
     motions: dict[str, list[tuple[float, float | None, Point]]] = {}
     for error in placed:
         x = error.temperature_degC if campaign.warm else error.command

@@ -169,7 +169,7 @@ def _figures(campaign: Campaign, ordered: Sequence[RunError]) -> dict[str, objec
     if grouped:
         drawn = _traces(campaign, find_worst_by_motion(campaign.errors)[:RESIDUAL_FIGURE_COUNT_MAX])
     else:
-        drawn = _worst_traces(campaign)
+        drawn = _select_traces(campaign)
     bars = sorted(ordered, key=lambda error: error.split != "training")
     return {
         "many": many,
@@ -207,7 +207,7 @@ _METHODS: Mapping[str, str] = {
 # ------------------------------------------------------------------------------------------- traces
 
 
-def _worst_traces(campaign: Campaign) -> list[plots.Trace]:
+def _select_traces(campaign: Campaign) -> list[plots.Trace]:
     """Return the traces of each run by motion and current, or of the worst runs if there are many."""
     chosen = sorted(campaign.errors, key=lambda e: -e.nrmse_percent)[:LOOP_COUNT_MAX]
     return _traces(campaign, sorted(chosen, key=_order))
@@ -222,7 +222,7 @@ def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
     groups = []
     for motion in dict.fromkeys(trace.motion for trace in traces):
         members = [trace for trace in traces if trace.motion == motion]
-        limits = plots.Limits.of(members)
+        limits = plots.Limits.from_traces(members)
         drawn = tuple((trace, plots.loops(trace, limits, highest)) for trace in members)
         groups.append(_Group(motion, drawn))
     return groups
@@ -242,7 +242,7 @@ def _cell_traces(campaign: Campaign) -> list[plots.Trace]:
     if campaign.warm:
         return []
     motions = list(dict.fromkeys(error.motion for error in campaign.errors))[:RESIDUAL_FIGURE_COUNT_MAX]
-    cells = [campaign.at(motion, None, command) for motion in motions for command in campaign.commands]
+    cells = [campaign.find_run(motion, None, command) for motion in motions for command in campaign.commands]
     return [campaign.trace(error) for error in cells if error is not None]
 
 
@@ -252,7 +252,7 @@ def _order(
     """Return the sort key of a run: motion with its numbers, temperature, current, name."""
     parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
     motion = [(text, float(number or 0.0)) for text, number in parts]
-    warm = levels.of(error) if levels is not None and levels.kind == "temperature" else None
+    warm = levels.level_of(error) if levels is not None and levels.kind == "temperature" else None
     return motion, warm or 0.0, np.inf if error.command is None else error.command, error.name
 
 

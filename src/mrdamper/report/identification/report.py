@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.data.finding import by_kind
-from mrdamper.identify.evaluate import finite, row
+from mrdamper.identify.evaluate import row
 from mrdamper.identify.problem import Estimate
 from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.jobs.fit import FitResult
@@ -27,7 +27,7 @@ from mrdamper.report.identification.verdict import verdict_lines
 from mrdamper.report.page import sentence
 from mrdamper.report.sections import print_compact
 from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 # The terminal shows the most important rows. The report has all of them.
 MODEL_COUNT_MAX = 3
@@ -50,12 +50,12 @@ def _answer(found: FitResult) -> Json:
         "starts": [
             {
                 "index": start.index,
-                "cost_percent": finite(start.cost_percent),
+                "cost_percent": finite_or_none(start.cost_percent),
                 "converged": start.converged,
             }
             for start in result.starts
         ],
-        "passivity_min": finite(judged.passivity_min),
+        "passivity_min": finite_or_none(judged.passivity_min),
         "converged": found.converged,
         "cancelled": found.cancelled,
         "errors": [
@@ -95,12 +95,12 @@ def _estimate(estimate: Estimate) -> Json:
     return {
         "value": estimate.value,
         "unit": estimate.unit,
-        "standard_error": finite(estimate.standard_error),
-        "design_error_percent": finite(estimate.design_error_percent),
+        "standard_error": finite_or_none(estimate.standard_error),
+        "design_error_percent": finite_or_none(estimate.design_error_percent),
         "identifiable": bool(estimate.identifiable),
         "at_bound": estimate.at_bound or None,
-        "lower": finite(estimate.lower),
-        "upper": finite(estimate.upper),
+        "lower": finite_or_none(estimate.lower),
+        "upper": finite_or_none(estimate.upper),
     }
 
 
@@ -109,8 +109,8 @@ def _selection(selection: Selection) -> Json:
         "validation_data": selection.validation_data,
         "is_subset": selection.is_subset,
         "sample_count": selection.sample_count,
-        "subset_error_percent": finite(selection.subset_error_percent),
-        "all_runs_error_percent": finite(selection.all_runs_error_percent),
+        "subset_error_percent": finite_or_none(selection.subset_error_percent),
+        "all_runs_error_percent": finite_or_none(selection.all_runs_error_percent),
         "candidates": [_candidate(score) for score in selection.scores],
     }
 
@@ -120,10 +120,10 @@ def _candidate(score: CandidateScore) -> Json:
         "law": score.law,
         "terms": list(score.terms),
         "free_parameters": score.free_parameters,
-        "training_rms_percent": finite(score.training_rms_percent),
-        "cv_median_percent": finite(score.cv_median_percent),
-        "cv_worst_percent": finite(score.cv_worst_percent),
-        "cv_rms_percent": finite(score.cv_rms_percent),
+        "training_rms_percent": finite_or_none(score.training_rms_percent),
+        "cv_median_percent": finite_or_none(score.cv_median_percent),
+        "cv_worst_percent": finite_or_none(score.cv_worst_percent),
+        "cv_rms_percent": finite_or_none(score.cv_rms_percent),
         "reason": score.reason,
         "cpu_s": round(score.cpu_s, 3),
     }
@@ -133,7 +133,9 @@ def _actuation(found: FitResult) -> Json | None:
     fitted = found.actuation
     if fitted is None:
         return None
-    errors = {f"{name}_standard_error": finite(error) for name, error in fitted.standard_errors.items()}
+    errors = {
+        f"{name}_standard_error": finite_or_none(error) for name, error in fitted.standard_errors.items()
+    }
     return {**asdict(fitted.actuation), **errors, **fitted.to_dict()}
 
 

@@ -10,11 +10,10 @@ from types import MappingProxyType
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from mrdamper.identify.evaluate import finite
 from mrdamper.identify.scores import RunError, Split, summary
 from mrdamper.jobs.intervals import ForceInterval
 from mrdamper.report.sections import Column, Table, terminal_table
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 RUN_COUNT_MAX = 40  # More runs are shown by motion and temperature.
 WORST_RUN_COUNT = 10
@@ -37,7 +36,7 @@ def summaries(errors: Iterable[RunError]) -> Json:
 
 def in_percent(values: Mapping[str, float]) -> Json:
     """Return a summary whose keys contain the unit."""
-    return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
+    return {f"{name}_nrmse_percent": finite_or_none(value) for name, value in values.items()}
 
 
 @dataclass(frozen=True, slots=True)

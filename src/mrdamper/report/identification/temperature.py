@@ -98,7 +98,7 @@ def _measurements(
     """Return measured peak force [N], relative loss [%] and energy per cycle [J] at each temperature."""
     if not campaign.warm or campaign.main is None:
         return (), (), ()
-    runs = [(level, campaign.at(campaign.main, level, command)) for level in campaign.levels.values]
+    runs = [(level, campaign.find_run(campaign.main, level, command)) for level in campaign.levels.values]
     known = [(level, error, peak_force(campaign.runs[error.name])) for level, error in runs if error]
     peaks = [Point(level, peak, error.split) for level, error, peak in known if peak is not None]
     first = next(
@@ -227,7 +227,7 @@ def _picks(
         if error.command not in commands or error.command is None:
             continue
         if campaign.warm and temperature is not None:
-            level = campaign.levels.of(error)
+            level = campaign.levels.level_of(error)
             if level is None or abs(level + ZERO_CELSIUS_K - temperature) > 1e-6:
                 continue
         pick = pick_of(campaign.runs[error.name])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.prepare import PreparedRun, decimate, shown_samples
+from mrdamper.data.prepare import PreparedRun, decimate, select_plot_samples
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.intervals import PYTHON_RATE_Hz
 from mrdamper.models.damper import Damper
@@ -49,7 +49,7 @@ def traces_of(
 
 def _trace(run: PreparedRun, error: RunError, force: FloatArray, seconds: float | None, points: int) -> Trace:
     path = run.trajectory
-    drawn = shown_samples(run, seconds=seconds, points=points)
+    drawn = select_plot_samples(run, seconds=seconds, points=points)
     return Trace(
         name=error.name,
         motion=error.motion,

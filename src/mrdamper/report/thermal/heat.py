@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
@@ -21,7 +20,7 @@ from mrdamper.report.thermal.heat_page import (
     end_band,
     limit_band,
     limit_rows,
-    shown_intervals,
+    page_intervals,
     sink_in_words,
 )
 from mrdamper.runtime.outputs import write_table
@@ -101,7 +100,7 @@ def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
             "high_degC": (prediction_interval.high - ZERO_CELSIUS_K).tolist(),
         },
         "force_loss_percent": rise.force_loss_percent,
-        "peak_force_N": [finite(force) for force in rise.peak_force_N.tolist()],
+        "peak_force_N": [finite_or_none(force) for force in rise.peak_force_N.tolist()],
         "power_W": {"mechanical": rise.mechanical_W.tolist(), "coil": rise.coil_W.tolist()},
         "paths_W": {path: watts.tolist() for path, watts in rise.paths_W.items()},
         "energy_J": dict(rise.energy_J),
@@ -133,13 +132,13 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
 
 def summary(run: HeatResult) -> list[str]:
     """Return the limits, the temperature of the fluid at the end, and the loss of force."""
-    intervals = shown_intervals(run)
+    intervals = page_intervals(run)
     return _sentences(run.rise, intervals[0] if intervals else None)
 
 
 def show(run: HeatResult, console: Console) -> None:
     """Print the limits, the values at the end, the temperatures at seven times, and notes."""
-    intervals = shown_intervals(run)
+    intervals = page_intervals(run)
     lines = summary(run)
     if run.bare is not None:
         bare_interval = intervals[1] if len(intervals) > 1 else None
@@ -198,8 +197,7 @@ def _limit_sentence(rise: Rise, interval: PredictionInterval | None, index: int)
 
 def _energy_sentence(rise: Rise) -> str:
     """Return the distribution of the dissipated energy."""
-    energy = rise.energy_J
-    total = energy["mechanical"] + energy["coil"]
+    energy, total = rise.energy_J, rise.input_J
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
     percents = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
     return f"Energy {total / 1e3:.1f} kJ: {percents}."

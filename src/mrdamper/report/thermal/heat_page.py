@@ -32,7 +32,7 @@ _MODELS = {
 
 
 def _first(run: HeatResult) -> FirstScreen:
-    rise, card, interval = run.rise, run.card, next(iter(shown_intervals(run)), None)
+    rise, card, interval = run.rise, run.card, next(iter(page_intervals(run)), None)
     loss = rise.force_loss_percent
     minutes = f"{rise.time[-1] / 60:.4g} min"
     bare = "" if run.bare is None else f"without the heat sink {run.bare.fluid_degC[-1]:.1f} °C"
@@ -73,7 +73,7 @@ def _verdict(run: HeatResult) -> str:
 
 
 def _caption(run: HeatResult) -> str:
-    intervals = shown_intervals(run)
+    intervals = page_intervals(run)
     if not intervals:
         return ""
     source = (
@@ -120,7 +120,7 @@ def _sections(run: HeatResult) -> dict[str, object]:
         "field": _draw_field(run.rise),
         "limits": [
             (title, limit_rows(rise, interval))
-            for (title, rise), interval in zip_longest(run.rises, shown_intervals(run))
+            for (title, rise), interval in zip_longest(run.rises, page_intervals(run))
         ],
         "probability": 100.0 * run.prediction_interval.probability,
         "account": [_account(rise) for _, rise in run.rises],
@@ -130,13 +130,12 @@ def _sections(run: HeatResult) -> dict[str, object]:
 
 def _figure(run: HeatResult) -> Figure:
     measured = None if run.calibrated is None else run.calibrated.curve
-    return temperature_figure(run.rises, shown_intervals(run), measured)
+    return temperature_figure(run.rises, page_intervals(run), measured)
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
     """Return energy [kJ] and fraction of the input energy [%], by name."""
-    energy = rise.energy_J
-    total = energy["mechanical"] + energy["coil"]
+    energy, total = rise.energy_J, rise.input_J
     return {
         name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
     }
@@ -152,7 +151,7 @@ def sink_in_words(sink: HeatSink) -> str:
     )
 
 
-def shown_intervals(run: HeatResult) -> list[PredictionInterval]:
+def page_intervals(run: HeatResult) -> list[PredictionInterval]:
     """Return the intervals of the curves, or an empty list if the card is extrapolated."""
     return [] if run.extrapolated else run.prediction_intervals
 

@@ -57,7 +57,7 @@ class FilmTable:
     above: FloatArray  # surface minus ambient [K], rising
     film: FloatArray
 
-    def at(self, law: int, above: float, ambient: float, speed: float) -> float:
+    def interpolate(self, law: int, above: float, ambient: float, speed: float) -> float:
         """Return a coefficient: parabola over ambient, linear over the rest, constant beyond the ends."""
         width = self.ambient[1] - self.ambient[0]
         x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)
@@ -101,7 +101,7 @@ class CompactModel:
         """Return the heat-transfer coefficient of a kind of surface [W/(m^2 K)] at temperatures [K]."""
         both = surface + ambient
         radiation = self.radiation[kind] * both * (surface**2 + ambient**2)
-        convection = self.films.at(self.law[kind], surface - ambient, ambient, air_speed)
+        convection = self.films.interpolate(self.law[kind], surface - ambient, ambient, air_speed)
         return max(convection, 0.0) + float(radiation) + float(self.mount[kind])
 
 

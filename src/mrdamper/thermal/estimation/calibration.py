@@ -103,10 +103,9 @@ class CalibratedDrawing:
     @property
     def entries(self) -> dict[str, dict[str, float]]:
         """Return the entries of the geometry file with the calibration, by table."""
+        sink = self.drawing.sink
         found = {"calibration": {"heat_capacity": self.heat_capacity, "film": self.film}}
-        if self.drawing.sink is not None:
-            found["sink"] = {"film_multiplier": self.drawing.sink.film_multiplier}
-        return found
+        return found if sink is None else found | {"sink": {"film_multiplier": sink.film_multiplier}}
 
 
 def calibrate_drawing(

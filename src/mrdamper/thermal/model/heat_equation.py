@@ -167,7 +167,7 @@ class HeatEquation:
         for part in self.storage:
             row = part.mass @ self.uniform
             mean = float(row @ state) / float(row @ self.uniform) + self.ambient
-            found = found + (part.curve.at(mean) - 1.0) * part.mass
+            found = found + (part.curve.evaluate(mean) - 1.0) * part.mass
         return found
 
     def heat(self, states: FloatArray) -> FloatArray:

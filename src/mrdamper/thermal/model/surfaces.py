@@ -237,7 +237,7 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
         fins = "single horizontal discs, McAdams" if upright else "annular fins, Tsubouchi and Masuda"
         if drawing.sink.film_multiplier != 1.0:
             fins += f", times {drawing.sink.film_multiplier:g}"
-        found["fins"] = fins + (", with flow that develops between discs" if moving else "")
+        found |= {"fins": fins + (", with flow that develops between discs" if moving else "")}
     return found
 
 

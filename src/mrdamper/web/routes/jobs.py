@@ -71,11 +71,10 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
         for name in options.get(key) or ():
             folder.run_file(name)
     if "record" in options:
-        folder.record(options["record"])
-        if options["channels"] is not None:
-            folder.channel_map(options["channels"])
-        if options["model"] is not None:
-            folder.card(options["model"])
+        finders = {"record": folder.record, "channels": folder.channel_map, "model": folder.card}
+        for key, find in finders.items():
+            if options[key] is not None:
+                find(options[key])
     keys = ["first", "second"]
     if "replace" not in options:  # A fit writes its card.
         keys.append("card")

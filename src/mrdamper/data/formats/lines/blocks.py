@@ -74,7 +74,9 @@ class _Scan:
         if is_comment(line):
             return "words"
         if self._open is None:
-            began = not self.blocks or _is_value(cells[0])
+            first = cells[0]
+            is_value = first in {"", *MISSING_MARKS} or count_numbers([first]) > 0 or is_time(first)
+            began = not self.blocks or is_value
             return "row" if count_numbers(cells) >= 2 and began else "words"
         inside = [cells[k] for k in self._numeric if k < len(cells)]
         if not count_numbers(inside):
@@ -95,8 +97,3 @@ def find_blocks(
         at += len(raw)
     scan.end()
     return scan.blocks, len(scan.above)
-
-
-def _is_value(cell: str) -> bool:
-    """Return True if a cell is a number, a time, or the mark of a missing value."""
-    return not cell or cell in MISSING_MARKS or count_numbers([cell]) > 0 or is_time(cell)

@@ -6,13 +6,13 @@ import csv
 import io
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import MISSING_MARKS, Layout, Texts
-from mrdamper.data.formats.timestamps import Timestamps
+from mrdamper.data.formats.timestamps import Timestamps, days_of, moment_of
 
 _AROUND = ' \t"'  # Blanks and quotation marks around a cell are not part of its text.
 _MISSING = frozenset({"", *MISSING_MARKS})
@@ -87,10 +87,30 @@ class Cells:
         k = self._is_wrong.index(True)
         return self._lines[k], f"{self._texts[k]}"[:40]
 
+    def with_dates(self, dates: Texts) -> Cells:
+        """Return the cells with a date in front of each."""
+        texts: Texts = [time and f"{date} {time}" for date, time in zip(dates, self._texts, strict=True)]
+        return Cells(texts, [None] * len(texts), self._lines)
+
     def as_times(self, reader: Timestamps) -> Cells:
         """Return the cells as times of day or dates: numbers are seconds, and any other cell is wrong."""
         seconds = reader.seconds(self._texts).tolist()
         return Cells(self._texts, [None if math.isnan(each) else each for each in seconds], self._lines)
+
+
+def with_dates(columns: Mapping[int, Cells]) -> dict[int, Cells]:
+    """Return columns in which times of day have the date of the column next to them."""
+    found = dict(columns)
+    for k, column in columns.items():
+        times = column.texts()
+        first = moment_of(next(filter(None, times), "")) if column.mostly_text else None
+        if first is None or first.has_date:
+            continue
+        for beside in (columns.get(k - 1), columns.get(k + 1)):
+            dates = [] if beside is None else beside.texts()
+            if dates and not any(math.isnan(days_of(date)[0]) for date in {*dates}):
+                found[k] = column.with_dates(dates)
+    return found
 
 
 def cells_of_text(content: str, layout: Layout, count: int, first_line: int) -> list[Cells]:

@@ -32,9 +32,7 @@ _NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # Bytes that Windows-1252 
 _NO_CYRILLIC = b"\x98"  # The byte that Windows-1251 does not define.
 _WORDS = re.compile(rb"[A-Za-z\x80-\xff]{3,}")
 _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")
-_WORDS_MIN = 2
 _EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
-_NON_ASCII_RATIO_MAX = 0.05  # A text of numbers has few letters beyond ASCII.
 _MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -74,10 +72,7 @@ def size_of(source: TextSource) -> int:
 def open_text_bytes(source: TextSource) -> BinaryIO:
     """Open a text for reading as bytes. UTF-16 is converted to UTF-8.
 
-    Raises
-    ------
-    InputError
-        A text in UTF-16 is damaged, or larger than 256 MB.
+    Raise InputError if a text in UTF-16 is damaged, or larger than 256 MB.
     """
     if isinstance(source, TextInMemory):
         return io.BytesIO(source.content)
@@ -104,10 +99,7 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
 def encoding_of(path: TextSource, content: bytes) -> str:
     """Return the encoding of a text that is not UTF-16.
 
-    Raises
-    ------
-    InputError
-        The encoding is not one of a text of numbers.
+    Raise InputError if the encoding is not one of a text of numbers.
     """
     try:
         content.decode("utf-8")
@@ -119,13 +111,13 @@ def encoding_of(path: TextSource, content: bytes) -> str:
                 return eastern
             if _NO_CYRILLIC not in content and _is_cyrillic(content):
                 return _CYRILLIC
-            if _NO_WINDOWS.search(content) is None and letters <= _NON_ASCII_RATIO_MAX * len(content):
+            # A text of numbers has few letters beyond ASCII.
+            if _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content):
                 return _WINDOWS
         raise InputError(
             place=f"{path}",
-            found=(
-                f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
-            ),
+            found=f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})",
+            remedy="Save the file as UTF-8",
         ) from error
     return UTF8
 
@@ -133,7 +125,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
 def _is_cyrillic(content: bytes) -> bool:
     """Return True if words beyond ASCII contain no ASCII letters, because words in Latin script mix both."""
     words = [word for word in _WORDS.findall(content) if not word.isascii()]
-    return len(words) >= _WORDS_MIN and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
+    return len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
 
 
 def _eastern(content: bytes) -> str:

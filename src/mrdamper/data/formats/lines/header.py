@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
 from mrdamper.data.formats.lines.properties import find_properties, property_of
 from mrdamper.data.formats.table import LEAST_ROWS, MISSING_MARKS
+from mrdamper.data.formats.timestamps import days_of, is_time
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
@@ -20,7 +22,6 @@ from mrdamper.quantities import is_any_unit
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
-_DATED = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ,]\d{1,2}:\d{2}:\d{2}\S*")
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?([+-]?\d[\d.,]*)[\"']?,?\s*"
@@ -115,12 +116,12 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
     for k in range(first - 1, -1, -1):
-        fields = _header_fields(lines[k], delimiter, count, filled)
+        line = [cell for cell in split_line(lines[k], delimiter) if cell]
+        is_entries = not rows and bool(line) and all("=" in cell for cell in line)  # "dt = 3 ms"
+        fields = None if is_entries else _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
-        elif rows or not (
-            is_comment(lines[k]) or _MARK.fullmatch(lines[k]) or _is_empty(lines[k], delimiter)
-        ):
+        elif rows or (line and not (is_entries or is_comment(lines[k]) or _MARK.fullmatch(lines[k]))):
             break
     if not rows:
         plain = tuple(f"column {k + 1}" for k in range(count))
@@ -165,10 +166,6 @@ def _filled(cells: list[str]) -> list[str]:
     """Return cells without empty ones at the end."""
     last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
     return cells[:last]
-
-
-def _is_empty(line: str, delimiter: str) -> bool:
-    return not any(split_line(line, delimiter))
 
 
 def _apply_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
@@ -263,9 +260,9 @@ def is_comment(line: str) -> bool:
 
 
 def count_numbers(fields: Sequence[str]) -> int:
-    """Return the number of numeric fields; a date with a time of day in the first field counts."""
-    dated = bool(fields) and _DATED.fullmatch(fields[0]) is not None
-    return dated + sum(map(is_number, fields))
+    """Return the number of numeric fields; a time of day in the first field, or behind a date, counts."""
+    is_dated = len(fields) > 1 and not math.isnan(days_of(fields[0])[0]) and is_time(fields[1])
+    return (is_dated or is_time(fields[0] if fields else "")) + sum(map(is_number, fields))
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
@@ -327,9 +324,6 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     if all(_WHOLE.fullmatch(text) for text in fields):
         raise InputError(
             place=f"{path}",
-            found=(
-                f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
-                "both columns and decimals"
-            ),
+            found=f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas may be decimals",
             remedy="Export with semicolons, or with decimal points",
         )

@@ -46,6 +46,7 @@ def property_of(text: str) -> str:
         if (
             words
             and len(words) <= 3
+            and words != ["full", "scale"]
             and not has_value
             and (form.fullmatch(words[-1]) or form.fullmatch(words[0]))
         ):

@@ -1,0 +1,59 @@
+/* Functions and types of the two extensions that Python uses; cmake/generate_binding.py reads the declarations from here.
+ *
+ * `_kernel` has the whole kernel in double precision, `_single` (MRD_SINGLE) a controller in single precision.
+ */
+#ifndef MRD_INTERFACE_H
+#define MRD_INTERFACE_H
+
+#ifdef MRD_SINGLE
+#include "controller.h"
+
+/* The functions of a controller; the kernel's structure of this name has the same members among others. */
+typedef struct {
+    const char *name;
+    void (*track_start)(const mrd_track *controller, mrd_track_state *state);
+    mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_inputs *inputs);
+    mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_model_inputs *inputs);
+    void (*track_parts)(const mrd_track *controller, const mrd_track_state *state, mrd_real *parts);
+} mrd_api;
+#else
+#include "kernel.h"
+#include "loop_plant.h"
+
+#define MRD_LOOPS_MAX 64
+
+/* One controller on one damper. */
+typedef struct {
+    const mrd_track *track;
+    mrd_track_state *state;
+    size_t late;         /* samples by which a command is late */
+    int reads_force;
+    double gain, offset; /* of the damper's force [-], [N] */
+    double highest, current_step, force_step; /* driver's limit [A]; steps of the two converters, 0: none */
+    const mrd_inputs *sensed; /* [samples] readings; the force is the noise of its sensor */
+    const double *frozen;     /* [samples] 1 if the force sensor repeats its last reading, else 0 */
+    double *force;            /* [steps] of the damper [N] */
+    double *given;            /* [late + 1 + samples] commands, of which the first are zero [A] */
+    double felt, read;        /* force of the damper and reading of its sensor [N] */
+} mrd_loop;
+
+/* Run the sampled loops of control/loop.py on one motion. `every` is the number of plant steps per sample; `apart` is
+ * the number of steps by which a command is late in addition to whole samples.
+ * Return 0 if a command is not finite or the damper rejects a sample. */
+int mrd_follow(const mrd_api *api, loop_plant *plant, size_t steps, const double *displacement, const double *velocity,
+               size_t every, size_t apart, size_t count, mrd_loop *loops);
+#endif
+
+/* Return the build for an instruction set level, 0 is the slowest; NULL if the processor or the build has no such level. */
+const mrd_api *mrd_level(int level);
+
+/* Return 1 if all sizes and indices of a controller are in the range that a step relies on, else 0. */
+int mrd_track_is_sound(const mrd_track *track);
+
+/* Take n steps of a controller or of the model; fill what each step gives, and its flags. */
+void mrd_track_run(const mrd_api *api, const mrd_track *track, mrd_track_state *state, size_t n, const mrd_inputs *inputs,
+                   mrd_real *current, int32_t *flags);
+void mrd_model_run(const mrd_api *api, const mrd_track *model, mrd_track_state *state, size_t n,
+                   const mrd_model_inputs *inputs, mrd_real *force, int32_t *flags);
+
+#endif

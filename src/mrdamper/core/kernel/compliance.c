@@ -1,0 +1,63 @@
+/* The compliance of the implicit laws: free play with a spring behind it, and a dashpot, at the elastic travel e:
+ *
+ *     S(e) + cB |e'/v0|^(mB-1) e',   S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)]
+ */
+
+#define LEAK_SPEED_RATIO_MIN 1e-6 /* The dashpot's power is a straight line below this ratio to v0: it is regular at rest. */
+
+typedef struct {
+    pack spring, gap, corner, leak, exponent, per_speed;
+    int bent; /* An exponent differs from one. */
+} compliance;
+
+typedef struct {
+    pack e, rate, spring_slope, leak_slope;
+} compliance_point;
+
+/* Return the compliance of coefficients that begin with the spring. */
+IN_LANES compliance compliance_of(const pack *c, pack per_speed)
+{
+    const compliance out = {c[0], c[1], c[2], c[3], c[4], per_speed, some_lane(c[4] - 1.0)};
+    return out;
+}
+
+/* Return true if the dashpot's force is a power of the rate there, not a straight line. */
+IN_LANES pack_mask is_bent(const compliance *c, pack rate)
+{
+    return is_less(pack_of(LEAK_SPEED_RATIO_MIN), size_of(rate) * c->per_speed);
+}
+
+/* The dashpot's force divided by leak and rate, and the logarithm of the speed. */
+IN_LANES pack leak_power(const compliance *c, pack rate, pack *log_speed)
+{
+    *log_speed = log_of(greater_of(size_of(rate) * c->per_speed, pack_of(LEAK_SPEED_RATIO_MIN)));
+    return c->bent ? exp_of((c->exponent - 1.0) * *log_speed) : pack_of(1.0);
+}
+
+/* Compute the force at the travel and rate of a point, and its slopes. */
+IN_LANES pack compliance_force(const compliance *c, compliance_point *p)
+{
+    const pack u = p->e - c->gap, v = p->e + c->gap, rr = c->corner * c->corner;
+    const pack su = root_of(u * u + rr), sv = root_of(v * v + rr);
+    p->spring_slope = 0.5 * c->spring * (2.0 + u / su - v / sv);
+    pack power = p->leak_slope = c->leak;
+    if (c->bent) {
+        pack log_speed;
+        power = c->leak * leak_power(c, p->rate, &log_speed);
+        p->leak_slope = choose(is_bent(c, p->rate), c->exponent * power, power);
+    }
+    return 0.5 * c->spring * (2.0 * p->e + su - sv) + power * p->rate;
+}
+
+/* Partial derivatives of the force by spring, gap, corner, leak and exponent, in this order. */
+IN_LANES void compliance_partials(const compliance *c, const compliance_point *p, pack *by)
+{
+    const pack u = p->e - c->gap, v = p->e + c->gap, rr = c->corner * c->corner;
+    const pack su = root_of(u * u + rr), sv = root_of(v * v + rr), per_u = 1.0 / su, per_v = 1.0 / sv;
+    pack log_speed;
+    by[0] = 0.5 * (2.0 * p->e + su - sv);
+    by[1] = -0.5 * c->spring * (u * per_u + v * per_v);
+    by[2] = 0.5 * c->spring * c->corner * (per_u - per_v);
+    by[3] = p->rate * leak_power(c, p->rate, &log_speed);
+    by[4] = c->leak * by[3] * log_speed;
+}

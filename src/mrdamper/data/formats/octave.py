@@ -1,0 +1,52 @@
+"""Text files of Octave (``save -text``): variables by name, with lines of tags such as ``# type: matrix``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.data.formats.variables import table_of_variables
+
+_BEGINS = re.compile(rb"# Created by Octave|# name: \w+\r?\n# type: ")
+
+
+def is_octave(head: bytes) -> bool:
+    """Return True if the first bytes are the start of a text file of Octave."""
+    return _BEGINS.match(head) is not None
+
+
+def read_octave(path: Path, options: FileOptions) -> Table:
+    """Return the variables of a text file of Octave as columns."""
+    lines = iter(path.read_text(encoding="utf-8").splitlines())
+    variables: dict[str, Any] = {}
+    while name := _tag(lines, "name"):
+        variables[name] = _value(lines)
+    return table_of_variables(variables, path, options, "Octave text")
+
+
+def _tag(lines: Iterator[str], key: str) -> str:
+    """Return the value of the next tag of a key, "" at the end."""
+    begin = f"# {key}:"
+    return next((line.removeprefix(begin).strip() for line in lines if line.startswith(begin)), "")
+
+
+def _value(lines: Iterator[str]) -> Any:  # noqa: ANN401 - any value
+    """Return the value of a variable, of an element of a cell, or of a field of a structure."""
+    kind = _tag(lines, "type")
+    if kind.endswith("string"):
+        texts = [next(lines) for _ in range(int(_tag(lines, "elements"))) if _tag(lines, "length")]
+        return texts[0] if len(texts) == 1 else texts
+    if kind == "cell":
+        count = int(_tag(lines, "rows")) * int(_tag(lines, "columns"))
+        return [_value(lines) for _ in range(count) if _tag(lines, "name")]
+    if kind == "scalar struct":
+        return {_tag(lines, "name"): _value(lines) for _ in range(int(_tag(lines, "length")))}
+    if kind == "matrix":
+        rows, columns = int(_tag(lines, "rows")), int(_tag(lines, "columns"))
+        return np.array([next(lines).split() for _ in range(rows)], dtype=np.float64).reshape(rows, columns)
+    return float(next(lines)) if kind in {"scalar", "bool"} else None

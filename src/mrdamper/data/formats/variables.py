@@ -1,0 +1,186 @@
+"""Values by name as columns: structures, lists, texts and arrays of MAT, HDF5, JSON and NumPy files.
+
+A structure's field ``run.force`` is a column. A matrix has the columns ``column 1 of data`` and so on, or the
+names and units in lists of as many words. A structure that holds one signal and its name is a column of that
+name (``signals``).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.groups import (
+    UNIT_NAMES,
+    StoredArray,
+    attribute_lines,
+    is_in_part,
+    skipped_note,
+    table_of_arrays,
+)
+from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_field
+from mrdamper.data.formats.table import MOST_COLUMNS, FileOptions, Layout, Table, as_column
+from mrdamper.quantities import roles_of_unit
+
+OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items", re.IGNORECASE)
+_NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
+
+
+def table_of_variables(
+    variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
+) -> Table:
+    """Return the columns of a file's variables: arrays, and structures and lists of these.
+
+    A structure or an array may have ``settings``, its attributes.
+    """
+    found = _Variables(variables)
+    layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
+    arrays = [each for each in found.arrays if not each.is_setting]
+    table = table_of_arrays(arrays, path, layout, found.texts)
+    said = {"/".join(path): text for path, text in found.texts.items() if is_in_part(path, table.title)}
+    inside = [each.settings for each in found.arrays if is_in_part(each.path, table.title)] or [_NO_SETTINGS]
+    shared = {
+        name: value for name, value in inside[0].items() if all(each.get(name) == value for each in inside)
+    }
+    return replace(table, said=attribute_lines(said | shared))
+
+
+class _Variables:
+    """Search for arrays and texts in structures and lists."""
+
+    def __init__(self, variables: Mapping[str, Any]) -> None:
+        self.arrays: list[StoredArray] = []
+        self.texts: dict[tuple[str, ...], str] = {}
+        self.objects: list[str] = []  # Objects of MATLAB's classes, which only MATLAB reads.
+        self._words = [*_lists_of_words("", variables)]
+        self._collect((), variables, "", _NO_SETTINGS)
+
+    def _collect(self, path: tuple[str, ...], value: Any, unit: str, outer: Mapping[str, object]) -> None:  # noqa: ANN401
+        """Collect the arrays in a value; ``outer`` are single values of the structures around it."""
+        own = getattr(value, "settings", _NO_SETTINGS)
+        settings = {**outer, **own}
+        class_name = _class_name(value)
+        if isinstance(value, Mapping):
+            self._collect_fields(path, value, settings)
+        elif class_name:
+            self.objects.append(f"{'/'.join(path)} ({class_name})")
+        elif isinstance(value, str):
+            self.texts[path] = value
+        elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
+            for k, inner in enumerate([*value][:MOST_ELEMENTS] if isinstance(value, list) else value.flat):
+                self._collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, "", outer)
+        elif isinstance(value, bool | int | float):
+            self._add(path, np.array([value]), unit, settings)
+        elif _is_numbers(value):
+            unit = next((f"{own[key]}" for key in UNIT_NAMES if key in own), unit)
+            if value.size == max(value.shape, default=1):
+                self._add(path, value, unit, settings)
+            elif value.ndim == 2 and min(value.shape) <= MOST_COLUMNS:
+                across = 0 if value.shape[0] < value.shape[1] else 1
+                for k, title in enumerate(self._names_of_columns(path, value, across)):
+                    self._add((*path[:-1], *title), value, unit, settings, (across, k))
+
+    def _collect_fields(
+        self, path: tuple[str, ...], value: Mapping[str, Any], outer: Mapping[str, object]
+    ) -> None:
+        fields = {str(name): inner for name, inner in value.items() if not str(name).startswith("__")}
+        own = {name: one for name, inner in fields.items() if (one := _single(inner)) is not None}
+        settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
+        arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
+        texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
+        signal = find_signal(texts, {name: inner.shape for name, inner in arrays.items()})
+        if signal is None:
+            for name, inner in fields.items():
+                self._collect((*path, name), inner, unit_of_field(name, fields), settings)
+            return
+        self._add((*path, signal.name), arrays[signal.field], signal.unit, settings)
+        if signal.time:
+            self._add((*path, signal.time), arrays[signal.time], "s", settings)
+        self.texts |= {(*path, name): text for name, text in texts.items()}
+
+    def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
+        """Return the last parts of the paths of a matrix's columns.
+
+        Lists of words with the first word of the matrix's name come first, then lists that are called names.
+        """
+        own = [("", words) for words in getattr(matrix, "words", ())]
+        begin = path[-1].split("_")[0]  # pandas names the columns of block0_values in block0_items.
+        near = sorted(
+            self._words, key=lambda each: (each[0].split("_")[0] != begin, not OF_COLUMNS.search(each[0]))
+        )
+        lists = [words for _, words in (*own, *near) if len(words) == matrix.shape[across]]
+        units = next((each for each in lists if all(roles_of_unit(word) or not word for word in each)), None)
+        names = next((each for each in lists if each is not units and len({*each}) == len(each)), None)
+        if names is None:
+            return [(f"column {k + 1} of {path[-1]}",) for k in range(matrix.shape[across])]
+        stated = [f" [{unit}]" if unit else "" for unit in units or [""] * len(names)]
+        return [(path[-1], f"{name}{unit}") for name, unit in zip(names, stated, strict=True)]
+
+    def _add(
+        self,
+        path: tuple[str, ...],
+        values: Any,  # noqa: ANN401 - an array of numbers
+        unit: str,
+        settings: Mapping[str, object],
+        line: tuple[int, int] | None = None,
+    ) -> None:
+        """Add an array, or a line of a matrix: its axis and index."""
+        size = values.size if line is None else values.shape[1 - line[0]]
+        self.arrays.append(StoredArray(path, size, partial(_read, values, line), unit, settings))
+
+
+def _read(values: Any, line: tuple[int, int] | None) -> FloatArray:  # noqa: ANN401 - an array of numbers
+    if line is None:
+        return as_column(np.asarray(values[...]))[0]
+    return as_column(np.asarray(values[:, line[1]] if line[0] == 1 else values[line[1], :]))[0]
+
+
+def _single(value: Any) -> Any:  # noqa: ANN401 - any value
+    """Return a text or a single number, None for any other value."""
+    if isinstance(value, str | int | float):
+        return value
+    return np.ravel(value[...])[0].item() if _is_numbers(value) and value.size == 1 else None
+
+
+def words_in(value: Any) -> list[str]:  # noqa: ANN401 - any value
+    """Return a list or an array of several words, [] for any other value."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "OSU" and value.size <= MOST_COLUMNS:
+        value = value.ravel().tolist()
+    if not isinstance(value, list) or not all(isinstance(each, str | bytes) for each in value):
+        return []
+    words = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in value]
+    return [word.strip() for word in words] if len(words) > 1 else []
+
+
+def _lists_of_words(name: str, value: Any) -> Iterator[tuple[str, list[str]]]:  # noqa: ANN401 - any value
+    """Yield the lists of words at any depth with their names: names of columns, and their units."""
+    if words := words_in(value):
+        yield name, words
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _lists_of_words(f"{key}", inner)
+    elif isinstance(value, list):
+        for inner in value[:MOST_ELEMENTS]:
+            yield from _lists_of_words(name, inner)
+
+
+def _class_name(value: Any) -> str:  # noqa: ANN401 - any value
+    """Return the class of a MATLAB object or function, "" for any other value."""
+    if type(value).__name__ == "MatlabFunction":
+        return "function"
+    if {"s1", "s2"} <= {*(getattr(getattr(value, "dtype", None), "names", None) or ())}:
+        return f"{value.ravel()[0]['s2'].decode('utf-8', 'replace')} object"
+    return f"{value.classname} object" if hasattr(value, "classname") else ""
+
+
+def _is_numbers(value: Any) -> bool:  # noqa: ANN401 - any value
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
+    return bool(kind and kind in "fiub" and value.size > 0 and hasattr(value, "shape"))

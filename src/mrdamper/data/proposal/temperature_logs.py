@@ -1,0 +1,192 @@
+"""Temperature logs: files of a slow logger that state date and time of day, next to runs that state theirs.
+
+A run gets the temperature of the only log that covers it. Times are compared only if both state a date,
+because a log of another day would be as plausible.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.finding import Finding
+from mrdamper.data.formats.table import Moment, Table
+from mrdamper.data.proposal.clocks import start_of
+from mrdamper.data.proposal.column import Header, headers_of
+from mrdamper.data.proposal.questions import Answer, with_answers
+from mrdamper.data.proposal.recordings import RigFile
+from mrdamper.data.proposal.roles import column_of
+from mrdamper.data.records import GAP_MIN_STEPS, Recording
+from mrdamper.data.tables import read_tables
+from mrdamper.data.words.headers import is_ambient
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES
+
+_OF_RUNS = frozenset({"displacement", "velocity", "force"})
+# Differences between local time and UTC [h], beginning with 0.
+_ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
+AMBIGUITY_MAX_K = 1.0  # Time zones that lead to temperatures within this range need not be known.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Log:
+    """Times [s] after a start, which increase, and temperatures [K]."""
+
+    start: Moment
+    time: FloatArray
+    temperature: FloatArray
+
+
+Run = tuple[Path, Recording, Moment | None]  # File, recording, and the moment of its time zero.
+
+
+def join_temperature_logs(
+    read: Sequence[tuple[Path, RigFile]],
+    others: Sequence[Path],
+    chosen: ChannelMap,
+    answers: Sequence[Answer],
+) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
+    """Return the files with the temperatures of logs, and a finding for each log among the other files."""
+    runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
+    found: dict[Path, dict[int, FloatArray | None]] = {}
+    reasons: dict[Path, str] = {}
+    for path in others if runs else ():
+        below = [run for run, (file, *_) in enumerate(runs) if path.parent in file.parents]
+        beside = [run for run, (file, *_) in enumerate(runs) if path.parent.parent in file.parents]
+        try:
+            log = _read_log(path, with_answers(chosen, answers, path.name))
+        except InputError as fault:
+            found[path], reasons[path] = {}, fault.found
+            continue
+        if log is None:
+            continue
+        found[path] = dict.fromkeys(below or beside)
+        for run in found[path]:
+            try:
+                found[path][run] = _temperature_of(runs[run], log, runs)
+            except InputError as fault:
+                reasons.setdefault(path, fault.found)
+    joined = [
+        (path, run, kelvin) for path in found for run, kelvin in found[path].items() if kelvin is not None
+    ]
+    often = Counter(run for _, run, _ in joined)
+    reasons |= {path: "another log covers the same runs" for path, run, _ in joined if often[run] > 1}
+    warm = {run: kelvin for _, run, kelvin in joined if often[run] == 1}
+    recordings = (
+        replace(one, temperature=warm[run]) if run in warm else one for run, (_, one, _) in enumerate(runs)
+    )
+    files = [
+        (path, replace(file, recordings=tuple(islice(recordings, len(file.recordings)))))
+        for path, file in read
+    ]
+    used = Counter(path for path, run, _ in joined if run in warm)
+    return files, {
+        path: _finding(path, used[path], len(found[path]), reasons.get(path, "")) for path in found
+    }
+
+
+def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
+    """Return the log in a file, None if the file is not a temperature log.
+
+    Raise InputError if the log has no date, or not exactly one temperature of the damper.
+    """
+    try:
+        table = read_tables(path, chosen.file)[0]
+        headers = headers_of(table, path.name)
+    except InputError:
+        return None
+    roles = {role for each in headers for role in (*each.of_unit, each.of_word)}
+    if "temperature" not in roles or roles & _OF_RUNS:
+        return None
+    place = path.name
+    time = _times(table, headers, chosen, place)
+    start = start_of(table, float(time[0]), path)
+    if start is None:
+        return None
+    if not start.has_date:
+        raise InputError(found="it states no date")
+    column = column_of("temperature", table, headers, chosen, place)
+    if column is None or is_ambient(column.name) or is_ambient(path.stem):
+        raise InputError(found="it has no temperature of the damper with a unit")
+    kelvin = column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
+    valid = (
+        np.isfinite(time)
+        & (kelvin > QUANTITIES["temperature"].low)
+        & (kelvin < QUANTITIES["temperature"].high)
+    )
+    if valid.sum() < 2 or np.any(np.diff(time[valid]) <= 0.0):
+        raise InputError(found="it has no increasing times with plausible temperatures")
+    return _Log(start, time[valid], kelvin[valid])
+
+
+def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str) -> FloatArray:
+    """Return the times of a log [s], NaN without any."""
+    stamps = sorted(table.stamps, key=lambda name: not table.stamps[name].has_date)
+    if stamps:
+        return table.columns[stamps[0]]
+    column = column_of("time", table, headers, chosen, place)
+    if column is None:
+        return np.arange(table.rows, dtype=np.float64) * float(table.step_s or np.nan)
+    return column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
+
+
+def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
+    """Return the temperatures [K] of a log at the times of a run.
+
+    Raise InputError if the clocks of run and log cannot be compared, or if the log does not cover the run.
+    """
+    path, recording, start = run
+    if recording.temperature is not None:
+        raise InputError(found="the runs state their own temperature")
+    if start is None or not start.has_date:
+        raise InputError(found=f"the runs state no {'date' if start else 'start time'}")
+    begins = [other.day_first_s + one.time[0] for _, one, other in runs if other and one is not recording]
+    apart = np.abs(np.array(begins) - start.day_first_s - recording.time[0])
+    if np.any(apart < 0.5 * np.ptp(recording.time)):
+        raise InputError(found="several runs state the same start time")
+    found: list[FloatArray] = []
+    for zone in _ZONES_h if start.is_utc != log.start.is_utc else (0.0,):
+        for reading in ("day_first_s", "month_first_s"):
+            time = recording.time + getattr(start, reading) - getattr(log.start, reading) + 3600.0 * zone
+            if _is_covered(time, log.time):
+                found.append(np.interp(time, log.time, log.temperature))
+        if not found:
+            raise InputError(found=f"its times do not cover {path.name}")
+    if np.ptp(found, axis=0).max() > AMBIGUITY_MAX_K:
+        raise InputError(found="the runs or the log state UTC, and the other local time of an unknown zone")
+    return found[0]
+
+
+def _is_covered(time: FloatArray, log: FloatArray) -> bool:
+    """Return True if a log covers times, up to one of its steps at the ends and without a gap."""
+    step = float(np.median(np.diff(log)))
+    if not (log[0] - step <= time[0] and time[-1] <= log[-1] + step):
+        return False
+    first, last = np.searchsorted(log, (time[0], time[-1]))
+    inside = np.diff(log[max(first - 1, 0) : last + 1])
+    return not len(inside) or float(inside.max()) <= GAP_MIN_STEPS * step
+
+
+def _finding(path: Path, joined: int, count: int, reason: str) -> Finding:
+    """Return the finding of a log that is used for some of the runs."""
+    rest = f" Not used for the others: {reason}" if joined < count else ""
+    return Finding(
+        kind="temperature_log",
+        severity="warning" if 0 < joined < count else "note",
+        channel="temperature",
+        run=path.name,
+        found=f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time.{rest}"
+        if joined
+        else f"{path.name} is a temperature log that is not used: {reason}",
+        effect="An error of a clock becomes an error of the temperature"
+        if joined
+        else "The log has no effect",
+        remedy="State date, time of day and offset from UTC in the log and in the runs, if missing",
+    )
