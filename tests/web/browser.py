@@ -82,14 +82,12 @@ def shoot(page: Page, name: str, *, whole: bool = False) -> None:
 
 
 def palettes(sheet: str) -> dict[Scheme, dict[str, str]]:
-    """Return the light and the dark colours of the :root blocks of a style sheet by name."""
-    blocks = re.findall(r":root([^{]*)\{([^}]*)\}", sheet)
-    colours = [
-        (where.strip(), dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", text))) for where, text in blocks
-    ]
-    light = next(found for where, found in colours if not where)
-    dark = next(found for where, found in colours if "dark" in where and "," not in where)
-    return {"light": light, "dark": {**light, **dark}}
+    """Return the light and the dark colours of a style sheet by name."""
+    found = re.findall(r"--([\w-]+): light-dark\((#[0-9a-f]{6}), (#[0-9a-f]{6})\)", sheet)
+    return {
+        "light": {name: light for name, light, _ in found},
+        "dark": {name: dark for name, _, dark in found},
+    }
 
 
 def contrast(ink: str, back: str) -> float:

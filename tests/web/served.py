@@ -90,13 +90,6 @@ async def call(
     return Answer(begin["status"], told, b"".join(m.get("body", b"") for m in outbox[1:]))
 
 
-async def patiently(app: ASGIApp, method: str, path: str, **options: Any) -> Answer:
-    """Repeat a call while the status is 202."""
-    while (answer := await call(app, method, path, **options)).status == 202:
-        await asyncio.sleep(0.1)
-    return answer
-
-
 @asynccontextmanager
 async def living(app: ASGIApp) -> AsyncIterator[ASGIApp]:
     """Start an application with its processes, and stop it."""
@@ -122,17 +115,9 @@ class Client:
         TOKENS[self.address] = token
         known = {"authorization": f"Bearer {token}"}
         self.http = httpx.Client(base_url=self.address, timeout=120.0, trust_env=False, headers=known)
-        self.longest_s = 0.0  # Longest request.
 
     def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
-        """Repeat a request while the status is 202."""
-        while True:
-            begin = time.monotonic()
-            answer = self.http.request(method, path, **options)
-            self.longest_s = max(self.longest_s, time.monotonic() - begin)
-            if answer.status_code != 202:
-                return answer
-            time.sleep(answer.json()["retry_ms"] / 1e3)
+        return self.http.request(method, path, **options)
 
     def get(self, path: str) -> Any:
         answer = self.ask("GET", path)

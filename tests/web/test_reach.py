@@ -105,8 +105,7 @@ def test_commands_are_in_page_table():
 def test_job_kinds_have_a_page(kind):
     """The form is built from the declarations, so that no field is missing."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
-    text += (STATIC / "more_runs.js").read_text(encoding="utf-8")
-    assert re.search(rf'(jobForm|JobPanel)\(app, "{kind}"|^  {kind}: \["', text, re.MULTILINE)
+    assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^  {kind}: "', text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", order_kinds())
@@ -136,8 +135,8 @@ def test_installed_maps_equal_examples():
 
 @pytest.mark.nightly
 def test_heating_sends_model_and_start_temperature(page, site):
-    page.goto("/#/heating")
-    page.click("#study-more summary")
+    page.goto("/#/thermal?card=strong")
+    page.get_by_text("More of the study").click()
     page.select_option("#heat-model", "lumped")
     page.get_by_label("Temperature at the start, °C").fill("35")
     with page.expect_request("**/api/jobs") as sent:

@@ -15,7 +15,7 @@ from mrdamper.web.security import ListenAddress
 from mrdamper.web.server import build
 from mrdamper.web.workspace import NotThereError, WorkFolder
 from tests.support.cards import write_heated_card
-from tests.web.served import Answer, call, living, patiently
+from tests.web.served import Answer, call, living
 
 pytestmark = pytest.mark.system
 
@@ -50,7 +50,7 @@ def folder(tmp_path):
 def ask(folder, method, path, *, address=None, most_upload=200_000_000, **options) -> Answer:
     async def one() -> Answer:
         async with living(build(folder, address, most_upload=most_upload)) as app:
-            return await patiently(app, method, path, **options)
+            return await call(app, method, path, **options)
 
     return asyncio.run(one())
 
@@ -241,7 +241,7 @@ def test_names_stay_inside_folder(folder, name):
             reads = ["/api/files/{}/look", "/api/inputs/{}", "/api/cards/{}", "/api/cards/one/files/{}",
                      "/api/jobs/check-001/files/{}", "/api/jobs/{}/files/job.json", "/api/dampers/{}",
                      "/static/{}", "/{}"]  # fmt: skip
-            found = [await patiently(app, "GET", place.format(name)) for place in reads]
+            found = [await call(app, "GET", place.format(name)) for place in reads]
             for place in ("/api/files/{}", "/api/inputs/{}", "/api/cards/{}"):
                 found.append(await call(app, "PUT", place.format(name), body=b"x,y\n"))
                 found.append(await call(app, "DELETE", place.format(name)))

@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -27,7 +26,7 @@ from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry import QUERIES
 from mrdamper.web.query_worker import Query, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
-from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
+from mrdamper.web.worker_client import WorkerClient
 from tests.support.campaigns import short_runs, write_csv, write_runs
 from tests.support.cards import PAPER_DRAWING, write_heated_card
 from tests.support.rigs import answer_of, command, mrdamper
@@ -199,15 +198,13 @@ def test_changed_file_is_read_again(clean, tmp_path):
     assert client.ask("GET", "/api/runs/run/series").status_code == 404
 
 
-def test_folder_change_sends_event(clean):
+def test_folder_change_changes_its_number(clean):
     root, client = clean
-    with client.http.stream("GET", "/api/events") as stream:
-        lines = stream.iter_lines()
-        assert next(lines) == "event: changed"
-        timer = threading.Timer(0.5, lambda: (root / "inputs" / "new.toml").write_text("", encoding="utf-8"))
-        timer.start()
-        heard = next(line for line in lines if "inputs" in line and "jobs" not in line)
-    assert json.loads(heard.removeprefix("data: ")) == {"damper": "", "what": ["inputs"]}
+    before = client.get("/api/changes")
+    assert client.get("/api/changes") == before
+    (root / "inputs" / "new.toml").write_text("", encoding="utf-8")
+    after = client.get("/api/changes")
+    assert {what for what in after if after[what] != before[what]} == {"inputs"}
 
 
 # ------------------------------------------------------------------------------------------- channel maps
@@ -408,23 +405,6 @@ def test_query_after_dead_process_succeeds():
 @pytest.mark.parametrize("name", QUERIES)
 def test_queries_have_functions(name):
     assert callable(find_function(name))
-
-
-def test_slow_answer_is_found_again():
-    async def ask_again() -> None:
-        patience, calls = PendingAnswers(), []
-
-        async def slow() -> str:
-            calls.append(1)
-            await asyncio.sleep(0.2)
-            return "done"
-
-        with pytest.raises(NotYetError):
-            await patience.wait("key", slow, longest_s=0.05)
-        assert await patience.wait("key", slow, longest_s=5.0) == "done"
-        assert len(calls) == 1
-
-    asyncio.run(ask_again())
 
 
 # ------------------------------------------------------------------------------------------- the command

@@ -14,7 +14,7 @@ from tests.support.cards import write_card_of
 from tests.web.browser import log_in, opened
 from tests.web.served import served
 from tests.web.test_security import CSV, snapshot
-from tests.web.walking import PAGES
+from tests.web.walking import VIEWS
 
 pytestmark = pytest.mark.nightly
 
@@ -107,7 +107,7 @@ def test_other_site_in_browser_is_refused(browser, haunted, elsewhere):
         log_in(context, client.address)
         page = context.new_page()
         page.goto(client.address)  # The user has the workbench open.
-        page.wait_for_selector("#choose")
+        page.wait_for_selector("#drop")
         stranger = context.new_page()
         refused: list[int] = []
         stranger.on(
@@ -132,14 +132,14 @@ def test_markup_names_stay_text(browser, haunted):
             box.dismiss()
 
         page.on("dialog", refuse)
-        for name in PAGES:
-            page.goto(f"/#/{name}")
+        for name, address in VIEWS:
+            page.goto(f"/#/{address}")
             page.wait_for_selector(f"[data-shown={name}] h1")
-            if name in {"runs", "jobs"}:
+            if "Files" in address or name == "jobs":
                 expect(page.locator("main")).to_contain_text("onerror='window.ran = 1'>")
             page.wait_for_timeout(250)
-            assert page.locator("main img, main script").count() == 0, name
-        page.goto("/#/runs")
+            assert page.locator("main img, main script").count() == 0, address
+        page.goto("/#/data?view.tab=Files")
         page.get_by_label(re.compile("Look into <img")).click()
         page.wait_for_selector("#save-map")  # The heads of columns contain markup, too.
         assert MARKUP in page.inner_text("#sheet")

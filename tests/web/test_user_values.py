@@ -14,27 +14,25 @@ from mrdamper.models.card_schema import write_card
 from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper
 from tests.web.browser import opened, shoot
 from tests.web.served import TOKENS, served
-from tests.web.walking import PAGES, a_logger_file, plot
+from tests.web.walking import VIEWS, a_logger_file
 
 pytestmark = pytest.mark.system
 
 SPELLINGS = ("2.5", "2,5", " 2.5 ", "+2,5", "2.50", "25e-1", "2,5E0", "0.25e1", "002,5", "2.5e+0")
 INVALID = ("5e", "1e", "two", "2,5,1", "1.2.3", "1,234", "1,234.5", "2 5", "0x10", "Infinity")
 READ = """async (texts) => {
-  const { numberField } = await import("/static/dom.js");
-  return texts.map((text) => {
-    const field = numberField("Frequency", "Hz", null);
-    field.input.value = text;
-    try { return field.read(); } catch (fault) { return fault.message; }
-  });
+  const { readNumber } = await import("/static/forms.js");
+  const read = (text) => {
+    try { return readNumber("Frequency", text); } catch (fault) { return fault.message; }
+  };
+  return texts.map(read);
 }"""
 LISTS = """async (texts) => {
-  const { numberField } = await import("/static/dom.js");
-  return texts.map((text) => {
-    const field = numberField("Currents", "A", [], { list: true, empty: [] });
-    field.input.value = text;
-    try { return field.read(); } catch { return null; }
-  });
+  const { readNumber } = await import("/static/forms.js");
+  const read = (text) => {
+    try { return readNumber("Currents", text, { many: true }); } catch { return null; }
+  };
+  return texts.map(read);
 }"""
 UNMARKED = """() => {
   const type = (input, text) => {
@@ -48,12 +46,10 @@ UNMARKED = """() => {
   }).map((input) => input.id);
 }"""
 RESIDUAL_RANGE = """async () => {
-  const { Plot } = await import("/static/plot.js");
+  const { rangesOf } = await import("/static/plot.js");
   const x = Float32Array.from({ length: 200 }, (_, k) => k / 100);
   const y = x.map((time) => (time < 0.05 ? -1300 : 40 * Math.sin(50 * time)));
-  const figure = new Plot({ title: "Residual", x: "time, s", y: "residual, N" });
-  figure.set({ series: [{ name: "residual", x, y, since: 0.1, colour: () => "#000" }] });
-  return figure.ranges().y;
+  return rangesOf({ series: [{ x, y, since: 0.1 }] }).y;
 }"""
 
 
@@ -103,30 +99,30 @@ def page(browser, folder):
         yield window
 
 
-def go(page: Page, name: str, query: str = "") -> None:
+def go(page: Page, address: str) -> None:
     """Open a page and wait until it is filled."""
-    page.goto(f"/#/{name}?{query}")
-    page.wait_for_selector(f"[data-shown={name}] h1")
+    page.goto(f"/#/{address}")
+    page.wait_for_selector(f"[data-shown={address.partition('?')[0]}] h1")
     page.wait_for_timeout(300)
 
 
 def test_typed_numbers_are_used_or_refused(page):
     """Number fields accept both decimal separators; an invalid entry marks its field and starts no job."""
-    go(page, "heatsink", "card=own")
+    go(page, "thermal?card=own&heat.tab=Heat sink")
     assert page.evaluate(READ, SPELLINGS) == [2.5] * len(SPELLINGS)
     assert all("Frequency: " in str(text) for text in page.evaluate(READ, INVALID))
     lists = page.evaluate(LISTS, ["0; 0,25; 0,5", "0, 0.25, 0.5", "0 0,25 0,5", "20,60", ""])
     assert lists == [[0, 0.25, 0.5]] * 3 + [None, []]
-    for name in PAGES:
-        go(page, name, "card=own")
+    for _, address in VIEWS:
+        go(page, address)
         assert page.locator("input[type=number]").count() == 0
-        assert page.evaluate(UNMARKED) == [], name
-    go(page, "heatsink", "card=own")
+        assert page.evaluate(UNMARKED) == [], address
+    go(page, "thermal?card=own&heat.tab=Heat sink")
     field = page.get_by_label("Width, mm")
     started: list[str] = []
     page.on("request", lambda sent: started.append(sent.url) if sent.url.endswith("/api/jobs") else None)
     field.fill("5e")
-    page.get_by_role("button", name="Search").click()
+    page.get_by_role("button", name="Search", exact=True).click()
     expect(field).to_have_attribute("aria-invalid", "true")
     expect(page.get_by_text("Width: “5e” is not a number")).to_be_visible()
     shoot(page, "values-invalid")
@@ -134,22 +130,24 @@ def test_typed_numbers_are_used_or_refused(page):
     field.fill("2,5")
     page.route("**/api/jobs", lambda route: route.abort())
     with page.expect_request("**/api/jobs") as sent:
-        page.get_by_role("button", name="Search").click()
+        page.get_by_role("button", name="Search", exact=True).click()
     assert sent.value.post_data_json["options"]["width_mm"] == 2.5
 
 
 def test_new_geometry_drops_foreign_calibration(page, folder):
     """Calibration factors hold for the damper on which they were measured, and Heating names them."""
-    go(page, "heating", "card=own")
+    go(page, "thermal?card=own")
     expect(page.locator("#calibration")).to_contain_text("heat capacity × 0.9663")
-    go(page, "drawing")
+    page.get_by_role("tab", name="Geometry").click()
+    page.get_by_text("All fields").click()
     expect(page.locator("#drawing-calibration-film")).to_have_value("0.823")
     page.fill("#drawing-body-outer-diameter-mm", "50")
     expect(page.get_by_text("The calibration factors of paper were removed")).to_be_visible()
-    shoot(page, "values-drawing")
+    expect(page.locator("#drawing-calibration-film")).to_have_value("")
+    shoot(page, "values-geometry")
     page.fill("#drawing-name", "wide")
     page.click("#save-drawing")
-    page.wait_for_selector("[data-shown=heating] figure[data-asked]")
+    page.wait_for_selector("[data-asked]")
     expect(page.locator("#heat-damper")).to_have_value("wide.toml")
     expect(page.locator("#calibration")).to_be_empty()
     text = (folder[0] / "inputs" / "wide.toml").read_text()
@@ -160,49 +158,46 @@ def test_new_geometry_drops_foreign_calibration(page, folder):
 
 def test_choices_travel_to_the_next_pages(page):
     """Load cycle, geometry, design and controller stay chosen when the user changes the page."""
-    page.goto("/#/drawing")
-    page.wait_for_selector("#section svg")
-    page.locator("#table-sink summary").click()
+    go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&drawing=paper")
     page.fill("#drawing-sink-fins", "0")
     page.fill("#drawing-name", "bare")
     page.click("#save-drawing")
-    page.wait_for_selector("[data-shown=heating] figure[data-asked]")
-    page.get_by_label("Amplitude", exact=True).fill("7")
+    page.wait_for_selector("[data-asked]")
+    page.get_by_label("Amplitude, mm").fill("7")
     page.get_by_role("button", name="Search a heat sink").click()
-    expect(page.locator("#heatsink-damper")).to_have_value("bare.toml")
+    expect(page.locator("#heat-damper")).to_have_value("bare.toml")
     expect(page.get_by_label("Amplitude, mm")).to_have_value("7")
     mass = page.get_by_label("Mass, g")
     expect(mass).to_have_attribute("aria-invalid", "true")  # The geometry has no fins.
-    page.get_by_role("button", name="Search").click()
+    page.get_by_role("button", name="Search", exact=True).click()
     expect(page.get_by_text("enter the largest mass of the fins")).to_be_visible()
     mass.fill("300")
     page.get_by_label("Length, mm").fill("30")
-    page.get_by_role("button", name="Search").click()
+    with page.expect_request("**/api/jobs") as sent:
+        page.get_by_role("button", name="Search", exact=True).click()
+    assert sent.value.post_data_json["options"]["duty"].startswith("sine:7mm")
     page.wait_for_selector("#use-sink", timeout=300_000)
     page.locator("table .quiet", has_text=re.compile(r"^\d+ fins?$")).first.click()
     design = page.locator(".tile", has_text="chosen").inner_text()
     page.click("#use-sink")
-    page.wait_for_selector("[data-shown=heating] figure[data-asked]")
+    page.wait_for_selector("[data-asked]")
     chosen = page.locator("#heat-damper").input_value()
     assert re.fullmatch(r"bare-\d+-fins\.toml", chosen)
-    go(page, "heatsink")
+    page.get_by_role("tab", name="Heat sink").click()
     assert page.locator(".tile", has_text="chosen").inner_text() == design
-    for name, field in (
-        ("heatsink", "#heatsink-damper"),
-        ("heating", "#heat-damper"),
-        ("export", "#export-damper"),
-    ):
-        go(page, name)
-        expect(page.locator(field)).to_have_value(chosen)
+    page.get_by_role("link", name="Controller").click()
+    page.get_by_role("tab", name="Export").click()
+    expect(page.locator("#export-damper")).to_have_value(chosen)
 
 
-def test_chosen_runs_stay_on_the_fit(page):
-    go(page, "fit")
+def test_chosen_runs_stay_on_the_model(page):
+    go(page, "model")
     page.locator("#chosen-runs summary").click()
-    page.get_by_label(re.compile("^rig")).first.uncheck()
+    page.get_by_role("group", name="Fitted runs").get_by_label(re.compile("^rig")).uncheck()
     words = page.locator("#chosen-runs summary").inner_text()
-    go(page, "loops")
-    go(page, "fit")
+    assert "2 of 3" in words
+    go(page, "data")
+    go(page, "model")
     expect(page.locator("#chosen-runs summary")).to_have_text(words)
 
 
@@ -210,7 +205,7 @@ def test_tracked_controller_is_exported_for_the_platform(page):
     """Tracking starts on the card itself with controllers that it supports; Export takes the tracked one."""
     plants = {}
     for card in ("own", "simulated", "chain", "late"):
-        go(page, "tracking", f"card={card}")
+        go(page, f"controller?card={card}")
         plants[card] = page.locator("#track-plant").input_value()
         offered = page.get_by_role("group", name="Controllers").get_by_role("checkbox")
         names = page.get_by_role("group", name="Controllers").locator("label").all_inner_texts()
@@ -219,7 +214,6 @@ def test_tracked_controller_is_exported_for_the_platform(page):
         assert any(offered.nth(k).is_checked() for k in range(offered.count()))
         assert page.locator("#missing-controllers").count() == (card in {"chain", "late"})
     assert plants == {"own": "own", "simulated": "hard", "chain": "chain", "late": "late"}
-    shoot(page, "values-tracking")
     page.fill("#track-temperatures-degC", "20")
     page.get_by_role("button", name="Track", exact=True).click()
     page.get_by_role("button", name="Export paper").click(timeout=300_000)
@@ -236,48 +230,37 @@ def test_model_curves_differ_from_measured(page):
     go(page, "jobs")
     low, high = page.evaluate(RESIDUAL_RANGE)
     assert -60.0 < low < high < 60.0
-    page.goto("/#/loops?card=own")
-    page.wait_for_selector("#loops-said[data-ms]")
+    go(page, 'data?view.cards=["own"]')
     drawn = page.get_by_role("group", name="Runs drawn")
+    expect(drawn.get_by_label("steady", exact=True)).to_be_checked()
     expect(drawn.get_by_label("rig", exact=True)).not_to_be_checked()
-    page.goto("/#/loops?card=own&run=steady&run=stepped")
-    page.wait_for_selector("#loops-said[data-samples]")
-    row = page.locator("tr.held", has_text="stepped")
-    expect(row).to_contain_text("held out")
-    page.goto("/#/loops?card=own&run=stepped")
-    swatches = plot(page, "Displacement loops").locator("xpath=../..").locator(".key .swatch")
+    go(page, 'data?view.cards=["own"]&view.runs=["steady","stepped"]&view.tab=Errors')
+    expect(page.locator("tr.held", has_text="stepped")).to_contain_text("held out")
+    go(page, 'data?view.cards=["own"]&view.runs=["stepped"]')
+    page.wait_for_selector("#view-status[data-ms]")
+    swatches = page.locator(".linked > .legend .swatch")
     expect(swatches).to_have_count(2)
-    page.wait_for_selector("figure[data-drawing]", state="detached")
-    assert (
-        len(set(swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")))
-        == 2
-    )
+    colours = swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")
+    assert len(set(colours)) == 2
     shoot(page, "values-loops", whole=True)
 
 
-def test_nothing_is_good_before_the_check(page, folder):
+def test_nothing_is_good_before_the_check(page):
     """A run is marked as checked after its check only; stopped fits and mixed caveats are visible."""
-    page.route(
-        "**/api/runs",
-        lambda route: route.fulfill(
-            json={
-                **(answer := route.fetch().json()),
-                "runs": [
-                    {**run, "checked": run["name"] == "steady", "worst": None} for run in answer["runs"]
-                ],
-            }
-        ),
-    )
-    go(page, "runs")
-    row = page.locator("table", has_text="motion").locator("tr", has_text="stepped")
-    expect(row.get_by_text("being checked")).to_be_visible()
+
+    def partly_checked(route: Route) -> None:
+        answer = route.fetch().json()
+        runs = [{**run, "checked": run["name"] == "steady", "worst": None} for run in answer["runs"]]
+        route.fulfill(json={**answer, "runs": runs})
+
+    page.route("**/api/runs", partly_checked)
+    go(page, "data?view.tab=Runs")
+    expect(page.locator("tr", has_text="stepped").get_by_text("being checked")).to_be_visible()
     expect(page.locator("tr", has_text="steady").get_by_text("no findings")).to_be_visible()
     page.unroute("**/api/runs")
-    go(page, "fit", "card=stopped")
+    go(page, "model?card=stopped")
     expect(page.locator("#fits tr", has_text="stopped").get_by_text("cancelled")).to_be_visible()
-    page.evaluate("sessionStorage.setItem('mrdamper-card', 'stopped')")
-    page.reload()
-    expect(page.locator("[data-page=fit]")).to_have_attribute("data-step", "old")
+    expect(page.locator("[data-page=model]")).to_have_attribute("data-step", "old")
 
     def with_caveats(route: Route) -> None:
         answer = route.fetch()
@@ -285,16 +268,17 @@ def test_nothing_is_good_before_the_check(page, folder):
         route.fulfill(response=answer, json={**answer.json(), **caveats})
 
     page.route("**/api/heat/curve", with_caveats)
-    go(page, "heating", "card=own")
+    go(page, "thermal?card=own&heat.tab=Heating")
     tile = page.locator(".tile", has_text="force lost by heating")
     expect(tile).to_contain_text("assumed: by a fluid; extrapolated: velocity")
+    page.unroute_all(behavior="ignoreErrors")
 
 
 def test_volts_are_offered_with_usual_gains(browser, tmp_path):
     """Volts answer the question for a unit, and gains are entered in mm/V and kN/V."""
     with served(tmp_path / "volts") as client, opened(browser, client.address) as page:
         a_logger_file(tmp_path / "volts" / "runs" / "raw.txt")
-        page.goto("/#/runs?file=raw.txt")
+        page.goto("/#/data?file=raw.txt")
         page.get_by_label("CHANNEL0 is").select_option("displacement")
         page.get_by_label("CHANNEL1 is").select_option("force")
         page.get_by_label("In which unit is the displacement? V").click()
@@ -320,8 +304,8 @@ def test_token_navigation_and_print_are_clean(browser, folder):
     """The token leaves the address, the navigation has no scroll bar, and a printed page names its source."""
     _, client = folder
     with opened(browser, client.address) as page:
-        page.goto(f"{client.address}?token={TOKENS[client.address]}#/runs")
-        page.wait_for_selector("[data-shown=runs] h1")
+        page.goto(f"{client.address}?token={TOKENS[client.address]}#/data")
+        page.wait_for_selector("[data-shown=data] h1")
         assert "token" not in page.url
         for size in ((1400, 900), (1280, 800)):
             page.set_viewport_size({"width": size[0], "height": size[1]})

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import statistics
-import time
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 from scipy.io import savemat
 
 from tests.support.pace import within_reach
@@ -18,19 +18,17 @@ pytestmark = pytest.mark.nightly
 
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
 SAMPLES = 2_000_000
-CURSOR_MS, BLOCK_MS = 16.0, 100.0
-PATIENCE_S = 10.0
+CURSOR_MS, FRAME_MS, DRAWN_S = 16.0, 100.0, 1.5
 
 MOVES = """async () => {
   const named = (e) => e.textContent.includes("Force over time");
-  const figure = [...document.querySelectorAll("figure.plot")].find(named);
-  const over = figure.querySelector("canvas.plot-over");
+  const over = [...document.querySelectorAll("figure.plot")].find(named).querySelector(".u-over");
   const box = over.getBoundingClientRect();
   const took = [];
   for (let k = 0; k < 200; k += 1) {
     const clientX = box.left + box.width * (0.1 + 0.8 * ((k * 0.382) % 1));
     const began = performance.now();
-    over.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY: box.top + 50, bubbles: true }));
+    over.dispatchEvent(new MouseEvent("mousemove", { clientX, clientY: box.top + 50, bubbles: true }));
     took.push(performance.now() - began);
     await new Promise(requestAnimationFrame);
   }
@@ -44,108 +42,106 @@ WATCH = """() => {
     .observe({ type: "longtask" });
 }"""
 
-PIXELS = """() => [...document.querySelectorAll("canvas.plot-canvas")]
-  .filter((canvas) => canvas.clientWidth)
-  .map((canvas) => canvas.toDataURL())"""
-"""Pixels of all visible plots, because hidden plots are not drawn."""
-
 
 def _ready(page):
-    page.wait_for_selector("#loops-said[data-ms]")
+    page.wait_for_selector("#view-status[data-ms]")
     page.wait_for_selector("figure[data-drawing]", state="detached")
 
 
-def _drag(page, title, begin, end, steps=5):
-    over = plot(page, title).locator("canvas.plot-over")
+def _drag(page, title, begin, end):
+    over = plot(page, title).locator(".plot-box")
     over.scroll_into_view_if_needed()
     box = over.bounding_box()
     assert box is not None
-    page.mouse.move(box["x"] + begin * box["width"], box["y"] + 60)
+    page.mouse.move(box["x"] + 60 + begin * (box["width"] - 80), box["y"] + 20)
     page.mouse.down()
-    page.mouse.move(box["x"] + end * box["width"], box["y"] + 100, steps=steps)
+    page.mouse.move(box["x"] + 60 + end * (box["width"] - 80), box["y"] + 80, steps=5)
     page.mouse.up()
 
 
-def _picture(page):
+def _pictures(page):
     """Return the pixels of all plots."""
     page.mouse.move(2, 2)
     _ready(page)
-    return page.evaluate(PIXELS)
-
-
-def _soon(page, shown):
-    """Return True if the plots equal ``shown()`` after some time."""
-    until = time.monotonic() + PATIENCE_S
-    while _picture(page) != shown():
-        if time.monotonic() > until:
-            return False
-    return True
+    return page.evaluate("() => [...document.querySelectorAll('figure canvas')].map((e) => e.toDataURL())")
 
 
 def test_two_million_samples_never_block(browser, tmp_path):
-    """The cursors follow within 16 ms, and a dragged time span never blocks the page for 100 ms."""
+    """All samples are drawn in 1.5 s, the cursor follows in 16 ms, and a zoom blocks for less than 100 ms."""
     root = tmp_path / "long"
     (root / "runs").mkdir(parents=True)
     instants = np.arange(SAMPLES) / 1000.0
     phase = 2.0 * np.pi * 1.3 * instants
     x, v = 0.005 * np.sin(phase), np.cos(phase)
     noise = np.random.default_rng(7).normal(0.0, 8.0, SAMPLES)
-    force = 800.0 * np.tanh(4.0 * v) + 200.0 * v + 1500.0 * x + noise
-    current = 1.0 + 0.5 * np.sin(0.01 * instants)
     columns = {
         "time_s": instants,
         "displacement_mm": 1e3 * x,
-        "force_N": force,
-        "current_A": current,
+        "force_N": 800.0 * np.tanh(4.0 * v) + 200.0 * v + 1500.0 * x + noise,
+        "current_A": 1.0 + 0.5 * np.sin(0.01 * instants),
         "temperature_degC": 20.0 + 0.01 * instants,
     }
     savemat(root / "runs" / "long.mat", columns)
     with served(root) as client, opened(browser, client.address) as page:
         assert client.read_all()[0]["samples"] == SAMPLES
-        page.goto("/#/loops?run=long")
+        page.goto("/#/jobs")
+        page.wait_for_selector("[data-shown=jobs] h1")
+        began = page.evaluate("performance.now()")
+        page.evaluate("location.hash = '#/data?view.runs=[\"long\"]'")
         _ready(page)
-        assert page.get_attribute("#loops-said", "data-samples") == str(SAMPLES)
+        drawn_s = (page.evaluate("performance.now()") - began) / 1e3
+        assert page.get_attribute("#view-status", "data-samples") == str(SAMPLES)
         moves = page.evaluate(MOVES)
         page.evaluate(WATCH)
         for begin in (0.1, 0.3, 0.2):
-            _drag(page, "Force over time", begin, begin + 0.5, steps=25)
+            _drag(page, "Force over time", begin, begin + 0.5)
             page.get_by_role("button", name="Undo zoom").click()
             _ready(page)
         blocks = page.evaluate("window.blocks")
         shoot(page, "view-long", whole=True)
     median, longest = statistics.median(moves), max(blocks, default=0.0)
-    print(f"2,000,000 samples: cursor {median:.1f} ms (median of 200), longest block {longest:.0f} ms")
+    print(f"2,000,000 samples: {drawn_s:.2f} s, cursor {median:.1f} ms, longest frame {longest:.0f} ms")
+    assert drawn_s <= within_reach(DRAWN_S)
     assert median <= within_reach(CURSOR_MS)
-    assert longest <= within_reach(BLOCK_MS)
+    assert longest <= within_reach(FRAME_MS)
 
 
 def test_address_restores_view_and_back_undoes(browser, site, page):
     """Another browser restores runs, card, colours, hidden curve and zooms from the address."""
-    page.goto(f"/#/loops?run={RUN}&card=strong")
+    page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)
-    whole = _picture(page)
+    whole = _pictures(page)
     _drag(page, "Force over time", 0.3, 0.7)
-    page.wait_for_url(lambda url: "&t=" in url)
-    part = _picture(page)
+    page.wait_for_url(lambda url: "view.t=" in url)
+    part = _pictures(page)
     assert part != whole
     _drag(page, "Velocity loops", 0.3, 0.6)
-    page.wait_for_url(lambda url: "&v=" in url)
+    page.wait_for_url(lambda url: "view.v=" in url)
     page.get_by_role("button", name="measured").click()
+    page.get_by_text("How it is drawn").click()
     page.get_by_label("Colour by").select_option("card")
-    page.get_by_label("nominal_020C_0.50A_sine5mm1Hz").check()
-    _ready(page)
+    last = _pictures(page)
     with opened(browser, site[1].address) as other:
         other.goto(page.url)
         _ready(other)
-        assert _soon(other, lambda: _picture(page))
+        assert _pictures(other) == last
     for _ in range(3):
         page.go_back()
-    page.go_back()
-    page.wait_for_url(lambda url: "&v=" not in url)
-    assert _soon(page, lambda: part)
+    page.wait_for_url(lambda url: "view.v=" not in url)
+    assert _pictures(page) == part
     page.get_by_role("button", name="Undo zoom").click()
-    page.wait_for_url(lambda url: "&t=" not in url)
-    assert _soon(page, lambda: whole)
-    page.get_by_role("button", name="Redo zoom").click()
-    page.wait_for_url(lambda url: "&t=" in url)
-    assert _soon(page, lambda: part)
+    page.wait_for_url(lambda url: "view.t=" not in url)
+    assert _pictures(page) == whole
+
+
+def test_cursor_shows_values_of_all_curves(page):
+    """The table below the plots shows the values at the cursor, and the characteristic of the runs."""
+    page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
+    _ready(page)
+    plot(page, "Force over time").locator(".u-over").hover()
+    cells = page.locator(".readout-table tbody tr").first.locator("td.n")
+    assert float(cells.first.inner_text().replace("−", "-")) != 0.0
+    page.get_by_role("tab", name="Characteristic").click()
+    row = page.locator("tr", has_text=RUN).last
+    expect(row.locator("td.n").nth(3)).not_to_have_text("–")
+    assert float(row.locator("td.n").nth(3).inner_text()) > 0.0

@@ -1,4 +1,4 @@
-"""Less frequent actions: dropped files, uploaded cards, comparison, Cancel, and a lost server."""
+"""Less frequent actions: dropped files, channel maps, fits, dampers, Cancel, and a lost server."""
 
 from __future__ import annotations
 
@@ -6,31 +6,29 @@ import shutil
 import socket
 import time
 
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from mrdamper.data.readers import read_file
 from mrdamper.models.card_schema import read_card
 from tests.support.campaigns import short_runs, write_runs
 from tests.support.cards import rig_damper, write_card_of
 from tests.support.pace import within_reach
 from tests.web.browser import log_in, opened, shoot
 from tests.web.served import is_alive, python_processes_of, served
-from tests.web.walking import drop_files
+from tests.web.walking import a_sine_run, drop_files
 
 pytestmark = pytest.mark.nightly
 
-CAMPAIGN = (
-    'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
-    "held_out_temperatures_degC = []\nheld_out_motions = []\nduration_s = 2.0\n"
-)
 LONG_FIT: dict[str, object] = {"card": "long", "law": "chain"}
+SECOND = "Dämpfer 2 (RD-8040)"
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
     """Return a folder with short runs and two cards, and a client of its server."""
     root = tmp_path_factory.mktemp("walks") / "damper"
-    write_runs(tmp_path_factory.mktemp("made") / "runs", short_runs())
     (root / "runs").mkdir(parents=True)
     write_runs(root / "runs", short_runs())
     for name, damper in (("strong", rig_damper()), ("cold", rig_damper(temperature_dependent=False))):
@@ -47,74 +45,120 @@ def page(browser, rig):
         yield window
 
 
-def choose(page, button, path):
-    """Press a button that opens a file dialog, and choose a file."""
-    with page.expect_file_chooser() as asked:
-        page.get_by_role("button", name=button, exact=True).first.click()
-    asked.value.set_files(path)
-
-
 def newest(client, kind):
     return next(job for job in client.get("/api/jobs")["jobs"] if job["kind"] == kind)
 
 
-# --------------------------------------------------------------------------------------- dropping, bringing
+# -------------------------------------------------------------------------------------------- files and maps
 
 
 def test_dropped_file_is_stored_and_removed(page, rig, tmp_path):
     root, _ = rig
     path = tmp_path / "dropped run, 2.csv"
     shutil.copy(next((root / "runs").glob("*.csv")), path)
-    page.goto("/#/runs")
+    page.goto("/#/data?view.tab=Files")
     page.wait_for_selector("#drop")
     drop_files(page, "#drop", [path])
-    shown = page.get_by_role("link", name="dropped run, 2", exact=True)
-    shown.first.wait_for()
+    shown = page.get_by_role("button", name=path.name, exact=True)
+    shown.wait_for()
     assert "over" not in (page.get_attribute("#drop", "class") or "").split()
     assert (root / "runs" / path.name).read_bytes() == path.read_bytes()
-    page.on("dialog", lambda box: box.accept())
     page.get_by_label(f"Remove {path.name}").click()
     expect(shown).to_have_count(0)
     assert not (root / "runs" / path.name).exists()
+    page.locator("#toasts").get_by_role("button", name="Put back").click()
+    shown.wait_for()
+    assert (root / "runs" / path.name).read_bytes() == path.read_bytes()
+    page.get_by_label(f"Remove {path.name}").click()
+    expect(shown).to_have_count(0)
+
+
+@pytest.mark.parametrize(
+    ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
+)
+def test_raw_file_maps_in_three_actions(browser, tmp_path, real_data, file, offer):
+    """Look, Use and Save give the runs of the packaged map; the loop is visible before saving."""
+    with served(tmp_path / "damper") as client, opened(browser, client.address) as page:
+        path = tmp_path / "damper" / "runs" / file
+        shutil.copy(real_data / "raw" / file, path)
+        page.goto("/#/data")
+        page.get_by_text("not understood").wait_for()
+        page.get_by_label(f"Look into {file}").click()
+        page.get_by_role("button", name=f"Use {offer}").click()
+        page.wait_for_selector("#preview .notice.good")
+        assert page.locator("figure.plot", has_text="Loop of these columns").is_visible()
+        shoot(page, f"mapping-{offer.split()[0]}", whole=True)
+        page.click("#save-map")
+        page.get_by_text("is saved").wait_for()
+        names = {run["name"] for run in client.read_all() if run["file"] == file}
+        assert names == {run.name for run in read_file(path).recordings}
+
+
+def test_unnamed_columns_map_by_answers(browser, tmp_path):
+    """Each question about unnamed columns is answered by a button, and the last answer gives a run."""
+    second = np.arange(2000) / 500.0
+    travel, speed = 5.0 * np.sin(12.0 * second), 60.0 * np.cos(12.0 * second)
+    force = 0.4 * np.tanh(speed / 5.0) + 0.002 * speed
+    table = np.column_stack([second, travel, force, np.ones_like(second)])
+    with served(tmp_path / "damper") as client, opened(browser, client.address) as page:
+        path = tmp_path / "damper" / "runs" / "odd.csv"
+        np.savetxt(path, table, "%.6f", ",", header="time_s,alpha,beta,current_A", comments="")
+        page.goto("/#/data?file=odd.csv")
+        page.get_by_label("Which column is the displacement? alpha").click()
+        page.get_by_label("Which column is the force? beta").click()
+        assert page.locator("figure.plot", has_text="Loop of these columns").is_visible()
+        page.get_by_label("In which unit is the displacement? mm", exact=True).click()
+        shoot(page, "mapping-asked", whole=True)
+        page.get_by_label("In which unit is the force? kN", exact=True).click()
+        page.wait_for_selector("#preview .notice.good")
+        page.click("#save-map")
+        page.get_by_text("is saved").wait_for()
+        client.read_all()
+    (run,) = read_file(path).recordings
+    assert np.ptp(run.displacement) == pytest.approx(0.01, rel=1e-3)
+    assert run.force.max() == pytest.approx(1e3 * force.max(), rel=1e-3)
+
+
+# ------------------------------------------------------------------------------------------- fits and dampers
 
 
 def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
     root, client = rig
     path = write_card_of(tmp_path / "brought one.json", rig_damper(lag=None))
-    page.goto("/#/fit")
-    choose(page, "Bring a card", path)
+    page.goto("/#/model?fits.sort=name")
+    page.get_by_label("Bring a card").set_input_files(path)
     page.get_by_role("button", name="Remove brought one").wait_for()
     assert read_card(root / "cards" / "brought one" / "card.json") == read_card(path)
+    names = page.locator("#fits tbody td.name b")
+    expect(names).to_have_text(["brought one", "cold", "strong"])
+    page.get_by_role("button", name="Sort by fit").click()
+    expect(names).to_have_text(["strong", "cold", "brought one"])
+    page.get_by_label("Find", exact=True).fill("strong")
+    expect(names).to_have_count(1)
+    with opened(page.context.browser, client.address) as other:
+        other.goto(page.url)
+        expect(other.locator("#fits tbody td.name b")).to_have_text(["strong"])
+    page.get_by_label("Find", exact=True).fill("")
     page.get_by_label("Overlay strong").check()
     page.get_by_label("Overlay brought one").check()
     page.get_by_role("button", name="Report of the difference").click()
-    link = page.get_by_role("link", name="Open strong against brought one")
-    link.wait_for()
-    shoot(page, "compare")
+    page.click("#start-compare")
     with page.context.expect_page() as waiting:
-        link.click()
+        page.locator("#job-result").get_by_role("link", name="Open the report").click()
     report = waiting.value
     report.wait_for_load_state()
     assert "brought one" in report.inner_text("body")
-    shoot(report, "compare-report")
     report.close()
-    page.on("dialog", lambda box: box.accept())
+    page.goto("/#/model")
     page.get_by_role("button", name="Remove brought one").click()
     page.get_by_role("button", name="Remove brought one").wait_for(state="detached")
     assert not (root / "cards" / "brought one").exists()
-    assert newest(client, "compare")["state"] == "done"
-
-
-# ------------------------------------------------------------------------------------------------ heating
-
-
-# --------------------------------------------------------------------------------------------- keyboard
 
 
 def test_keyboard_starts_a_fit(page, rig):
     """Tab follows the order of the page with visible focus; Space ticks a box and Enter starts the fit."""
-    page.goto("/#/fit")
-    page.wait_for_selector("#start-fit")
+    page.goto("/#/model")
+    page.select_option("#fit-law", "bouc-wen")
     page.focus("#fit-card")
     page.keyboard.press("Control+A")
     page.keyboard.type("by keyboard")
@@ -132,16 +176,53 @@ def test_keyboard_starts_a_fit(page, rig):
         if at["id"] == "start-fit":
             break
     assert steps[-1]["id"] == "start-fit"
-    assert all(step["seen"] for step in steps)
-    assert all(step["inside"] for step in steps)
+    assert all(step["seen"] and step["inside"] for step in steps)
     page.keyboard.press("Enter")
-    page.wait_for_selector("#fit-tiles", timeout=120_000)
+    page.wait_for_selector("#fit-tiles", timeout=240_000)
     answer = rig[1].get(f"/api/jobs/{newest(rig[1], 'fit')['id']}")
     assert answer["card"] == "by keyboard"
     assert [run["split"] for run in answer["answer"]["runs"]].count("held_out") == 1
+    page.select_option("#fit-law", "dahl")
+    page.get_by_label("Again with the options of by keyboard").click()
+    expect(page.locator("#fit-law")).not_to_have_value("dahl")
+    expect(page.get_by_role("group", name="Hold out").get_by_role("checkbox", checked=True)).to_have_count(1)
 
 
-# ---------------------------------------------------------------------------------------------- printing
+def test_dampers_have_separate_files(browser, tmp_path):
+    """A second damper gets its own runs, and it can be removed and restored."""
+    root = tmp_path / "first"
+    (root / "runs").mkdir(parents=True)
+    a_sine_run(root / "runs" / "one.csv", 300.0)
+    with served(root) as client, opened(browser, client.address) as page:
+        page.goto("/")
+        page.locator("#folder", has_text="first").click()
+        page.locator("#new-damper").fill(SECOND)
+        shoot(page, "dampers")
+        page.get_by_role("button", name="Create").click()
+        expect(page.locator("#folder")).to_have_text(SECOND)
+        expect(page.get_by_text("No runs yet")).to_be_visible()
+        a_sine_run(tmp_path / "second.csv", 500.0)
+        page.locator("#picker").set_input_files(tmp_path / "second.csv")
+        expect(page.get_by_label("second", exact=True)).to_be_checked()
+        own = root / "dampers" / SECOND
+        assert (own / "runs" / "second.csv").is_file()
+        (own / "cards" / "soft").mkdir()
+        write_card_of(own / "cards" / "soft" / "card.json")  # By another program.
+        expect(page.get_by_label("soft", exact=True)).to_be_visible()
+        page.locator("#folder").click()
+        page.get_by_role("link", name="first", exact=True).click()
+        expect(page.locator("#folder")).to_have_text("first")
+        expect(page.get_by_label("one", exact=True)).to_be_visible()
+        expect(page.get_by_label("second", exact=True)).to_have_count(0)
+        page.locator("#folder").click()
+        page.get_by_label(f"Remove {SECOND}").click()
+        back = page.locator("#toasts").get_by_role("button", name="Put back")
+        back.wait_for()
+        assert not own.exists()
+        back.click()
+        page.locator("#folder").click()
+        expect(page.get_by_role("link", name=SECOND)).to_be_visible()
+        assert (own / "runs" / "second.csv").is_file()
 
 
 # --------------------------------------------------------------------------- stopping, reloading, restarting
@@ -167,8 +248,7 @@ def test_cancelled_job_leaves_no_partial_files(page, rig, kind):
     page.wait_for_timeout(1500)  # The job computes.
     begin = time.monotonic()
     page.get_by_label(f"Cancel {job_id}").click()
-    job = client.ended(job_id, 5.0)
-    assert job["state"] == "cancelled"
+    assert client.ended(job_id, 5.0)["state"] == "cancelled"
     while is_alive(pid):
         assert time.monotonic() < begin + within_reach(6.0)
         time.sleep(0.02)
@@ -179,17 +259,14 @@ def test_cancelled_job_leaves_no_partial_files(page, rig, kind):
         assert {path.name for path in (root / "runs").iterdir()} == before
 
 
-def a_free_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return str(one.getsockname()[1])
-
-
 def test_open_page_recovers_after_power_cut(browser, tmp_path):
     """After a power cut during a fit the open page reports it, and earlier results are still available."""
-    root, port = tmp_path / "damper", a_free_port()
-    write_runs(root.parent / "made", short_runs())
-    shutil.copytree(root.parent / "made", root / "runs")
+    root = tmp_path / "damper"
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port = str(one.getsockname()[1])
+    (root / "runs").mkdir(parents=True)
+    write_runs(root / "runs", short_runs())
     (root / "cards" / "strong").mkdir(parents=True)
     write_card_of(root / "cards" / "strong" / "card.json")
     with browser.new_context() as context:
@@ -197,28 +274,23 @@ def test_open_page_recovers_after_power_cut(browser, tmp_path):
         with served(root, "--port", port) as client:
             client.read_all()
             log_in(context, client.address)
-            page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
-            page.get_by_label("Length for the fins, mm").fill("30")
+            page.goto(f"{client.address}#/thermal?card=strong&heat.tab=Heat sink")
+            page.get_by_label("Length, mm").fill("30")
             page.click("#start-heatsink")
-            page.wait_for_selector("#section svg")
-            page.goto(f"{client.address}/#/fit".replace("//#", "/#"))
+            page.wait_for_selector("#use-sink", timeout=120_000)
+            page.goto(f"{client.address}#/model")
             page.fill("#fit-card", "long")
-            page.get_by_role("form", name="What to fit").get_by_text("More", exact=True).click()
             page.click("#start-fit")
-            page.wait_for_selector("figure:has-text('Cost while fitting') >> visible=true")
+            page.wait_for_selector("[data-job=fit] progress")
+            page.wait_for_timeout(1500)
             client.kill()
         with served(root, "--port", port) as client:
-            page.get_by_role("status").get_by_text(
-                "was interrupted: the server"
-            ).wait_for()  # The page is not reloaded.
+            page.get_by_text("was interrupted: the server").wait_for()  # The page is not reloaded.
             shoot(page, "fit-interrupted")
             expect(page.locator("#busy")).to_be_hidden()
-            page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
-            page.wait_for_selector("#section svg")  # The finished search is displayed.
+            page.goto(f"{client.address}#/thermal?card=strong&heat.tab=Heat sink")
+            page.wait_for_selector("#use-sink")  # The finished search is displayed.
     deadline = time.monotonic() + within_reach(8.0)
     while python_processes_of(root):
         assert time.monotonic() < deadline
         time.sleep(0.1)
-
-
-# ------------------------------------------------------------------------------------------------ two at once

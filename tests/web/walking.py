@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import csv
 import io
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,17 +12,29 @@ import numpy as np
 from playwright.sync_api import Locator, Page
 
 __all__ = [
-    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "a_sine_run",
+    "AXES", "CUT", "FAINT", "PAGES", "STATIC", "UNNAMED", "VIEWS", "a_logger_file", "a_sine_run",
     "download", "drop_files", "plot", "saved_table",
 ]  # fmt: skip
 
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
 
-PAGES = tuple(re.findall(r'data-page="(\w+)"', (STATIC / "index.html").read_text(encoding="utf-8")))
-"""All pages of the navigation."""
+PAGES = ("data", "model", "thermal", "controller", "jobs")
+TABS = {
+    "thermal": ("heat.tab", ("Heating", "Geometry", "Heat sink")),
+    "controller": ("track.page", ("Try", "Export")),
+    "data": ("view.tab", ("Plots", "Files", "Runs", "Characteristic", "Findings")),
+}
+"""Tabs of pages with the key of their choice."""
+
+VIEWS = tuple(
+    (page, f"{page}?{TABS[page][0]}={tab}" if page in TABS else page)
+    for page in PAGES
+    for tab in (TABS[page][1] if page in TABS else ("",))
+)
+"""All pages with all tabs: name and address."""
 
 UNNAMED = """
-[...document.querySelectorAll(`main :is(button, a, select, summary, canvas.plot-over, iframe,
+[...document.querySelectorAll(`main :is(button, a, select, summary, div.plot-box, iframe,
   input:not([hidden]))`)]
   .filter((e) => {
     const labels = [...(e.labels ?? [])].map((label) => label.textContent).join("");
@@ -78,7 +89,7 @@ FAINT = """
 """Texts with too little contrast by WCAG 2 AA; disabled controls are exempt."""
 
 AXES = """
-[...document.querySelectorAll("main canvas.plot-over")].map((e) => e.getAttribute("aria-label"))"""
+[...document.querySelectorAll("main div.plot-box")].map((e) => e.getAttribute("aria-label"))"""
 """Labels of the plots: title and both axes with their units."""
 
 LOGGER = """\

@@ -28,7 +28,7 @@ Say = Callable[..., None]
 _NOT_FETCHED = (
     "nothing was fetched: the server's machine has no connection to github.com. Connect "
     "it and try again; or start the server with MRDAMPER_DATA set to a folder that holds the files; or "
-    "download them elsewhere and drop them on the page Runs"
+    "download them elsewhere and drop them on the page Data"
 )
 
 

@@ -1,4 +1,4 @@
-"""Numbers that change with the items in a folder. By them the pages notice changes, also by other programs."""
+"""Numbers that change with the items in a folder, so that pages detect changes by any program."""
 
 from __future__ import annotations
 

@@ -22,14 +22,9 @@ class WorkerClient:
 
     def __init__(self) -> None:
         self._turn = asyncio.Lock()
-        self._pending: dict[tuple[object, ...], asyncio.Task[Any]] = {}
 
-    async def ask(self, query: Query, *version: object) -> Any:  # noqa: ANN401 - any JSON
-        """Return the answer to a query; equal requests at a time share the work.
-
-        Parameters
-        ----------
-        version : further parts of the key of a request, such as the modification time of a file
+    async def ask(self, query: Query) -> Any:  # noqa: ANN401 - any JSON
+        """Return the answer to a query.
 
         Raises
         ------
@@ -38,13 +33,6 @@ class WorkerClient:
         NoSpaceError
             The disk is full.
         """
-        key = (query.key, *version)
-        if key not in self._pending:
-            self._pending[key] = asyncio.ensure_future(self._answer(query))
-            self._pending[key].add_done_callback(lambda _: self._pending.pop(key))
-        return await asyncio.shield(self._pending[key])
-
-    async def _answer(self, query: Query) -> Any:  # noqa: ANN401 - any JSON
         async with self._turn:
             try:
                 with anyio.fail_after(QUERY_MAX_S):

@@ -60,9 +60,8 @@ def file_routes(context: AppContext) -> APIRouter:
     @routes.get("/api/files/{name}/look")
     async def preview(name: str, request: Request) -> Response:
         path = folder.run_file(name)
-        version = context.index.key_of(path)
         if "head" in request.query_params and not context.index.knows(path):
-            beginning = await context.previewer.ask(Query("preview_head", {"path": path}), version)
+            beginning = await context.previewer.ask(Query("preview_head", {"path": path}))
             if beginning is not None:
                 context.index.files()
                 return json_response(beginning)
@@ -86,7 +85,7 @@ async def _beginnings(context: AppContext, paths: list[Path], order: MapRequest)
     previews = []
     for path in paths:
         query = Query("preview_head", {"path": path}, {"given": order.map or {}})
-        beginning = await context.previewer.ask(query, context.index.key_of(path))
+        beginning = await context.previewer.ask(query)
         if beginning is None:
             return None
         previews.append(beginning)

@@ -457,8 +457,8 @@ function firstRows({ columns, rows }) {
 }
 
 /** Return a small picture of a column. */
-function thumb(values = []) {
-  const known = values.filter(Number.isFinite);
+function thumb(values) {
+  const known = (values ?? []).filter(Number.isFinite);
   if (known.length < 2) return null;
   const [low, high] = [Math.min(...known), Math.max(...known)];
   const point = (value, k) => {

@@ -311,7 +311,7 @@ function severalControl(one) {
 export const bringInput = (words, suffixes, brought) =>
   p(
     { class: "small" },
-    filePicker(`${words} (${suffixes.slice(1).toUpperCase()})`, suffixes, ([file]) =>
+    filePicker(`${words} (${suffixes.replaceAll(".", "").toUpperCase()})`, suffixes, ([file]) =>
       attempt(async () => {
         await putInput(file);
         await refresh(false);

@@ -7,12 +7,12 @@
 
 import { palette } from "./theme.js";
 import { button, csvText, save, tags } from "./ui.js";
-import { h, useEffect, useRef, useState } from "./vendor/preact.js";
+import { h, useEffect, useLayoutEffect, useRef, useState } from "./vendor/preact.js";
 
 const { uPlot } = window;
 const { div, figcaption, figure, p, span } = tags;
 const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
-const STEP_MAX_PX = 3; // Longer segments of a loop are checked pixel by pixel.
+const STEP_MAX_PX = 8; // Longer segments of a loop are checked pixel by pixel.
 const PICK_PX = 18;
 const FONT = '12px "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 
@@ -93,7 +93,7 @@ function scalesOf({ bbox: { left, top, width, height }, scales: { x, y } }) {
 }
 
 /** Return the path of a time series; of many samples only the extremes of each pixel column. */
-function seriesPath(u, { x, y }) {
+export function seriesPath(u, { x, y }) {
   const path = new Path2D();
   const [ax, bx, ay, by] = scalesOf(u);
   const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
@@ -119,35 +119,44 @@ function seriesPath(u, { x, y }) {
 }
 
 /** Return the path of a loop; of many samples only the segments that touch a new pixel. */
-function loopPath(u, one, span) {
+export function loopPath(u, one, span) {
   const { x, y } = one;
   const path = new Path2D();
   const [ax, bx, ay, by] = scalesOf(u);
   const { left, top, width, height } = u.bbox;
   const [from, to] = samplesOf(one, span);
-  const [across, down] = [Math.ceil(width) + 1, Math.ceil(height) + 1];
+  const across = Math.ceil(width) + 1;
+  const down = Math.ceil(height) + 1;
   const seen = to - from > ALL_SAMPLES_MAX ? new Uint8Array(across * down) : null;
-  const isNew = (px, py) => {
-    const [a, b] = [Math.floor(px - left), Math.floor(py - top)];
+  const mark = (a, b) => {
     if (a < 0 || b < 0 || a >= across || b >= down || seen[b * across + a]) return false;
     seen[b * across + a] = 1;
     return true;
   };
-  let [px, py, open] = [NaN, NaN, false];
+  let px = NaN;
+  let py = NaN;
+  let isOpen = false;
   for (let k = from; k < to; k += 1) {
-    const [qx, qy] = [bx + ax * x[k], by + ay * y[k]];
-    const length = Math.max(Math.abs(qx - px), Math.abs(qy - py));
-    let fresh = length >= 0; // False for the first sample and for NaN.
-    if (fresh && seen) {
-      const steps = length > STEP_MAX_PX ? Math.min(Math.ceil(length), 4 * across) : 1;
-      fresh = false;
-      for (let s = 1; s <= steps; s += 1) {
-        if (isNew(px + ((qx - px) * s) / steps, py + ((qy - py) * s) / steps)) fresh = true;
+    const qx = bx + ax * x[k];
+    const qy = by + ay * y[k];
+    const dx = qx - px;
+    const dy = qy - py;
+    let isNew = dx === dx && dy === dy; // False for the first sample and for NaN.
+    if (seen && isNew) {
+      isNew = mark((qx - left) | 0, (qy - top) | 0);
+      if (dx > STEP_MAX_PX || dx < -STEP_MAX_PX || dy > STEP_MAX_PX || dy < -STEP_MAX_PX) {
+        const steps = Math.min(Math.ceil(Math.max(Math.abs(dx), Math.abs(dy))), 4 * across);
+        for (let s = 1; s < steps; s += 1) {
+          if (mark((px + (dx * s) / steps - left) | 0, (py + (dy * s) / steps - top) | 0))
+            isNew = true;
+        }
       }
     }
-    if (fresh && !open) path.moveTo(px, py);
-    if (fresh) path.lineTo(qx, qy);
-    [px, py, open] = [qx, qy, fresh];
+    if (isNew && !isOpen) path.moveTo(px, py);
+    if (isNew) path.lineTo(qx, qy);
+    isOpen = isNew;
+    px = qx;
+    py = qy;
   }
   return path;
 }
@@ -156,6 +165,10 @@ function loopPath(u, one, span) {
 function drawBelow(u, { areas = [], spans = [] }, colours) {
   const [ax, bx, ay, by] = scalesOf(u);
   const { ctx, bbox } = u;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
   for (const one of spans) {
     ctx.fillStyle = one.colour(colours);
     ctx.fillRect(bx + ax * one.from, bbox.top, ax * (one.to - one.from), bbox.height);
@@ -169,6 +182,7 @@ function drawBelow(u, { areas = [], spans = [] }, colours) {
     for (const [px, py] of [...sides[0], ...sides[1].reverse()]) ctx.lineTo(px, py);
     ctx.fill();
   }
+  ctx.restore();
 }
 
 /** Draw points and rules above the series. */
@@ -214,7 +228,9 @@ const rounded = (range) => range.map((value) => Number(value.toPrecision(7))); /
 
 /** Return a new uPlot in an element; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
 function build(place, spec, colours, heard = {}) {
-  const { data, x, y, height, span, isLoop } = spec;
+  const { x, y, height, span, isLoop } = spec;
+  const nothing = { x: [], y: [], colour: () => colours.ink }; // uPlot needs a series.
+  const data = spec.data.series.length ? spec.data : { ...spec.data, series: [nothing] };
   const range = rangesOf(data, spec);
   const label = (u, values, _axis, _space, step) => {
     const decimals = Math.min(12, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
@@ -368,7 +384,7 @@ export function Plot(props) {
   const visible = { ...data, series: data.series.filter((one) => !hidden.includes(keyOf(one))) };
   const spec = { ...props, data: visible, height, isLoop, view, span: part };
 
-  useEffect(() => {
+  useLayoutEffect(() => {
     const { current: member } = mine;
     member.move = (t) => move(member, visible, t);
     link?.members.add(member);

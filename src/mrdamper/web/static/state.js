@@ -119,7 +119,7 @@ export function route() {
       if (belongs(key, app.page) && !SHARED.includes(key)) delete app.choice[key];
     for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
   }
-  write(false);
+  if (app.forms) write(false); // The forms decide which choices belong to a page.
   app.draw();
 }
 
