@@ -145,6 +145,12 @@ LOGGER_MAP = {
 }
 
 
+def test_events_of_some_rows_are_read(tmp_path):
+    (tmp_path / "ME10mm.txt").write_text(_logger_text(3).replace(", DAQ Start", "", 1))
+    runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))
+    assert [run.command[0] for run in runs] == [0.0, 0.5, 0.5]
+
+
 def test_loggers_text_holds_several_tests(tmp_path):
     (tmp_path / "ME10mm.txt").write_text(_logger_text(3))
     runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))

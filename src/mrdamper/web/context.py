@@ -55,7 +55,7 @@ class AppContext:
         self.formats = tuple(run_formats())
         self.choices = choices()
         self.changes = Changes(self.folder)
-        self.queue: JobQueue = JobQueue(self.folder, self.changes.publish, beside and beside.queue)
+        self.queue: JobQueue = JobQueue(self.folder, self.changes.publish, beside.queue if beside else None)
         self.reader = WorkerClient()  # Reads whole files for a page.
         self.previewer = WorkerClient()  # Reads the beginning of large files.
         self.heater = WorkerClient()  # Computes heating curves for sliders.

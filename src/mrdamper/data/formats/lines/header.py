@@ -20,6 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
+_SPARSE = re.compile(r"(events?|markers?|comments?|remarks?|notes?)", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
 _WHOLE = re.compile(r"[+-]?\d+")
@@ -112,6 +113,9 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     if stated is not None:
         said = _nonempty_lines(lines[:first], delimiter)
         return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
+    above = split_line(lines[first - 1], delimiter) if first else []
+    if len(above) == len(cells) + 1 and _SPARSE.fullmatch(above[-1]):
+        cells = [*cells, ""]  # Only some rows have an event.
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
