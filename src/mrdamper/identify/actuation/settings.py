@@ -16,10 +16,10 @@ class ActuationSettings:
     # Steps of the command, as fractions of its range
     step_size_min: float = 0.05  # a smaller change is not a step
     level_tolerance: float = 0.05  # closer levels count as one level
-    settling_time_s: float = 0.1  # wait after a step; then the force counts as the force of the level
+    settling_time_s: float = 0.1  # Later samples after a step count as settled at the level.
 
     # Step responses
-    response_duration_min_s: float = 0.04  # a shorter one does not show 63 % of a slow step
+    response_duration_min_s: float = 0.04  # A shorter record ends before a slow response reaches 63 %.
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # fraction of the largest force of the run; a smaller step is ignored
     change_force_min: float = 0.003  # the same for all changes of the command of a run
@@ -28,7 +28,7 @@ class ActuationSettings:
     level_sample_count_min: int = 20  # settled samples at one level, in one direction of the motion
     crossing_fit_range: tuple[float, float] = (0.5, 0.77)  # A line through 63 % is fitted here.
     map_error: float = 0.06  # relative standard error of a response time because of the maps of the force
-    free_wheeling_time_ratio: float = 1.4  # falls to zero to other steps, for a driver with one quadrant
+    free_wheeling_time_ratio: float = 1.4  # response time to zero / of other steps, for one quadrant
 
     # Search for delay and lags
     lag_min_s: float = 1e-4

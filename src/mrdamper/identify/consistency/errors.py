@@ -1,4 +1,4 @@
-"""Compare the errors of one result with each other: held-out runs, training, cross-validation."""
+"""Comparison of the errors of one result: held-out runs, training and cross-validation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Errors (``nrmse_percent``) of the runs of one kind, with constant or with changing current."""
+    """Errors (``nrmse_percent``) of one kind of runs with constant or with changing current."""
 
     kind: ErrorKind
     current: CurrentKind

@@ -1,7 +1,7 @@
 """Fluids as TOML: the presets, and reading and writing the file of a fluid.
 
-``like = "preset"`` takes everything that the file omits from a preset. docs/fluid.md describes the keys.
-Temperatures are in degC in the file and in kelvin in ``Fluid``.
+With ``like = "preset"``, all parts that the file omits are taken from a preset. docs/fluid.md describes the
+keys. Temperatures are in degC in the file and in kelvin in ``Fluid``.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
 
 
 def _completed(given: Json, place: str) -> Json:
-    """Return the document with the omitted parts taken from the preset that ``like`` names."""
+    """Return the document, with omitted parts taken from the preset named by ``like``."""
     given = {"name": Path(place).stem, **given}
     like = given.get("like")
     if like is None:
