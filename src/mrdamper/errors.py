@@ -149,9 +149,9 @@ class EnvelopeError(InputError):
 
 
 class EnvelopeWarning(UserWarning):
-    """A card or a fluid is used outside its identified range. The value is returned nevertheless.
+    """A model card or a fluid is used outside its identified range. The value is still returned.
 
-    ``warnings.warn`` issues it once per use, with the numbers.
+    ``warnings.warn`` issues the warning once per use, with value and range.
     """
 
 

@@ -31,7 +31,7 @@ ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
 """Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], geometric means as they are known."""
 
 _REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
-_FINEST_WAVENUMBER = 2.83  # the end of ISO 8608's range [cycles/m]
+_FINEST_WAVENUMBER = 2.83  # end of the range of ISO 8608 [cycles/m]
 _TONE_COUNT = 480
 
 
@@ -47,7 +47,7 @@ class Trajectory:
     velocity: FloatArray  # [m/s]
     acceleration: FloatArray  # [m/s^2]
     command: FloatArray  # [A or V]
-    dead_band: float = 0.0  # reversals smaller than this are not reversals [m]
+    dead_band: float = 0.0  # smaller reversals of the motion are ignored [m]
     temperature: FloatArray | None = None  # [K]
 
     def __post_init__(self) -> None:

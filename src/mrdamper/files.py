@@ -15,7 +15,7 @@ from mrdamper.errors import InputError
 
 PathLike = str | Path
 
-_MOST_BYTES = 1 << 22  # max size of a document that people write
+_MOST_BYTES = 1 << 22  # maximum size of a document that people write
 _PAST_INTEGERS = 1 << 63
 
 

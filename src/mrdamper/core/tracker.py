@@ -21,8 +21,8 @@ Power = tuple[float, float, float, int, FloatArray, FloatArray]
 Lookup = tuple[float, float, int, FloatArray]
 # Coefficients by temperature and current, coefficients by temperature, powers, functions.
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
-# Plant steps per sample, delay in samples and additional steps, whether the force is read, gain and offset of
-# the force, largest current, steps of the converters of current and force.
+# Plant steps per sample, delay in samples and additional plant steps, True if the force is measured, gain and
+# offset of the damper force, largest current, resolution of the converters of current and force.
 Settings = tuple[int, int, int, bool, float, float, float, float, float]
 
 PIECES_MAX = 10_000
@@ -150,7 +150,7 @@ class Tracker:
         if len(memory) == self._build.state_size:
             at = self._build.ffi.from_buffer(self._build.state, memory)
             is_sound = 0 <= at.newest_command < DELAY_MAX and 0 <= at.prediction_samples < STEPS_MAX
-            if is_sound:  # Both values are indices, and the bytes may come from a file.
+            if is_sound:  # Both values are array indices, and the state may come from a file.
                 return memory, at
         raise ValueError("this is not a controller's state")
 

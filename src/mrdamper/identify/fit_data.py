@@ -31,7 +31,7 @@ class FitData:
 
     training: tuple[PreparedRun, ...]  # order of the files
     held_out: tuple[PreparedRun, ...]
-    steady: tuple[PreparedRun, ...]  # runs for the laws, sorted by content, without repeated ones
+    steady: tuple[PreparedRun, ...]  # runs with constant current, sorted by content, without repetitions
     changing: tuple[PreparedRun, ...]  # runs with changing current, sorted in the same way
     temperature: Temperature
     fluid: FluidFactors | None  # known temperature dependence; None: fitted

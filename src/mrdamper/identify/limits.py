@@ -69,7 +69,7 @@ def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin:
         if (slope > 0.0).all() and form.linear[0] and form.kind != "exponential":
             aim = floor + 2e-6 * float(np.ptp(values))  # margin for a minimum between two currents
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
-            # A factor near zero at one temperature would need a lift that changes all others.
+            # A factor near zero at one temperature would require large changes at the other temperatures.
             if lift * float(slope.max()) <= float(np.ptp(values)):
                 form = form.with_parameters((form.parameters[0] + lift, *form.parameters[1:]))
     if _keeps(form, admissible, at, kelvin):

@@ -219,9 +219,8 @@ def default_scope(
     commands : [A or V]; None: five values over the envelope
     temperatures : [K]; None: up to three values over the envelope, or from the temperature of the tests
         upwards if the tests have only one
-    motion : motion for the energy; None: sine with the stroke of the peak-velocity pick and the highest speed
-    of
-        the tables
+    motion : motion for the energy; None: a sine with the amplitude of the peak-velocity pick and the highest
+        of the speeds
     """
     low, high = envelope.displacement
     half = 0.5 * (high - low)
@@ -349,7 +348,7 @@ def _temperatures(
         high = max((damper.temperature_range or (low, high))[1], low)
     if high - low < TEMPERATURE_STEP_K / 4.0:
         return (low,)
-    # The runs at 20 degC of a rig may have 20.3 degC, hence the kelvin on either side.
+    # Runs at a nominal 20 degC may have 20.3 degC. Therefore the range is 1 K wider at each end.
     first = math.ceil((low - 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     last = math.floor((high + 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     if last <= first:

@@ -43,11 +43,11 @@ class Comparison(JobResult):
     _job = "compare"
     cards: tuple[ModelCard, ModelCard]
     names: tuple[str, str]
-    envelope: OperatingEnvelope  # common to both
+    envelope: OperatingEnvelope  # common envelope of both cards
     scope: Scope
     found: tuple[Characterisation, Characterisation]
     parameters: tuple[ParameterPair, ...]  # empty if the laws differ
-    own_error_N: float | None  # root sum of squares of the RMS errors of both cards
+    own_error_N: float | None  # combined RMS error of both models: root sum of squares
     notes: tuple[str, ...]
 
     @property

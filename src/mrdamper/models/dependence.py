@@ -345,7 +345,7 @@ class Exponential:
 class Bipolynomial:
     """value = sum of c_ij I^i (T - 293.15)^j, i to the command's degree, j to the temperature's.
 
-    It is linear in all its parameters, which are ordered c00, c01, c10, c11, ...
+    The value is linear in all parameters. Their order is c00, c01, c10, c11, ...
     """
 
     parameters: tuple[float, ...]
@@ -432,8 +432,8 @@ CommandForm = Constant | Polynomial | Hill | Exponential
 class TemperatureDependent:
     """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
 
-    It is linear in the linear parameters of the form. ``assumed`` is True if the factor comes from fluid
-    data, not from runs of this damper.
+    The value is linear in the linear parameters of the form. ``assumed`` is True if the factor comes from
+    fluid data, not from runs of this damper.
     """
 
     form: CommandForm

@@ -35,8 +35,8 @@ class OperatingPoints:
 
     The ``varying`` parameters change between evaluations. The gradients are with respect to the ``wanted``
     parameters. Parameters have flat names. The command lag is allowed and has no gradient. ``places`` are the
-    coefficients of the law that depend on wanted parameters. ``combine``, shape (points, wanted, places),
-    contains the constant gradients of coefficients that are linear in all their parameters.
+    indices of the coefficients in the law that depend on wanted parameters. ``combine``, shape (points,
+    wanted, places), contains the constant gradients of coefficients that are linear in all their parameters.
     """
 
     def __init__(
@@ -81,9 +81,10 @@ class OperatingPoints:
         Parameters
         ----------
         values : one row per candidate, shape (candidates, varying)
-        combine : array for the gradients, shape (candidates, points, wanted, places); constant gradients are
-        not
-            written
+        combine : output array for the gradients, shape (candidates, points, wanted, places)
+
+        The caller fills the output array with copies of the attribute ``combine``, because this method writes
+        only the gradients that are not constant.
         """
         count = len(values)
         coefficients = (values @ self._linear).reshape(count, *self._fixed.shape)

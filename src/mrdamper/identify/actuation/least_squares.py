@@ -39,7 +39,7 @@ class SearchParameter(NamedTuple):
     upper: float
     scale: float
     is_log: bool
-    margin: float = 0.0  # The search starts at least so far from the bounds.
+    margin: float = 0.0  # minimum distance of the start from the bounds
 
 
 class ParameterFit(NamedTuple):

@@ -178,7 +178,7 @@ class MeanTime(NamedTuple):
 
     mean_s: float
     error_s: float = math.nan
-    repeat_error_s: float = 0.0  # part of the error that repeated steps of one kind show
+    repeat_error_s: float = 0.0  # standard error from the scatter of repeated steps
 
 
 class ResponseTimes(NamedTuple):

@@ -33,9 +33,10 @@ class ErrorSummary:
 def summarize_errors(
     runs: Sequence[RunError], chosen: CandidateScore | None = None
 ) -> tuple[ErrorSummary, ...]:
-    """Return the errors of held-out runs, training runs and cross-validation; omit kinds without runs.
+    """Return the errors of held-out runs, training runs and cross-validation, each if there are any runs.
 
-    The score ``chosen`` of the selected candidate has the cross-validation errors; None if a model was given.
+    ``chosen`` is the score of the selected candidate, which contains the cross-validation errors. It is None
+    if the user specified the model.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)

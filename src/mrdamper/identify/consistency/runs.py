@@ -82,8 +82,8 @@ def find_suspects(
 ) -> tuple[str, ...]:
     """Return the names of at most two suspect runs; a second fit omits each of them in turn.
 
-    These are the run with the largest deviation and the run with the largest residual. The two runs may
-    differ at the slowest or fastest motion, because the fit follows a wrong run there and deviates from
+    These are the run with the largest deviation and the run with the largest residual. At the end of
+    a series of motions the two runs may differ, because the fit follows a wrong run there and deviates from
     correct runs.
     """
     steady = _steady_runs(runs)

@@ -33,14 +33,14 @@ class ConsistencySettings:
     # Groups of runs
     gain_difference_min: float = 0.04  # difference of two groups, and smallest drift
     group_scatter_ratio_min: float = 5.0  # difference of two groups, divided by the scatter inside them
-    drift_fraction_min: float = 0.1  # fraction of the residual
+    drift_fraction_min: float = 0.1  # fraction of the residual that a drift explains
     common_delay_min_s: float = 1.2e-3
     group_delay_min_s: float = 4e-3
-    common_fraction_min: float = 0.015  # residual fraction that a delay of all runs explains
+    common_fraction_min: float = 0.015  # fraction of the residual that one common delay explains
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
     single_run_ratio_min: float = 0.9  # A run that explains more of a common effect is its cause.
     error_ratio_max: float = 2.5  # Runs with a larger standard error than this times the median are ignored.
-    second_cause_ratio_min: float = 0.5  # size divided by the first common cause
+    second_cause_ratio_min: float = 0.5  # size of a second common cause divided by that of the first
 
     # Errors of one result
     training_cv_ratio_max: float = 1.5  # training error divided by cross-validation error

@@ -112,7 +112,7 @@ class Objective:
     def eliminate(
         self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
     ) -> Eliminated:
-        """Return candidates with their best linear parameters, starting from guessed ones (``linear``).
+        """Return candidates with their best linear parameters, starting from a guess, ``linear``.
 
         Without ``tangents`` of the nonlinear parameters, no Gram matrix is returned. A cost is the difference
         of two sums that are about as large as the cost of the guess. If rounding errors dominate this

@@ -83,7 +83,7 @@ class CandidateEvaluator:
             samples_max=min(data.settings.screening_samples_max, samples_max / 3),
             blocks=blocks,
         )
-        # The last validated candidate with its response to the current.
+        # Damper of the last validated candidate with its actuation.
         self._response: Damper | None = None
         self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
         if data.fluid is None and data.temperature != "none":
@@ -174,8 +174,8 @@ class CandidateEvaluator:
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
         """Descend from the starts of an archetype; return the resulting dampers, best first.
 
-        An alternative starts at the fit of the previous archetype, with the coefficients of the alternative
-        replaced.
+        An alternative starts at the fit of the previous archetype, but with start values of its
+        own for the coefficients that differ.
         """
         if archetype.is_alternative:
             kinds = self._archetypes(candidate.law)

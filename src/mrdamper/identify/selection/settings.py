@@ -60,11 +60,11 @@ class SelectionSettings:
 
     # Response to the current
     changing_run_count_max: int = 4
-    changing_samples_max: int = 3000  # samples of each run, within the limits of its rate
+    changing_samples_max: int = 3000  # target samples of each run; the rate limits below have priority
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # relative change that ends the fit of the actuation
-    changing_share_step_min: float = 0.25  # step of the force fraction that follows at once
+    changing_share_step_min: float = 0.25  # step of the force fraction that follows the command at once
 
 
 DEFAULT_SETTINGS = SelectionSettings()

@@ -148,7 +148,7 @@ def _completed(given: Json, place: str) -> Json:
         raise InputError(f"like is {like!r}", place=place, expected=f"one of: {', '.join(PRESETS)}")
     base = _document_of(find_fluid(like))
     if "viscosity" in given:
-        base.pop("collapse", None)  # It belongs to the viscosity of the preset.
+        base.pop("collapse", None)  # The collapse belongs to the viscosity of the preset.
     if isinstance(given.get("properties"), Mapping):
         given["properties"] = {**base["properties"], **given["properties"]}
     return {**base, "title": f"like {like}", **given}
