@@ -210,7 +210,7 @@ class Harmonics:
 
 @dataclass(frozen=True, slots=True)
 class Triangle:
-    """Constant speed between +A and -A, starting at zero in extension; one period is 4 A / speed.
+    """Constant speed between +A and -A, starting at zero in extension; the period is 4 A / speed.
 
     The acceleration is zero because the impulses at the turning points are not sampled. The velocity at a
     turning point is the velocity of the following stroke.
@@ -338,7 +338,7 @@ class RandomCurrent:
             )
 
     def current(self, t: ArrayLike) -> FloatArray:
-        """Return the commanded current [A]; before t = 0 it is the first level."""
+        """Return the commanded current [A]; before t = 0 the first level."""
         time = np.asarray(t, dtype=np.float64)
         most = int(max(float(time.max(initial=0.0)), 0.0) / self.shortest) + 2
         level, hold = np.random.default_rng(self.seed).uniform(size=(most, 2)).T
@@ -376,7 +376,7 @@ class CurrentSteps:
         return self.hold * np.arange(1.0, len(self.levels))
 
     def current(self, t: ArrayLike) -> FloatArray:
-        """Return the commanded current [A]. At a switch it is the current of the new level."""
+        """Return the commanded current [A]; at a switch the current of the new level."""
         # A sample at the time of a switch can be earlier because of rounding.
         position = np.asarray(t, dtype=np.float64) / self.hold + 1e-9
         level = np.clip(np.floor(position), 0, len(self.levels) - 1).astype(np.intp)

@@ -182,7 +182,7 @@ class Field:
 
     @property
     def help(self) -> str:
-        """Return the text below the field, or the help of its option."""
+        """Return the text below the field, or the help of the field's option."""
         names = [(each.__module__, each.__name__) for each in self.record.__mro__ if each is not object]
         texts = (_field_texts(module).get((name, self.name)) for module, name in names)
         return self.option.help or next(filter(None, texts), "")
@@ -203,7 +203,7 @@ class Field:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Return the texts that the field accepts; empty if it accepts any text."""
+        """Return the texts that the field accepts; empty if any text is accepted."""
         item = self.item
         if get_origin(item) is Literal:
             return tuple(str(each) for each in get_args(item))

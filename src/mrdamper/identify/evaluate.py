@@ -164,7 +164,7 @@ def describe_extrapolation(damper: Damper) -> str:
 
 
 def set_reference_temperature(run: PreparedRun) -> PreparedRun:
-    """Return the run, at 20 degC if it has no temperature channel."""
+    """Return the run; a run without temperature channel gets a constant temperature of 20 degC."""
     if run.trajectory.temperature is not None:
         return run
     kelvin = np.full(len(run), REFERENCE_K)

@@ -23,7 +23,7 @@ COMMAND_COUNT = 1001
 # Relative change of a coefficient that is reported.
 REPORTED_CHANGE_MIN = 1e-3
 BISECTION_COUNT = 40
-_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # not the size of a curve
+_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # shape, not size
 # Relative change of the valve force by the position gain at the end of the stroke. Below 1, the sign is kept.
 POSITION_CHANGE_MAX = 0.99
 

@@ -136,7 +136,7 @@ def template(
 def _single_command_error(
     law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
 ) -> InputError:
-    """Return the error for runs that all have one command."""
+    """Return the error for runs that all have the same command."""
     follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
     return InputError(
         found=(

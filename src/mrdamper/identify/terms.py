@@ -349,7 +349,7 @@ def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
-    """Return the archetypes of a law, with which the search for its terms starts."""
+    """Return the archetypes of a law, from which the search for terms starts."""
     return _CHAIN_ARCHETYPES if law.name == "chain" else ()
 
 
@@ -359,7 +359,7 @@ def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
 
 
 def terms_of(law: HysteresisLaw) -> dict[str, Term]:
-    """Return the terms of a law by name, each after the terms that it needs."""
+    """Return the terms of a law by name; the terms that a term requires precede this term."""
     if law.kernel is None:
         return {}
     return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}

@@ -41,7 +41,7 @@ PARALLEL_COUNT = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitWindow:
-    """A section of one run, as a fit uses it."""
+    """A section of one run that a fit simulates and scores."""
 
     run: int  # index of the run
     drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
@@ -98,7 +98,7 @@ def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, .
 
 
 def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
-    """Return one window for every run, each from the first sample of the run on."""
+    """Return one window for each run, which contains the whole run."""
     coarse = [_decimate(run, settings) for run in runs]
     fractions = run_fractions(runs)
     windows = []

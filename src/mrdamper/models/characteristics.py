@@ -28,7 +28,7 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 Value = TypeVar("Value")
 
 PERIOD_COUNT = 3
-"""Periods of a cycle that are simulated from rest; the last one is evaluated."""
+"""Periods of a cycle that are simulated from rest; the last period is evaluated."""
 
 SAMPLES_PER_PERIOD = 400  # A multiple of 4, so that the peak velocities are samples.
 RESPONSE_FRACTIONS = (0.63, 0.90)

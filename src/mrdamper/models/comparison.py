@@ -198,7 +198,7 @@ def _temperatures_of(card: ModelCard) -> Range | None:
 
 
 def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
-    """Return the parameters of two dampers of one law that were fitted in either card or that differ."""
+    """Return the parameters of two dampers of the same law that were fitted in a card or that differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()

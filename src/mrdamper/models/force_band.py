@@ -72,7 +72,7 @@ class ForceBand:
         check_ranges(self, "force_band")
 
     def widened(self, motion: Trajectory) -> float:
-        """Return the factor by which the band of a run is wider than the typical one."""
+        """Return the factor by which the band of a run is wider than the band of a typical motion."""
         factor = self.changing_current_ratio if np.ptp(motion.command) > 0.0 else 1.0
         if not self.motions or not (np.ptp(motion.displacement) > 0.0 and np.ptp(motion.velocity) > 0.0):
             return factor

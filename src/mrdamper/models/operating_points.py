@@ -19,7 +19,7 @@ from mrdamper.models.dependence import ParameterLaw
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """A coefficient that is not linear in all its parameters, so that its gradient varies."""
+    """A coefficient that is nonlinear in a parameter, so that its gradient can vary."""
 
     place: int  # index of the coefficient in the law
     column: int  # index among the differentiated coefficients; -1: not differentiated

@@ -97,7 +97,7 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
 
 
 def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
-    """Return the force [N] of runs that each have one operating point."""
+    """Return the force [N] of runs that each have a constant command and temperature."""
     if not drives:
         return []
     for drive in drives:

@@ -42,7 +42,7 @@ def fit_hysteresis_at_levels(
 def _half_width(
     effect_squares: float, products: float, error_squares: float, freedom: float
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] from the sums of its regression, and its standard error."""
+    """Return the half width of the loop [A or V] and its standard error from the sums of the regression."""
     half_width = products / effect_squares
     residual = max(error_squares - half_width * products, 0.0)
     return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))

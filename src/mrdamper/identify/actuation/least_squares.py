@@ -198,7 +198,7 @@ def fit_over_runs(
 def fit_lags(
     lagged: LaggedForces, residual: Residual, start: Actuation | None, settings: ActuationSettings
 ) -> ParameterFit:
-    """Fit delay and lags, starting from ``start`` or from several default values if it is None."""
+    """Fit delay and lags, starting from ``start`` or from several default values if ``start`` is None."""
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
         starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]

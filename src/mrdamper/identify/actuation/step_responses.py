@@ -110,7 +110,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
 def crossing_time(
     fraction: FloatArray, step_s: float, settings: ActuationSettings = DEFAULT_SETTINGS
 ) -> float:
-    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it does not.
+    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it stays below.
 
     The time follows from a straight line through the rising samples near 63 %, because single samples have
     noise.

@@ -47,7 +47,7 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Dampers fitted without one fold each, and their errors on that fold."""
+    """Dampers that were each fitted without one fold, and the errors of each damper on that fold."""
 
     kind: LeftOut  # content of a fold
     dampers: tuple[Damper, ...]  # one for each fold

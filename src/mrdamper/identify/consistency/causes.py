@@ -17,7 +17,7 @@ class Cause:
     """
 
     unit: str
-    size_min: float  # in the unit of the cause; for a command, per ampere of the command range
+    size_min: float  # unit of the cause; per ampere of the command range for a command
     scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
     deviation_min: float
     words: str  # format string with the fields ``size`` and ``unit``

@@ -181,7 +181,10 @@ def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> F
 
 
 def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
-    """Return the change of the force by a first-order filter, divided by its typical time constant."""
+    """Return the derivative of the force with respect to the time constant of a first-order filter.
+
+    The derivative is a difference quotient with a typical time constant.
+    """
     from scipy.signal import lfilter
 
     pole = float(np.exp(-step / TIME_CONSTANT_s))

@@ -213,7 +213,7 @@ def _bounded_least_squares(
 def _nearest_valid(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Return the valid point nearest to an invalid one in the metric of the matrix.
+    """Return the point nearest to ``solution`` that satisfies the conditions, in the metric of the matrix.
 
     The dual problem is solved for the Lagrange multipliers of the conditions, which are not negative.
     """

@@ -135,7 +135,7 @@ def _descend(
     ends: list[Descents],
     on_progress: Progress,
 ) -> None:
-    """Descend from the best different dampers, then from the best of the ends until it converges.
+    """Descend from the best different dampers, then continue the best result until it converges.
 
     The descents are added to ``ends``, so that an interrupt keeps them.
     """

@@ -74,7 +74,7 @@ class FluidTables:
 
 
 def find_fluid(name_or_path: str | Path) -> Fluid:
-    """Return a preset by its name, or the fluid in a TOML file.
+    """Return the fluid preset with a name, or the fluid in a TOML file.
 
     Raises
     ------
