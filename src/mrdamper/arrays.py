@@ -21,14 +21,15 @@ def read_only(values: ArrayLike) -> FloatArray:
 
 
 def inverse_sizes(matrix: FloatArray) -> FloatArray:
-    """Return the scaling factors of rows and columns for a unit diagonal, shape (.., n) of (.., n, n)."""
+    """Return the factors that scale rows and columns of matrices (.., n, n) to a unit diagonal, (.., n)."""
     return np.asarray(1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300)))
 
 
 def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
-    """Return the inverse of a symmetric positive matrix whose rows may have any units, shape (n, n).
+    """Return the pseudoinverse of a symmetric positive semidefinite matrix, shape (n, n).
 
-    Eigenvalues below ``singular`` times the largest, for a unit diagonal, count as zero.
+    The matrix is scaled to a unit diagonal first, so that its rows may have different units. Eigenvalues of
+    the scaled matrix below ``singular`` times the largest eigenvalue count as zero.
     """
     size = inverse_sizes(matrix)
     both = np.outer(size, size)
@@ -36,9 +37,9 @@ def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
 
 
 def level_numbers(values: ArrayLike, distance_max: float) -> NDArray[np.intp]:
-    """Return the number of the level of each value, from 0 on, shape (n,).
+    """Group values into levels; return the number of the level of each value, from 0 on, shape (n,).
 
-    Neighbouring values on one level differ by at most a distance.
+    Sorted values belong to one level as long as neighbours differ by at most ``distance_max``.
     """
     given = np.asarray(values, dtype=np.float64)
     order = np.argsort(given, kind="stable")

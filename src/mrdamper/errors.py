@@ -8,9 +8,9 @@
     ├── ConvergenceError              4  a fit or solve that did not reach its tolerance
     └── CheckError                    5  a result did not pass its own check
 
-An error contains the place, the found value, the expected value and the remedy as plain text. Options and
-commands have their names from the command line. Any other ``Exception`` of this package is an internal error
-(exit code 1). It never reports invalid input.
+An error contains the place, the found value, the expected value and the remedy as plain text. Messages use
+the names that options and commands have on the command line. Any other ``Exception`` is an internal error
+(exit code 1). Invalid input never causes an internal error.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class MrdamperError(Exception):
     found, expected : the actual and the expected value
     place : file, run or field with the fault
     remedy : action of the user, as a sentence, or as a clause if it starts with a small letter
-    faults : several errors in one, which then has no own parts
+    faults : several errors that are reported as one; the common error then has no parts of its own
 
-    The message consists of place, found, expected and remedy, in this order. Each of several faults has a
-    line. Very long texts are cut.
+    The message consists of place, found, expected and remedy, in this order. Each of several faults has its
+    own line. Very long texts are cut.
     """
 
     exit_code: ClassVar[int] = 1
@@ -72,9 +72,9 @@ class MrdamperError(Exception):
         self.args = (self._message(),)
 
     def prepend_place(self, place: str | PurePath) -> Self:
-        """Return this error with a place before its own, such as the file before the field.
+        """Return this error with another place in front of its place, such as the file before the field.
 
-        A place that already is the first part of the own place is not repeated.
+        The place is not repeated if the error's place already begins with it.
         """
         moved = copy.copy(self)
         moved.faults = tuple(fault.prepend_place(place) for fault in self.faults)
@@ -95,7 +95,7 @@ class MrdamperError(Exception):
         return _shorten(self.args[0])
 
     def __format__(self, form: str) -> str:
-        """Return the complete message as a part of another message."""
+        """Return the complete message, for use inside another message."""
         return format(self.args[0], form)
 
     def parts(self) -> dict[str, str]:
@@ -149,9 +149,9 @@ class EnvelopeError(InputError):
 
 
 class EnvelopeWarning(UserWarning):
-    """A card or a fluid is used outside its identified range. The value is returned nevertheless.
+    """A model card or a fluid is used outside its identified range. The value is still returned.
 
-    ``warnings.warn`` issues it once per use, with the numbers.
+    ``warnings.warn`` issues the warning once per use, with value and range.
     """
 
 

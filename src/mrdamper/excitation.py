@@ -31,15 +31,15 @@ ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
 """Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], geometric means as they are known."""
 
 _REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
-_FINEST_WAVENUMBER = 2.83  # the end of ISO 8608's range [cycles/m]
+_FINEST_WAVENUMBER = 2.83  # end of the range of ISO 8608 [cycles/m]
 _TONE_COUNT = 480
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """Motion, command and temperature of a damper on a uniform time step.
+    """Motion, command and temperature of a damper, sampled with a uniform time step.
 
-    Arrays are kept as read-only, contiguous float64, shape (n,).
+    Arrays are stored as read-only, contiguous float64, shape (n,).
     """
 
     step: float  # [s]
@@ -47,7 +47,7 @@ class Trajectory:
     velocity: FloatArray  # [m/s]
     acceleration: FloatArray  # [m/s^2]
     command: FloatArray  # [A or V]
-    dead_band: float = 0.0  # reversals smaller than this are not reversals [m]
+    dead_band: float = 0.0  # smaller reversals of the motion are ignored [m]
     temperature: FloatArray | None = None  # [K]
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class Trajectory:
         return len(self.displacement)
 
     def part(self, samples: slice) -> Trajectory:
-        """Return some of the samples; a slice with a step lengthens the time step."""
+        """Return the trajectory of a slice of the samples; the step of the slice multiplies the time step."""
         return replace(
             self,
             step=self.step * (samples.step or 1),
@@ -96,7 +96,7 @@ class Trajectory:
 
     @property
     def time(self) -> FloatArray:
-        """Time of each sample from the first [s], shape (n,)."""
+        """Time of each sample since the first sample [s], shape (n,)."""
         return self.step * np.arange(len(self), dtype=np.float64)
 
     @property
@@ -106,7 +106,7 @@ class Trajectory:
 
 
 class Motion(Protocol):
-    """A motion in closed form, a value that can be hashed; ``t`` is time [s], of any shape."""
+    """A motion in closed form, as a hashable value; ``t`` is the time [s], of any shape."""
 
     def __hash__(self) -> int: ...
     def displacement(self, t: ArrayLike) -> FloatArray: ...  # [m]
@@ -142,7 +142,7 @@ class Sine:
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """x = A sin(phi), its frequency going linearly: phi = 2 pi (f0 t + (f1 - f0) t^2 / 2T)."""
+    """x = A sin(phi) with linearly changing frequency: phi = 2 pi (f0 t + (f1 - f0) t^2 / 2T)."""
 
     amplitude: Positive  # A [m]
     start: Positive  # f0 [Hz]
@@ -153,7 +153,7 @@ class Chirp:
         check_ranges(self, "chirp")
 
     def _phase(self, t: ArrayLike) -> tuple[FloatArray, FloatArray, float]:
-        """Return the phase [rad], its rate [rad/s] and the rate of that [rad/s^2]."""
+        """Return the phase [rad] and its first [rad/s] and second time derivative [rad/s^2]."""
         time = np.asarray(t, dtype=np.float64)
         sweep = 2 * np.pi * (self.stop - self.start) / self.duration
         rate = 2 * np.pi * self.start + sweep * time
@@ -210,10 +210,10 @@ class Harmonics:
 
 @dataclass(frozen=True, slots=True)
 class Triangle:
-    """Constant speed between +A and -A, starting at zero in extension; one period is 4 A / speed.
+    """Constant speed between +A and -A, starting at zero in extension; the period is 4 A / speed.
 
-    Acceleration is zero (the impulses at the turning points are not sampled); the velocity at a turning
-    point is that of the following stroke.
+    The acceleration is zero because the impulses at the turning points are not sampled. The velocity at a
+    turning point is the velocity of the following stroke.
     """
 
     amplitude: Positive  # A [m]
@@ -228,7 +228,7 @@ class Triangle:
         return 4.0 * self.amplitude / self.speed
 
     def _quarter(self, t: ArrayLike) -> FloatArray:
-        """Return the time in quarter periods since the last turning point at -A, 0 to 4."""
+        """Return the time since the last turning point at -A, in quarter periods (0 to 4)."""
         return np.mod(np.asarray(t, dtype=np.float64) * (self.speed / self.amplitude) + 1.0, 4.0)
 
     def displacement(self, t: ArrayLike) -> FloatArray:
@@ -242,7 +242,7 @@ class Triangle:
 
 
 class _Tones:
-    """A motion that is a sum of tones."""
+    """Base class of motions that are sums of tones."""
 
     __slots__ = ()
     tones: Harmonics
@@ -261,9 +261,10 @@ class _Tones:
 class Road(_Tones):
     """The height of an ISO 8608 road under a vehicle at constant speed: a sum of tones with random phases.
 
-    Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2): the standard's Gd(n0) (n / n0)^-2 well above the corner, flat
-    below it. 480 tones, each with the power of its band, lie evenly on a logarithmic axis from a tenth of the
-    corner to 2.83 cycles/m; they have no common period. The same seed gives the same road at any speed.
+    The spectrum Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2) equals the standard's Gd(n0) (n / n0)^-2 well above
+    the corner wavenumber and is flat below the corner. The 480 tones are evenly spaced on a logarithmic axis
+    from a tenth of the corner to 2.83 cycles/m, each with the power of its band. They have no common period.
+    The same seed gives the same road at any speed.
     """
 
     road_class: Annotated[str, Option(among=lambda: ROAD_ROUGHNESS)] = "C"  # A (smooth) to H
@@ -284,10 +285,10 @@ class Road(_Tones):
 
 @dataclass(frozen=True, slots=True)
 class RandomMotion(_Tones):
-    """A band of 32 tones, evenly on a logarithmic axis, of one velocity amplitude and random phases.
+    """A random motion: 32 tones of equal velocity amplitude with random phases.
 
-    The amplitude is three standard deviations of the displacement, which is seldom passed. The same seed
-    gives the same motion.
+    The frequencies are evenly spaced on a logarithmic axis. ``amplitude`` is three standard deviations of the
+    displacement, so that the displacement seldom exceeds it. The same seed gives the same motion.
     """
 
     amplitude: float  # [m]
@@ -316,8 +317,8 @@ class RandomMotion(_Tones):
 class RandomCurrent:
     """A commanded current with random levels, each held for a random time; reproducible by its seed.
 
-    Levels are uniform between zero and the highest, with a twelfth of them at either end; times are
-    log-uniform. Only such runs reveal a law that is wrong for a changing current.
+    Levels are uniformly distributed between zero and the highest level, with a twelfth of the levels at
+    either end. Times are log-uniform. Only such runs show if a law is wrong for a changing current.
     """
 
     highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
@@ -337,7 +338,7 @@ class RandomCurrent:
             )
 
     def current(self, t: ArrayLike) -> FloatArray:
-        """Return the commanded current [A]; before t = 0 it is the first level."""
+        """Return the commanded current [A]; before t = 0 the first level."""
         time = np.asarray(t, dtype=np.float64)
         most = int(max(float(time.max(initial=0.0)), 0.0) / self.shortest) + 2
         level, hold = np.random.default_rng(self.seed).uniform(size=(most, 2)).T
@@ -350,7 +351,10 @@ class RandomCurrent:
 
 @dataclass(frozen=True, slots=True)
 class CurrentSteps:
-    """A commanded current that is held at each of its levels in turn; the first before, the last after."""
+    """A commanded current that is held at each of its levels in turn.
+
+    The first level also applies before the start, and the last level after the end.
+    """
 
     levels: Annotated[tuple[float, ...], Option(key="levels_A", least_items=1)]
     hold: Annotated[float, Option(key="hold_s", unit="s", above=0.0)]
@@ -363,16 +367,16 @@ class CurrentSteps:
 
     @property
     def duration(self) -> float:
-        """Time of all levels together [s]."""
+        """Total time of all levels [s]."""
         return self.hold * len(self.levels)
 
     @property
     def switches(self) -> FloatArray:
-        """Times at which a level ends and the next begins [s], one less than there are levels."""
+        """Times of the changes from one level to the next [s], shape (levels - 1,)."""
         return self.hold * np.arange(1.0, len(self.levels))
 
     def current(self, t: ArrayLike) -> FloatArray:
-        """Return the commanded current [A]. At a switch it is the current of the new level."""
+        """Return the commanded current [A]; at a switch the current of the new level."""
         # A sample at the time of a switch can be earlier because of rounding.
         position = np.asarray(t, dtype=np.float64) / self.hold + 1e-9
         level = np.clip(np.floor(position), 0, len(self.levels) - 1).astype(np.intp)
@@ -418,7 +422,7 @@ _FORMS: Mapping[str, str] = MappingProxyType(
 
 
 def motion_from_text(text: str) -> Motion:
-    """Return the motion that a text names, or describes as one of these forms.
+    """Return the motion that a text names (``MOTIONS``) or describes in one of these forms.
 
     ``sine:AMPLITUDE:FREQUENCY``, ``triangle:AMPLITUDE:SPEED``, ``chirp:AMPLITUDE:FROM-TO:DURATION``,
     ``road:CLASS:SPEED:SEED`` or ``random:AMPLITUDE:FROM-TO:SEED``, each number with its unit, such as
@@ -427,7 +431,7 @@ def motion_from_text(text: str) -> Motion:
     Raises
     ------
     InputError
-        Neither a name nor a form, or a number without sense.
+        If the text is neither a name nor a form, or a number in it is invalid.
     """
     if text in MOTIONS:
         return MOTIONS[text]
@@ -461,7 +465,7 @@ def motion_from_text(text: str) -> Motion:
 
 
 def _measure(text: str, role: str) -> float:
-    """Return a number with its unit in the SI unit of a role."""
+    """Return the value of a text such as 5mm, converted to the SI unit of a role."""
     number, unit = _number_and_unit(text)
     if not unit:
         raise InputError(found=f"{role} is {text!r}", expected="a number and its unit")
@@ -476,7 +480,7 @@ def _hertz(text: str) -> float:
 
 
 def _number_and_unit(text: str) -> tuple[float, str]:
-    """Return the two parts of a text such as 5mm; not a number and "" when it has no such parts."""
+    """Return number and unit of a text such as 5mm; NaN and "" if the text has another form."""
     found = re.fullmatch(r"\s*([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?|\.[0-9]+)\s*([A-Za-z].*?)\s*", text)
     return (float(found[1]), found[2]) if found else (float("nan"), "")
 
@@ -489,7 +493,7 @@ def drive(
     command: ArrayLike,
     temperature: ArrayLike | None = None,
 ) -> Trajectory:
-    """Return the motion sampled from t = 0 to ``duration``, both ends included.
+    """Return the trajectory of a motion, sampled from t = 0 to ``duration``, both ends included.
 
     Parameters
     ----------
@@ -497,7 +501,7 @@ def drive(
     duration : length of the trajectory [s]
     rate_Hz : samples per second
     command : current [A] or voltage [V], a number or one per sample
-    temperature : temperature [K], a number or one per sample; None: not known
+    temperature : temperature [K], a number or one per sample; None if unknown
     """
     for name, value in (("duration", duration), ("rate_Hz", rate_Hz)):
         if not (np.isfinite(value) and value > 0.0):

@@ -15,7 +15,7 @@ from mrdamper.errors import InputError
 
 PathLike = str | Path
 
-_MOST_BYTES = 1 << 22  # max size of a document that people write
+_MOST_BYTES = 1 << 22  # maximum size of a document that people write
 _PAST_INTEGERS = 1 << 63
 
 
@@ -71,7 +71,7 @@ def require_file(path: str | Path, what: str = "file") -> int:
 
 
 def read_small(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> bytes:
-    """Return the bytes of a file that cannot be large."""
+    """Return the bytes of a file; a file larger than ``most_bytes`` is an ``InputError``."""
     size = require_file(path, what)
     if size > most_bytes:
         raise InputError(
@@ -87,7 +87,7 @@ def read_small(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> by
 
 
 def read_text(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> str:
-    """Return the UTF-8 text of a file that cannot be large."""
+    """Return the UTF-8 text of a file; a file larger than ``most_bytes`` is an ``InputError``."""
     try:
         return read_small(path, what, most_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -109,7 +109,7 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the document of a TOML text. The caller adds the place to errors."""
+    """Return the document in a TOML text. The caller adds the place to errors."""
     try:
         document = tomllib.loads(text)
         _require_whole_numbers(document)

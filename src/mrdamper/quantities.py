@@ -245,7 +245,7 @@ def to_degC(kelvin: float) -> float:
 
 
 def spell_unit(unit: str, role: str) -> str:
-    """Return the Pint name of a unit in the spelling of a rig (``deg_C``, ``Sec``, ``Newtons``)."""
+    """Return the Pint name of a unit that a rig file spells as ``deg_C``, ``Sec`` or ``Newtons``."""
     text = unit.strip()
     if text[:1] + text[-1:] in {"[]", "()"}:
         text = text[1:-1].strip()
@@ -257,7 +257,7 @@ def spell_unit(unit: str, role: str) -> str:
 
 
 def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
-    """Return the values of a role in its SI unit, as float64.
+    """Return the values of a role, converted from a unit to the SI unit of the role, as float64.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
 
 @cache
 def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
-    """Return (scale, zero) of the linear conversion from a unit to the SI unit of the role."""
+    """Return scale and zero of the linear conversion from a unit to the SI unit of the role."""
     usual = _FREQUENT_UNITS.get((role, spelled))
     if usual is not None:
         return usual
@@ -315,7 +315,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
 
 @cache
 def roles_of_unit(unit: str) -> tuple[str, ...]:
-    """Return the roles of a unit, typically one. The result is empty if a word is not a unit of a channel."""
+    """Return the roles with a unit, typically one role; empty if the text is not a unit of a channel."""
     if not unit or unit.strip("[]() ").lower() in _UNITS_WITHOUT_ROLE:
         return ()
     roles_without_pint = tuple(role for role in QUANTITIES if _is_frequent(spell_unit(unit, role), role))
@@ -328,7 +328,7 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
 
 
 def is_any_unit(word: str) -> bool:
-    """Return True for a unit of a role or of another quantity of rigs and rheometers."""
+    """Return True if a word is a unit of a role or of another quantity of rigs and rheometers."""
     bare = re.sub(r"[\s.·⋅*^]", "", word.strip("[]() ")).lower()
     return bool(roles_of_unit(word)) or bare in _UNITS_WITHOUT_ROLE
 

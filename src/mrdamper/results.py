@@ -1,6 +1,6 @@
 """Results of jobs: a summary, a picture, a table and files.
 
-Reports are loaded by name when a result is displayed, because no job depends on its display.
+Modules of reports are imported when a result is displayed, because jobs do not depend on them.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _REPR_LINES_MAX = 8
 
 
 def load(name: str) -> Any:  # noqa: ANN401 - any object
-    """Return the object with a name ``module:attribute``; the module is imported."""
+    """Import a module and return its attribute, for a name ``module:attribute``."""
     module, _, attribute = name.partition(":")
     return attrgetter(attribute)(import_module(module))
 
 
 class Picture:
-    """A value with a picture, which notebooks display."""
+    """Base class of values with a picture, which notebooks display."""
 
     __slots__ = ()
 
@@ -75,7 +75,7 @@ class JobResult(Picture):
         return "\n".join(self._row().reported.lines(self))
 
     def save(self, folder: str | Path) -> dict[str, Any]:
-        """Write the files of the report into a folder, all or none; return the answer with their paths."""
+        """Write the files of the report into a folder, all or none; return the answer with the file paths."""
         answer: dict[str, Any] = self._row().save(self, folder)
         return answer
 

@@ -1,4 +1,4 @@
-"""Records: one declaration to read, check, write and describe TOML, JSON, options and requests.
+"""Records: one declaration for reading, checking, writing and describing TOML, JSON, options and requests.
 
 A record is a frozen dataclass. The type of a field defines its values (``float``, ``int``, ``bool``,
 ``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``). An
@@ -19,7 +19,7 @@ fields contain the value of the file.
 
 All faults of a document are reported in one ``InputError``, one line for each: place, key, found value and
 expected value. The message for an unknown key contains the nearest known key. ``__post_init__`` checks
-combinations of fields and raises an ``InputError``, which gets its place here.
+combinations of fields and raises an ``InputError``. This module adds the place to that error.
 
 Pydantic checks the values. It is loaded on first use, and the modules of records do not import it.
 """
@@ -101,7 +101,7 @@ class Option:
     __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
 
     def __iter__(self) -> Iterator[object]:
-        """Yield the constraints for Pydantic."""
+        """Generate the constraints for Pydantic."""
         import pydantic
 
         yield from pydantic.Field(
@@ -182,19 +182,19 @@ class Field:
 
     @property
     def help(self) -> str:
-        """Return the text below the field, or the help of its option."""
+        """Return the text below the field, or the help of the field's option."""
         names = [(each.__module__, each.__name__) for each in self.record.__mro__ if each is not object]
         texts = (_field_texts(module).get((name, self.name)) for module, name in names)
         return self.option.help or next(filter(None, texts), "")
 
     @cached_property  # Each check of a record uses it.
     def item(self) -> Any:  # noqa: ANN401 - a type
-        """Return the type of the values in a list, or the type of a single value."""
+        """Return the type of one value: of the items if the field is a list."""
         return _split_annotation(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
 
     @property
     def item_option(self) -> Option:
-        """Return the option of each value of a list; for a single value that of the field."""
+        """Return the option of one value: of the items if the field is a list, otherwise of the field."""
         return _split_annotation(get_args(self.type)[0])[1] if self.many else self.option
 
     @cached_property
@@ -203,7 +203,7 @@ class Field:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Return the texts that the field accepts; empty if it accepts any text."""
+        """Return the texts that the field accepts; empty if any text is accepted."""
         item = self.item
         if get_origin(item) is Literal:
             return tuple(str(each) for each in get_args(item))
@@ -277,7 +277,7 @@ def _read_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
 
 
 def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
-    """Return (type, option, None allowed) of an annotation with Annotated and None in any order."""
+    """Return the type and the option of an annotation, and True if the annotation allows None."""
     option, optional = Option(), False
     while True:
         if get_origin(hint) is Annotated:
@@ -329,7 +329,7 @@ def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapte
 
 
 def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
-    """Yield the dataclasses in a type, including the type itself."""
+    """Generate the dataclasses in a type, including the type itself."""
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         yield kind
         for hint in typing.get_type_hints(kind, include_extras=True).values():
@@ -340,7 +340,7 @@ def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
 
 
 def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
-    """Return an error of Pydantic as an error of this package."""
+    """Convert an error of Pydantic to an error of this package."""
     location, kind, message = (fault[key] for key in ("loc", "type", "msg"))
     *parents, last = location or ("",)
     if kind == "value_error":  # raised in __post_init__ of the record
@@ -393,7 +393,7 @@ def _shown(value: object) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: the nearest known names, or all of them.
 
-    Upper and lower case are equal. A long list of names is cut.
+    Upper and lower case are not distinguished. A long list of names is cut.
     """
     names = {each.lower(): each for each in known}
     near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.6)
@@ -435,7 +435,7 @@ def check_ranges(record: object, place: str) -> None:
 
 
 def _fits(field: Field, value: object) -> bool:
-    """Return True if one value of a field, in file units, is in range or one of its choices."""
+    """Return True if a value of a field, in file units, is in the range or among the choices of the field."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return field.option.holds(value) and (field.item is not int or value == int(value))
     if field.item in (int, float) and isinstance(value, str | bool):
@@ -475,7 +475,7 @@ def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 -
 
 
 def finite_or_none(value: float) -> float | None:
-    """Return a number for JSON: None (null) if it is not finite."""
+    """Return a number for JSON, or None (null) if the number is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -518,7 +518,7 @@ def _toml_key(key: str) -> str:
 
 
 def _toml_value(value: object) -> str:
-    """Return a number, text, boolean or list as TOML, which equals JSON for these types."""
+    """Return the TOML text of a number, text, boolean or list, which equals JSON for these types."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml_value, value))}]"
     if isinstance(value, float):

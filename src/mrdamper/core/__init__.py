@@ -1,8 +1,8 @@
 """The compiled kernel behind NumPy: shapes and types are checked here, the arithmetic is in C.
 
-The arithmetic is ``kernel/`` (C99, compiled once per instruction set with equal bits).
-cffi calls it and releases the GIL during a call. Law numbers and the order of their coefficients are those of
-``models.laws``.
+The arithmetic is in ``kernel/`` (C99, compiled once per instruction set, with bitwise equal results).
+cffi calls the kernel and releases the GIL during a call. The numbers of the laws and the order of their
+coefficients are defined in ``models.laws``.
 """
 
 from __future__ import annotations
@@ -47,33 +47,34 @@ __all__ = [
 
 
 LONGEST_STEP = 2.5e-3
-"""Longest step [s] of the implicit laws; a longer sample interval is divided."""
+"""Longest integration step [s] of the implicit laws; a longer sample interval is divided into steps."""
 
 STEPS_PER_SAMPLE_MAX = 1e6
-"""Maximum number of steps of the implicit laws in a sample."""
+"""Maximum number of integration steps of the implicit laws per sample."""
 
 MOST_DIRECTIONS: int = lib.MRD_DIRECTIONS
-"""Most tangent columns of one call."""
+"""Maximum number of tangent columns in one call of the kernel."""
 
 MOTION_NUMBERS: int = ffi.sizeof("mrd_motion") // ffi.sizeof("double")
-"""Numbers in the state of a motion between two batches."""
+"""Number of values in the state of a motion that is passed from one batch to the next."""
 
 STATE_NUMBERS: int = ffi.sizeof("mrd_state") // ffi.sizeof("double")
-"""Numbers in the state of a law between two batches."""
+"""Number of values in the state of a law that is passed from one batch to the next."""
 
 _MOTION_PATH: int = ffi.offsetof("mrd_motion", "path") // ffi.sizeof("double")
 
 
 class Record:
-    """The kinematics of a run or a batch with its turning points. The arrays must not change.
+    """The kinematics and turning points of a run or of a batch of samples. The arrays must not change.
 
     Parameters
     ----------
     step : sample interval [s]
     displacement, velocity, acceleration : [m], [m/s], [m/s^2], shape (n,)
     dead_band : reversals up to this size are ignored [m]
-    longest_step : of the implicit laws [s]
-    batch : patience, whether the run ends here, and the motion (see ``open_batch``); None: a whole run
+    longest_step : longest integration step of the implicit laws [s]
+    batch : patience, True for the last batch, and the state of the motion (see ``open_batch``); None for a
+        whole run
     """
 
     __slots__ = ("_arrays", "native")
@@ -121,24 +122,24 @@ class Record:
 
     @property
     def behind(self) -> int:
-        """Number of samples of a batch that were computed with the batch before: 0 or 1."""
+        """Number of samples whose force was already computed with the previous batch: 0 or 1."""
         return self.native.behind  # type: ignore[no-any-return]
 
     @property
     def substeps(self) -> int:
-        """Steps of the implicit laws per sample."""
+        """Number of integration steps of the implicit laws per sample."""
         return self.native.substeps  # type: ignore[no-any-return]
 
     @property
     def pieces(self) -> tuple[tuple[int, float, int], ...]:
-        """Monotone pieces: first sample, displacement at the start [m], direction (1 or -1)."""
+        """Monotone pieces of the motion: first sample, displacement at the start [m], direction (1 or -1)."""
         r = self.native
         sides = (1 if side > 0.0 else -1 for side in ffi.unpack(r.side, r.pieces))
         return tuple(zip(ffi.unpack(r.first, r.pieces), ffi.unpack(r.turn, r.pieces), sides, strict=True))
 
 
 class Workspace:
-    """The universal curve that was tabulated last, for one thread at a time."""
+    """Memory for the last tabulated curve (see ``curve``). Only one thread at a time may use it."""
 
     __slots__ = ("native",)
 
@@ -150,7 +151,7 @@ class Workspace:
 
 
 def _check(status: int) -> None:
-    """Raise the exception of a status of the kernel."""
+    """Raise the exception that belongs to a status code of the kernel, unless the status is OK."""
     if status == lib.MRD_OK:
         return
     if status == lib.MRD_NO_MEMORY:
@@ -161,7 +162,7 @@ def _check(status: int) -> None:
 
 
 def _state(numbers: FloatArray, kind: str, name: str) -> Any:  # noqa: ANN401 - a pointer of cffi
-    """Return a pointer to a structure of doubles in an array of its size."""
+    """Return a pointer to a C structure of doubles that is stored in an array of equal size."""
     expected = ffi.sizeof(ffi.typeof(kind).item) // ffi.sizeof("double")
     if numbers.size != expected:
         raise ValueError(f"{name} has {numbers.size} numbers; expected {expected}")
@@ -177,7 +178,7 @@ def _coefficient_count(law: int) -> int:
 
 
 def _model(law: int, coefficients: FloatArray, samples: int) -> list[Any]:
-    """Return a law with its coefficients, of shape (m,) or (m, samples), as an argument ``mrd_model *``."""
+    """Return the argument ``mrd_model *`` for a law with coefficients of shape (m,) or (m, samples)."""
     count = _coefficient_count(law)
     if coefficients.size not in (count, count * samples):
         raise ValueError(
@@ -188,7 +189,7 @@ def _model(law: int, coefficients: FloatArray, samples: int) -> list[Any]:
 
 
 def _places(law: int, directions: Sequence[int]) -> list[int]:
-    """Return coefficients of a law, by their places in it, after a check."""
+    """Return the indices of coefficients of a law as integers, after a check of their range."""
     places, count = [int(place) for place in directions], _coefficient_count(law)
     if len(places) > MOST_DIRECTIONS:
         raise ValueError(f"at most {MOST_DIRECTIONS} directions, got {len(places)}")
@@ -201,7 +202,7 @@ def _places(law: int, directions: Sequence[int]) -> list[int]:
 def _runs(
     records: Sequence[Record], measured: Sequence[FloatArray], starts: Sequence[int]
 ) -> tuple[int, list[Any], list[Any], list[int]]:
-    """Return runs as arguments of the kernel: their number, records, forces and first samples."""
+    """Return the kernel's arguments for runs: their number, records, forces and first scored samples."""
     if not 0 < len(records) == len(measured) == len(starts):
         raise ValueError("records, measured and starts must have one, nonzero length")
     for record, force, start in zip(records, measured, starts, strict=True):
@@ -212,9 +213,10 @@ def _runs(
 
 
 def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
-    """Return the kernel's view of a trajectory, with its turning points; it holds on to the arrays.
+    """Return the record of a trajectory for the kernel, with its turning points.
 
-    The implicit laws take no step longer than ``longest_step`` [s].
+    The record keeps the arrays of the trajectory alive. The implicit laws take no step longer than
+    ``longest_step`` [s].
     """
     return Record(
         trajectory.step,
@@ -240,11 +242,11 @@ def run(
 
     Parameters
     ----------
-    coefficients : in the law's order and units, shape (m,) when constant over the run, else (m, n)
-    directions : coefficients to differentiate by, by their place in the law
-    seeds : how fast each direction's coefficient moves, shape (d,) or (d, n); None: unit rate
-    columns : where to put the tangent columns, shape (len(directions), n)
-    workspace : keeps the curve of a call for the next with the same kappa and n; for one thread at a time
+    coefficients : in the law's order and units, shape (m,) if constant over the run, otherwise (m, n)
+    directions : indices of the coefficients with respect to which the force is differentiated
+    seeds : derivative of each coefficient along its direction, shape (d,) or (d, n); None: 1
+    columns : memory for the tangent columns, shape (len(directions), n)
+    workspace : keeps the tabulated curve for the next call with the same kappa and n; for one thread only
 
     Raises
     ------
@@ -287,13 +289,17 @@ def open_batch(
     patience: int,
     last: bool = False,
 ) -> Record:
-    """Return the settled samples of a batch of a run as a record; later batches settle the others.
+    """Return the record of the settled samples of a batch of a run.
+
+    A sample is settled if later samples cannot change the monotone piece that it belongs to. Later batches
+    settle the other samples.
 
     Parameters
     ----------
-    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last
-        settled sample of the batch before (``behind`` is 1, but for the first), those not settled, new ones
-    motion : state of the motion, shape (MOTION_NUMBERS,), zero before the first batch; updated
+    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each. They contain the
+        last settled sample of the previous batch (except in the first batch; ``behind`` is then 0), the
+        samples that are not settled yet, and the new samples.
+    motion : state of the motion, shape (MOTION_NUMBERS,), zero before the first batch; updated in place
     patience : maximum number of samples after an extreme that can remain unsettled
     last : True for the last batch, which settles all samples
     """
@@ -307,12 +313,14 @@ def open_batch(
 def carry(
     law: int, batch: Record, coefficients: FloatArray, state: FloatArray, workspace: Workspace
 ) -> FloatArray:
-    """Return the force [N] of a batch, shape (n,); the value of the sample ``behind`` is undefined.
+    """Return the force [N] of a batch, shape (n,).
+
+    If ``batch.behind`` is 1, the first value is undefined: the previous batch has returned this sample.
 
     Parameters
     ----------
     coefficients : shape (m,), or (m, all samples of the batch)
-    state : state of the law, shape (STATE_NUMBERS,), zero before the first batch; updated
+    state : state of the law, shape (STATE_NUMBERS,), zero before the first batch; updated in place
 
     Raises
     ------
@@ -328,7 +336,7 @@ def carry(
 
 
 def causal(law: int, record: Record, coefficients: FloatArray) -> FloatArray:
-    """Return the force [N] of the per-sample map, as a controller on the target computes it."""
+    """Return the force [N], shape (n,), computed sample by sample as on a real-time target."""
     force = np.empty(record.samples)
     model = _model(law, coefficients, record.samples)
     _check(DOUBLE.api.causal(model, record.native, doubles(force, "force")))
@@ -336,7 +344,10 @@ def causal(law: int, record: Record, coefficients: FloatArray) -> FloatArray:
 
 
 def gram(columns: FloatArray, start: int = 0) -> FloatArray:
-    """Return the sums of products of the rows of ``columns`` from sample ``start`` on, shape (rows, rows)."""
+    """Return the Gram matrix of the rows of ``columns``, shape (rows, rows).
+
+    Its elements are the inner products of two rows over the samples from ``start`` on.
+    """
     rows, samples = columns.shape
     if not 0 <= start <= samples:
         raise ValueError("start must be one of the samples")
@@ -353,15 +364,15 @@ def gram_sums(
     coefficients: FloatArray,
     places: Sequence[int],
 ) -> FloatArray:
-    """Return the sums of products of every candidate's tangents and residual on every run.
+    """Return the Gram matrix of tangents and residual for every candidate and run.
 
-    Rows are the tangents by the coefficients at ``places``, and measured less computed force:
-    shape (candidates, runs, rows, rows).
+    The shape is (candidates, runs, rows, rows). The rows are the derivatives of the force with respect to the
+    coefficients at the indices ``places``, followed by the residual (measured minus computed force).
 
     Parameters
     ----------
     coefficients : constant over each run, shape (candidates, runs, m)
-    starts : first sample of each run that counts
+    starts : first scored sample of each run
     """
     rows = len(places) + 1
     out = np.empty((*coefficients.shape[:2], rows, rows))
@@ -377,7 +388,10 @@ def _sum_products(
     out: FloatArray,
     residuals: FloatArray | None = None,
 ) -> None:
-    """Fill the sums, and the residuals of shape (candidates, samples of all runs) unless None."""
+    """Compute the Gram matrices into ``out``, and the residuals into ``residuals`` unless it is None.
+
+    The residuals have the shape (candidates, samples of all runs).
+    """
     left = ffi.NULL if residuals is None else doubles(residuals, "residuals")
     _check(
         DOUBLE.api.gram_sums(
@@ -403,7 +417,9 @@ def _candidates(law: int, coefficients: FloatArray, runs: int) -> tuple[int, Any
 
 
 def forces(law: int, records: Sequence[Record], coefficients: FloatArray) -> list[FloatArray]:
-    """Return the force [N] along every record, shape (n,) each, several at once where the law is stepped.
+    """Return the force [N] along every record, shape (n,) each.
+
+    If the law is integrated in steps, several records are computed at once.
 
     Parameters
     ----------
@@ -448,13 +464,15 @@ def first_order_lag(
     saturation: float = 0.0,
     before: tuple[float, float] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a command after a first-order lag [s], and its derivative by the lag.
+    """Return a command behind a first-order lag, and its derivative with respect to the time constant.
 
-    Exact for a command that is linear between samples; it starts settled, or from output and derivative at
-    the first sample (``before``). With ``fall`` the lag is ``rise`` only while the absolute input exceeds
-    the output. The output then falls at most with the free-wheeling time constant ``wheel`` (0: no
-    free-wheeling). With ``saturation`` input and output are the flux ``I / (1 + I / saturation)`` of a
-    current ``I`` (0: the current).
+    The result is exact for a command that is linear between samples. The lag starts settled, or from the
+    output and derivative at the first sample (``before``).
+
+    With ``fall``, the time constant is ``rise`` [s] while the absolute input exceeds the output, otherwise
+    ``fall`` [s]. The output then falls at most with the free-wheeling time constant ``wheel`` [s] (0: no
+    free-wheeling). With ``saturation`` [A], the lag acts on the flux ``I / (1 + I / saturation)`` of the
+    current ``I`` (0: on the current).
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
     falls = rise if fall is None else fall
@@ -464,7 +482,11 @@ def first_order_lag(
 
 
 def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the universal curve Y(tau), dY/dtau, dY/dkappa and dY/dn as the kernel tabulates them."""
+    """Return the Bouc-Wen curve Y(tau), dY/dtau, dY/dkappa and dY/dn from the kernel's tables.
+
+    Y is the hysteresis variable on a monotone piece of motion: dY/dtau = 1 - Y^n for Y >= 0 and
+    1 - kappa |Y|^n for Y < 0, with Y(0) = 0. tau is rho times the travel from the point with Y = 0.
+    """
     if not (-1.0 <= kappa <= 1.0 and 0.2 <= n <= 20.0):
         raise ValueError("the curve is tabulated for -1 <= kappa <= 1 and 0.2 <= n <= 20")
     out = [np.empty_like(tau) for _ in range(4)]
@@ -476,7 +498,7 @@ def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.int
     """Return the samples at which a motion turns by more than the dead band [m], shape (m,).
 
     A turning point is an extreme after which the displacement returns by more than the dead band. The first
-    of equal extremes counts; the ends of the motion do not. Upper and lower ones alternate.
+    of several equal extremes counts. The ends of the motion do not count. Maxima and minima alternate.
     """
     x, at = np.ascontiguousarray(displacement), np.empty(len(displacement))
     arrays = doubles(x, "displacement"), doubles(at, "turning points")

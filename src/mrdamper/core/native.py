@@ -63,7 +63,7 @@ def use_level(name: str) -> None:
 
 
 def doubles(array: FloatArray, name: str, *, write: bool = False) -> Any:  # noqa: ANN401 - a pointer of cffi
-    """Return a ``double *`` to an array, which it keeps alive.
+    """Return a ``double *`` to an array. The pointer keeps the array alive.
 
     Raises
     ------

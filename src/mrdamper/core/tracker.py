@@ -1,4 +1,4 @@
-"""Force-tracking controllers of the kernel and their closed loops; a state is bytes."""
+"""Force-tracking controllers of the kernel and their closed loops; the state of a controller is bytes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Power = tuple[float, float, float, int, FloatArray, FloatArray]
 Lookup = tuple[float, float, int, FloatArray]
 # Coefficients by temperature and current, coefficients by temperature, powers, functions.
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
-# Plant steps per sample, delay in samples and additional steps, whether the force is read, gain and offset of
-# the force, largest current, steps of the converters of current and force.
+# Plant steps per sample, delay in samples and additional plant steps, True if the force is measured, gain and
+# offset of the damper force, largest current, resolution of the converters of current and force.
 Settings = tuple[int, int, int, bool, float, float, float, float, float]
 
 PIECES_MAX = 10_000
@@ -49,15 +49,15 @@ _address_of = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char
 
 
 class Tracker:
-    """A controller, or the model of a damper, with its tables. It does not change.
+    """A force-tracking controller, or the model of a damper, with its tables. The object is immutable.
 
     Parameters
     ----------
-    config : parts and values of ``controller_config.h``, as attributes of attributes
+    config : object whose nested attributes have the names of the structures in ``controller_config.h``
     rows : row of each term, levels first
-    current : currents of the tables, shape (currents,)
-    factor : parabolas over temperature, shape (pieces, terms, 3)
-    column : terms over the current, shape (currents, columns)
+    current : currents of the tables [A], shape (currents,)
+    factor : parabolas of temperature for each term, shape (pieces, terms, 3)
+    column : terms as functions of the current, shape (currents, columns)
     lookups : functions of a size, in the order of ``mrd_track``
     single : compute in single precision
     series : tables of series valve and chain
@@ -109,7 +109,7 @@ class Tracker:
         temperature: float,
         force: float | None,
     ) -> tuple[bytes, float]:
-        """Return the next state and the command; None and NaN are unknown values."""
+        """Return the next state and the command [A]; None and NaN mean unknown values."""
         memory, at = self._open(state)
         inputs = (now, _number(ahead), displacement, temperature, _number(force))
         command: float = self._build.api.track_step(self.native, at, [inputs])
@@ -123,34 +123,34 @@ class Tracker:
         current: float | None,
         temperature: float | None,
     ) -> tuple[bytes, float]:
-        """Return the next state and the force of the model; None and NaN are unknown values."""
+        """Return the next state and the force of the model [N]; None and NaN mean unknown values."""
         memory, at = self._open(state)
         inputs = tuple(map(_number, (displacement, velocity, current, temperature)))
         force: float = self._build.api.model_step(self.native, at, [inputs])
         return bytes(memory), force
 
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Return the last state, commands and flags of many steps; ``inputs`` has shape (n, 5)."""
+        """Return the last state, and the commands and flags of n steps; ``inputs`` has shape (n, 5)."""
         return self._steps(self._build.lib.mrd_track_run, "mrd_inputs[]", state, inputs)
 
     def simulate(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Return the last state, forces and flags of many steps of the model, ``inputs`` of shape (n, 4)."""
+        """Return the last state, and the forces and flags of n steps of the model, for ``inputs`` (n, 4)."""
         return self._steps(self._build.lib.mrd_model_run, "mrd_model_inputs[]", state, inputs)
 
     def read(self, state: bytes) -> tuple[Any, tuple[float, float, float, float]]:
-        """Return the C structure of a state, and yield, viscous, friction and other force [N]."""
+        """Return the C structure of a state, and yield force, viscous force, friction and the rest [N]."""
         at = self._open(state)[1]
         parts = self._build.ffi.new("mrd_real[4]")
         self._build.api.track_parts(self.native, at, parts)
         return at, (parts[0], parts[1], parts[2], parts[3])
 
     def _open(self, state: bytes) -> tuple[bytearray, Any]:
-        """Return a copy of a state, and the C structure in this memory."""
+        """Return a copy of a state, and the C structure that is stored in the copy."""
         memory = bytearray(state)
         if len(memory) == self._build.state_size:
             at = self._build.ffi.from_buffer(self._build.state, memory)
             is_sound = 0 <= at.newest_command < DELAY_MAX and 0 <= at.prediction_samples < STEPS_MAX
-            if is_sound:  # Both values are indices, and the bytes may come from a file.
+            if is_sound:  # Both values are array indices, and the state may come from a file.
                 return memory, at
         raise ValueError("this is not a controller's state")
 
@@ -263,15 +263,17 @@ def follow(
     velocity: FloatArray,
     loops: Sequence[tuple[Tracker, bytes, Settings, FloatArray, FloatArray, FloatArray, FloatArray]],
 ) -> bool:
-    """Run closed loops on one motion; return False if a command is not finite or a damper rejects a sample.
+    """Simulate closed loops of controllers and dampers on one motion.
+
+    Return False if a command is not finite or a damper rejects a sample.
 
     Parameters
     ----------
-    plant : capsule with one damper per loop (``binding/loop_plant.h``), which the call moves on
-    displacement, velocity : a sample per plant step [m], [m/s], shape (steps,)
-    loops : each a controller in double precision, its state, its settings, readings of shape (samples, 5),
-        1 or 0 for a frozen force sensor, shape (samples,); and two arrays that are filled: force [N], shape
-        (steps,), and commands, shape (delay + 1 + samples,)
+    plant : capsule with one damper per loop (``binding/loop_plant.h``); the call changes the damper states
+    displacement, velocity : motion at every plant step [m], [m/s], shape (steps,)
+    loops : for each loop a controller in double precision, its state, its settings, the sensor readings,
+        shape (samples, 5), 1 or 0 for a frozen force sensor, shape (samples,), and two output arrays: force
+        [N], shape (steps,), and commands, shape (delay + 1 + samples,)
 
     Raises
     ------
@@ -308,7 +310,7 @@ def follow(
 
 
 def _members(struct: Any, kind: str) -> list[str]:  # noqa: ANN401 - a type of cffi
-    """Return the members of a C structure that have a type, in order."""
+    """Return the names of the members with a given type in a C structure, in their order."""
     return [name for name, field in struct.fields if field.type.cname == kind]
 
 

@@ -1,4 +1,4 @@
-"""Assessment of a fit: error per run, energy, passivity, remarks in plain words."""
+"""Assessment of a fit: error of each run, energy, passivity, remarks in plain words."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Assessment:
 
 
 def assess(fitted: FittedDamper) -> Assessment:
-    """Assess a fit: errors by run, passivity, and remarks."""
+    """Return the assessment of a fit: errors of the runs, passivity and remarks."""
     runs = (
         *score_each(fitted.damper, fitted.training, "training"),
         *score_each(fitted.damper, fitted.held_out, "held_out"),
@@ -37,7 +37,7 @@ def assess(fitted: FittedDamper) -> Assessment:
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
-    """Return the minimum work of a closed cycle, divided by 4 x amplitude x peak force [-].
+    """Return the minimum dissipated work of a closed cycle, divided by 4 x amplitude x peak force [-].
 
     The cycles are sines inside the envelope of the runs: 1 to 100 % of the stroke, 20 and 100 % of the
     maximum velocity, five currents, the lowest and the highest temperature. The second of two cycles is
@@ -68,7 +68,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
 
 
 def _correlation_remarks(result: SearchResult) -> list[str]:
-    """Name strongly correlated parameters of different coefficients, the strongest correlation first."""
+    """Return remarks on strongly correlated parameters of different coefficients, strongest first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
     owners = np.array([name.partition(".")[0] for name in names])

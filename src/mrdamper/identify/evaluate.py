@@ -1,6 +1,6 @@
 """Errors of a model on runs: the public function ``evaluate``, and its results as JSON.
 
-This module does not import the fit, so that a card is evaluated without loading it.
+This module does not import ``fit``, so that a card is evaluated without loading the fit.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def prepare_for(
     runs: Dataset | Iterable[RigRun],
     preparation: Preparation | None = None,
 ) -> tuple[PreparedRun, ...]:
-    """Return prepared runs with the temperature that the model requires."""
+    """Return the prepared runs, with a temperature if the model requires one."""
     if isinstance(model, ModelCard):
         preparation = preparation or Preparation.from_dict(model.preparation)
     elif not isinstance(model, Damper):
@@ -86,7 +86,7 @@ def prepare_for(
 
 
 def operating_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
-    """Return the ranges of all quantities of the runs; of the acceleration without the rarest 0.2 %."""
+    """Return the ranges of all quantities of the runs; for the acceleration without the extreme 0.2 %."""
 
     def union(ranges: Iterable[Sequence[float]]) -> tuple[float, float]:
         lows, highs = zip(*ranges, strict=True)
@@ -138,7 +138,7 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
 
 
 def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of the envelope with a tolerance."""
+    """Return a range of the envelope, extended by a tolerance."""
     if what == "frequency":
         return 0.5 * allowed[0], 1.25 * allowed[1]
     share = 0.25 if what == "acceleration" else 0.05
@@ -147,7 +147,7 @@ def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
 
 
 def all_assumed(damper: Damper) -> bool:
-    """Return True if the whole temperature dependence is assumed; it is then optional in runs."""
+    """Return True if the whole temperature dependence is assumed; runs then need no temperature."""
     return bool(damper.assumed) and len(damper.assumed) == sum(
         form.temperature_dependent for form in damper.coefficients.values()
     )
@@ -164,7 +164,7 @@ def describe_extrapolation(damper: Damper) -> str:
 
 
 def set_reference_temperature(run: PreparedRun) -> PreparedRun:
-    """Return the run, at 20 degC if it has no temperature channel."""
+    """Return the run; a run without temperature channel gets a constant temperature of 20 degC."""
     if run.trajectory.temperature is not None:
         return run
     kelvin = np.full(len(run), REFERENCE_K)
@@ -172,7 +172,7 @@ def set_reference_temperature(run: PreparedRun) -> PreparedRun:
 
 
 def row(error: RunError) -> dict[str, object]:
-    """Return the error of a run as JSON object."""
+    """Return the error of a run as a JSON object."""
     values = {**asdict(error), "current_A": error.command if error.command_unit == "A" else None}
     if error.in_band_percent is None:
         del values["in_band_percent"]

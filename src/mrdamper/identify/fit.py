@@ -1,4 +1,4 @@
-"""Fit of one law to prepared runs, with its uncertainty, its actuation and its model card."""
+"""Fit of one law to prepared runs: parameters, uncertainty, actuation and model card."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ ACTUATION_RATE_Hz_MIN = 200.0
 
 @dataclass(frozen=True)
 class Identification(FittedDamper):
-    """A fit with all that its assessment and its card require."""
+    """A fit with all data that the assessment and the model card require."""
 
     problem: FitProblem
     fingerprint: str
@@ -67,18 +67,18 @@ class Identification(FittedDamper):
 
     @property
     def converged(self) -> bool:
-        """True if the search has ended at a minimum. An interrupted fit has not converged."""
+        """True if the search ended at a minimum; False for an interrupted fit."""
         return self.result.converged and not self.result.cancelled
 
     @property
     def cost_percent(self) -> float:
-        """Root of the mean over the training runs of squared ``nrmse_percent``."""
+        """Root mean square of ``nrmse_percent`` over the training runs."""
         return self.result.cost_percent
 
     def card(
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
-        """Return the model card; without an assessment, one without held-out runs is made."""
+        """Return the model card. Without an assessment, the fit is assessed on the training runs alone."""
         judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
         if self.actuation is not None:
@@ -119,13 +119,13 @@ def fit_law(
     interrupted: bool = False,
     on_progress: Progress = silent,
 ) -> Identification:
-    """Fit one law to the runs with constant current, and the response to the current to the other runs.
+    """Fit one law to the runs with constant current, and the actuation to the runs with changing current.
 
     Parameters
     ----------
     law : name of a law, or a law in Python (object or class); None: ``default_law``
     terms : names of the terms of the law; None: the default terms
-    dampers : parameter sets to start from, instead of other starts
+    dampers : parameter sets from which the search starts; without them, the search finds start values
     interrupted : the first damper is the result, because the user has interrupted the job
     on_progress : receives a ``SearchState`` as ``detail`` after every step
     """
@@ -169,7 +169,7 @@ def fit_law(
 
 
 def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
-    """Fit the windows of a problem, and then all data if the windows do not represent them."""
+    """Fit a problem on its windows, then on all data if the windows do not represent the data."""
     settings = problem.settings
     windows, whole = problem.windows(), run_windows(problem.runs, settings)
     result = fit_variable_projection(
@@ -190,7 +190,7 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
 ) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
-    """Return the fit with errors that cover other motions, the band of its force, and tests to run next."""
+    """Return the fit with standard errors for other motions, a force band, and proposed tests."""
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
     tests, folds = propose_tests(problem, result), refit_without_folds(problem, result)
@@ -202,7 +202,7 @@ def _for_other_motions(
 def _with_actuation(
     result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
-    """Return the fit with the actuation from the runs with steps, or with a note if that failed."""
+    """Return the fit with the actuation from the runs with steps, or with a note if that fit failed."""
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
@@ -221,9 +221,9 @@ def default_law(runs: Sequence[PreparedRun]) -> str:
 
 
 def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
-    """Return a law, and its source (``file.py:Class``) if it is a user's own law.
+    """Return a law, and the source (``file.py:Class``) of a user-defined law.
 
-    A text with the name of a Python file executes this file.
+    If ``law`` names a Python file, the file is executed.
     """
     if isinstance(law, HysteresisLaw):
         return law, None if law.python is None else _place_of(law.python)
@@ -236,7 +236,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that a result depends on."""
+    """Return the versions of the packages on which a result depends."""
     found = {}
     for name in ("mrdamper", "numpy", "scipy"):
         try:

@@ -1,8 +1,8 @@
 """The data of one job: measured runs, prepared once and in an order that does not depend on files.
 
 Screening, cross-validation and the final fit share this definition of the problem. The scale of the search
-bounds and all constants that follow from it come from all runs of the fit, so that a parameter set has one
-meaning, on a subset of the runs as well.
+bounds and all constants derived from this scale come from all runs of the fit. A parameter set therefore has
+the same meaning for any subset of the runs.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from mrdamper.models.laws import HysteresisLaw
 
 @dataclass(frozen=True)
 class FitData:
-    """Prepared runs and everything that all fits of one job share."""
+    """Prepared runs and settings that all fits of one job share."""
 
     training: tuple[PreparedRun, ...]  # order of the files
     held_out: tuple[PreparedRun, ...]
-    steady: tuple[PreparedRun, ...]  # runs for the laws, sorted by content, without repeated ones
+    steady: tuple[PreparedRun, ...]  # runs with constant current, sorted by content, without repetitions
     changing: tuple[PreparedRun, ...]  # runs with changing current, sorted in the same way
     temperature: Temperature
     fluid: FluidFactors | None  # known temperature dependence; None: fitted
@@ -53,7 +53,7 @@ class FitData:
         one_command: bool = False,
         settings: FitSettings = DEFAULT_SETTINGS,
     ) -> FitData:
-        """Return the data of a fit to all runs whose names match none of the patterns ``hold_out``."""
+        """Return the data of a fit; runs whose names match a pattern in ``hold_out`` are not fitted."""
         training, held_out = runs.split(hold_out) if hold_out else (runs, Dataset(()))
         preparation = preparation or Preparation()
         prepared, unseen = prepare_all(training, preparation), prepare_all(held_out, preparation)
@@ -90,7 +90,7 @@ class FitData:
 
     @cached_property
     def scale(self) -> Scale:
-        """Size of the steady runs: the unit of all search bounds."""
+        """Typical values of the runs with constant current, which are the units of all search bounds."""
         return scale_of(self.steady)
 
     def problem(
@@ -114,7 +114,7 @@ class FitData:
 
 
 def _content(run: PreparedRun) -> tuple[float | str, ...]:
-    """Return a sort key that depends on the data of a run alone."""
+    """Return a sort key that depends only on the data of a run."""
     path = run.trajectory
     kelvin = 0.0 if path.temperature is None else float(np.mean(path.temperature))
     digest = hashlib.sha256()
@@ -133,7 +133,7 @@ def _content(run: PreparedRun) -> tuple[float | str, ...]:
 def _without_repetitions(
     runs: Sequence[PreparedRun],
 ) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
-    """Return the runs sorted by content, each once, and the repetitions."""
+    """Return the different runs sorted by content, and the repeated runs."""
     distinct: dict[tuple[float | str, ...], PreparedRun] = {}
     repeated = []
     for run in runs:
@@ -146,7 +146,7 @@ def _without_repetitions(
 
 
 def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return a note if currents with more noise than a sensor has are used as constant."""
+    """Return a note if currents are treated as constant although their noise exceeds sensor noise."""
     noisy = [
         run
         for run, each in zip(runs, prepared, strict=True)

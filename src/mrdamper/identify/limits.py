@@ -1,7 +1,7 @@
 """Limits of the coefficients of a fitted damper over the currents and temperatures of its runs.
 
-A search keeps the conditions of a law at some currents of the runs with constant current. Between two of
-them a parabola can leave the range, and other runs can have larger currents or higher temperatures.
+A search enforces the conditions of a law only at some currents. Between two of these currents, a parabola can
+leave the range of its coefficient. Other runs can also have larger currents or higher temperatures.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ COMMAND_COUNT = 1001
 # Relative change of a coefficient that is reported.
 REPORTED_CHANGE_MIN = 1e-3
 BISECTION_COUNT = 40
-_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # parameters of a shape, not of a size
+_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # shape, not size
 # Relative change of the valve force by the position gain at the end of the stroke. Below 1, the sign is kept.
 POSITION_CHANGE_MAX = 0.99
 
 
 def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
-    """Return the damper with coefficients in the range of its law, for the runs of a problem."""
+    """Return the damper with coefficients in the range of its law, for all runs of a problem."""
     return limit_coefficients(damper, envelope_of(problem.runs))[0]
 
 
 def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:
     """Return the damper with coefficients in the range of its law, and a note for each relevant change.
 
-    A coefficient below its range is raised by its first parameter if the form allows it. Otherwise its
-    dependence on current and temperature is reduced as little as necessary.
+    If the form allows, a coefficient below its range is raised by a change of its first parameter. Otherwise
+    the dependence of the coefficient on current and temperature is reduced as little as necessary.
     """
     commands = np.linspace(*envelope.command, COMMAND_COUNT)
     kelvin = damper.temperature_range or envelope.temperature or (REFERENCE_K,) * 2
@@ -61,7 +61,7 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
 
 
 def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: FloatArray) -> ParameterLaw:
-    """Return a form with values in the range of a coefficient; the same object if they are."""
+    """Return a form with values in the range of a coefficient; the same form if its values are valid."""
     values = form.value(at, kelvin)
     floor = admissible.lower
     if values.min() < floor + 2e-6 * np.ptp(values):
@@ -69,7 +69,7 @@ def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin:
         if (slope > 0.0).all() and form.linear[0] and form.kind != "exponential":
             aim = floor + 2e-6 * float(np.ptp(values))  # margin for a minimum between two currents
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
-            # A factor near zero at one temperature would need a lift that changes all others.
+            # A factor near zero at one temperature would require large changes at the other temperatures.
             if lift * float(slope.max()) <= float(np.ptp(values)):
                 form = form.with_parameters((form.parameters[0] + lift, *form.parameters[1:]))
     if _keeps(form, admissible, at, kelvin):
@@ -88,7 +88,10 @@ def _keeps(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: 
 
 
 def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> ParameterLaw:
-    """Return a form with a fraction of its dependence on command and temperature, and its level in range."""
+    """Return a form with its dependence on command and temperature reduced to a fraction.
+
+    The first parameter is clipped to the range of the coefficient.
+    """
     first, *others = form.parameters
     names = form.parameter_names[1:]
     rest = [
@@ -98,7 +101,7 @@ def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> Par
 
 
 def _open_valve(gain: ParameterLaw, envelope: OperatingEnvelope) -> ParameterLaw:
-    """Return a position gain with which the force of the valve keeps its sign within the stroke."""
+    """Return a position gain limited so that the valve force keeps its sign within the stroke."""
     gain_max = POSITION_CHANGE_MAX / max(abs(end) for end in envelope.displacement)
     if abs(gain.parameters[0]) <= gain_max or gain.kind != "constant":
         return gain

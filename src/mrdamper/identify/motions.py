@@ -1,8 +1,8 @@
 """Motions: groups of runs with the same motion, and the folds of a cross-validation over motions.
 
 The error on a fitted motion does not predict the error on another motion. Therefore whole motions are held
-out, at all their currents and temperatures. If all runs have one motion, currents are held out instead, and
-if there are too few currents, blocks of time.
+out, with all their currents and temperatures. If all runs have the same motion, currents are held out
+instead. If there are too few currents, blocks of time are held out.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ class Fold:
         return window.run in self.runs and self.block in (None, window.block)
 
     def training(self, windows: Sequence[FitWindow]) -> tuple[FitWindow, ...]:
-        """Return the windows that remain for a fit."""
+        """Return the windows that the fold does not hold out."""
         return tuple(window for window in windows if not self.holds_out(window))
 
 
 def fold_content(runs: Sequence[PreparedRun], folds: Sequence[Fold]) -> LeftOut:
-    """Return the content of folds of runs."""
+    """Return what the folds hold out: motions, currents or blocks of time."""
     if len(motion_groups(runs)) > 1:
         return "motions"
     return "commands" if folds[0].block is None else "blocks of time"

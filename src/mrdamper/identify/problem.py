@@ -1,7 +1,7 @@
 """The fit problem: a template damper, its free parameters, and the runs.
 
-The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
-``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
+The cost is the mean over runs of squared ``nrmse_percent`` (RMS error in percent of the standard deviation of
+the force of the run). A run at 0 A therefore has the same weight as a run at full current.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
 
-# Grid on which the conditions of linear coefficients are kept.
+# Grid of commands and temperatures at which the conditions of linear coefficients are enforced.
 CONDITION_COMMAND_COUNT = 17
 CONDITION_TEMPERATURE_COUNT = 3
 
@@ -32,8 +32,9 @@ CONDITION_TEMPERATURE_COUNT = 3
 class FreeParameter:
     """A fitted parameter of the template with its bounds.
 
-    A parameter is ``linear`` if the force is linear in it. It is then eliminated, within the range of its
-    coefficient instead of its bounds. ``scale`` is the coordinate of the search.
+    If the force is linear in a parameter (``linear``), linear least squares eliminates the parameter in each
+    step (variable projection). The range of its coefficient then replaces the bounds. ``scale`` defines
+    whether the search varies the parameter or its logarithm.
     """
 
     name: str
@@ -51,11 +52,11 @@ class FreeParameter:
             )
 
     def to_search(self, value: float | FloatArray) -> FloatArray:
-        """Return the search coordinate of a value."""
+        """Return the search coordinate of a value: the value or its logarithm."""
         return np.log(value) if self.scale == "log" else np.asarray(value, dtype=np.float64)
 
     def to_physical(self, coordinate: float) -> float:
-        """Return the value at a search coordinate."""
+        """Return the parameter value at a search coordinate."""
         return math.exp(coordinate) if self.scale == "log" else float(coordinate)
 
 
@@ -74,7 +75,7 @@ class FitProblem:
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:
-        """Parameters of the search."""
+        """Parameters that the search varies."""
         return tuple(free for free in self.free if not free.linear)
 
     @cached_property
@@ -84,9 +85,9 @@ class FitProblem:
 
     @cached_property
     def conditions(self) -> tuple[FloatArray, FloatArray]:
-        """A and b of the conditions A c >= b: linear coefficients c in the range of the law.
+        """A and b of the conditions A c >= b, which keep coefficients in the range of the law.
 
-        The conditions are kept at some commands and temperatures of the runs.
+        c are the linear parameters. The conditions apply at some commands and temperatures of the runs.
         """
         template, names = self.template, [free.name for free in self.linear]
         grid = np.unique(np.linspace(*envelope_of(self.runs).command, CONDITION_COMMAND_COUNT))
@@ -121,7 +122,7 @@ class FitProblem:
         """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.
 
         Without ``samples_max``, all data are used unless the runs with changing current are too long (see
-        ``FitSettings``). With several ``blocks`` of time, no window belongs to two of them.
+        ``FitSettings``). With several ``blocks`` of time, no window belongs to two blocks.
         """
         whole = run_windows(self.runs, self.settings)
         limit = math.inf if samples_max is None else samples_max
@@ -169,7 +170,7 @@ class Start:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """A fitted damper with its estimates.
+    """Result of a search: a fitted damper with the estimates of its parameters.
 
     ``covariance`` includes the errors between motions. Without it, the covariance follows from the standard
     errors and the ``correlation``.
@@ -190,7 +191,7 @@ class SearchResult:
 
 @dataclass(frozen=True)
 class FittedDamper:
-    """A fit with the runs that it was made from."""
+    """A fitted damper with the runs of the fit."""
 
     result: SearchResult
     training: tuple[PreparedRun, ...]
@@ -203,9 +204,9 @@ class FittedDamper:
 
 
 def canonical(damper: Damper) -> Damper:
-    """Return the damper with the larger rho (at zero current) in its first hysteretic element.
+    """Return the damper with its two parallel hysteretic elements in a unique order.
 
-    The force does not depend on the order of two parallel elements.
+    The first element has the larger rho at zero current. The force does not depend on the order.
     """
     forms = dict(damper.coefficients)
     if damper.law.name != "double-bouc-wen" or forms["rho"].value(0.0) >= forms["second_rho"].value(0.0):

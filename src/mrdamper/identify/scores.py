@@ -1,8 +1,8 @@
 """Errors of a model on runs.
 
-A run's ``nrmse_percent`` is 100 x RMS error / standard deviation of the measured force, from half a period
-after the motion starts, at full rate, without filter. The same error is computed for the whole run, and with
-a free constant offset because load cells are not always zeroed.
+``nrmse_percent`` of a run is 100 x RMS error / standard deviation of the measured force, from half a period
+after the start of the motion, at full rate, without filter. The error is also computed for the whole run, and
+after removal of a constant offset because load cells are not always zeroed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Split = Literal["training", "held_out"]
 
 @dataclass(frozen=True, slots=True)
 class RunError:
-    """Error of a model on one run. ``command`` is None when it varies over the run."""
+    """Error of a model on one run. ``command`` is None if the command varies over the run."""
 
     name: str
     split: Split
@@ -48,7 +48,7 @@ class RunError:
 def score_run(
     damper: Damper, prepared: PreparedRun, split: Split = "held_out", band: ForceBand | None = None
 ) -> RunError:
-    """Return the error of a damper on one prepared run, with a band also the fraction inside the band."""
+    """Return the error of a damper on one prepared run; with ``band`` also the fraction inside the band."""
     return score_each(damper, [prepared], split, band)[0]
 
 
@@ -114,7 +114,7 @@ def command_threshold(commands: Iterable[float | None]) -> float:
 
 
 def summary(errors: Iterable[RunError]) -> dict[str, float]:
-    """Return median, maximum and maximum above zero current of ``nrmse_percent``; NaN without runs."""
+    """Return ``nrmse_percent`` of runs: median, maximum, and maximum above zero current; NaN without runs."""
     errors = tuple(errors)
     every = np.array([e.nrmse_percent for e in errors])
     least = command_threshold(e.command for e in errors)

@@ -20,7 +20,7 @@ class FitSettings:
     genetic_seed: int = 0  # seed of the random numbers of the genetic algorithm
 
     # Samples
-    rate_Hz: float = 200.0  # inside a fit; slower runs keep their own rate
+    rate_Hz: float = 200.0  # sampling rate in a fit; runs with a lower rate keep their rate
     samples_per_period: float = 200.0  # limit for slow motions
 
     # Windows. A warm-up of one period leaves a force error of 0.02 % (median) and 1 % (worst) of the spread.
@@ -29,8 +29,8 @@ class FitSettings:
     window_samples_min: int = 32  # scored length of a window, and of its warm-up, if periods are shorter
     # The kernel evaluates windows with changing current one by one. More samples are replaced by a subset.
     changing_samples_max: int = 5_000
-    windows_error_ratio_max: float = 1.2  # error on all data divided by that on the subset; above it, fit all
-    temperature_change_K_max: float = 1.0  # A window has one temperature. It is divided if that changes more.
+    windows_error_ratio_max: float = 1.2  # error on all data / on the subset; above this, all data are fitted
+    temperature_change_K_max: float = 1.0  # A window is divided if the temperature changes more.
 
     # Differences of two windows that count as distance 1
     size_ratio: float = 1.3  # ratio of amplitudes or speeds
@@ -46,7 +46,7 @@ class FitSettings:
     draw_count_max: int = 80  # points of each start
     screened_count: int = 6  # points with the smallest costs that descend
     screening_iterations_max: int = 10
-    finalist_count: int = 3  # ends of these descents that are continued
+    finalist_count: int = 3  # best results of these descents, from which the full search continues
     finalist_iterations_max: int = 20
 
     # Thorough search for the chosen candidate
@@ -57,7 +57,7 @@ class FitSettings:
 
     # Final fit to all runs
     start_count: int = 4  # parameter sets with the smallest costs that descend
-    start_iterations_max: int = 40  # limit for each; the best one is continued until it converges
+    start_iterations_max: int = 40  # limit of each descent; the best descent continues until it converges
     iterations_max: int = 400  # A fit with more iterations has not converged.
     same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative difference of costs count as one.
 

@@ -1,4 +1,4 @@
-"""Temperature dependence of the coefficients, and the number of temperatures that it requires.
+"""Temperature dependence of the coefficients, and the number of temperatures that a fit requires.
 
 Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT), yield forces and
 friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper. The
@@ -85,10 +85,10 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
 def select_temperature_kind(
     runs: Sequence[PreparedRun], kind: Temperature
 ) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
-    """Return the runs of a fit, the kind of its temperature dependence, and a note if something is ignored.
+    """Return the runs of a fit, the kind of temperature dependence, and a note if data are ignored.
 
     Only "auto" is replaced. Temperature is ignored if the runs have one temperature, or if fewer than half
-    of them have a temperature. If more have one, the runs without temperature are ignored.
+    of them have a temperature. If at least half have a temperature, the other runs are ignored.
     """
     runs = tuple(runs)
     measured = tuple(run for run in runs if run.trajectory.temperature is not None)
@@ -175,8 +175,8 @@ def apply_temperature(
 def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, ParameterLaw]:
     """Return forms with the temperature factors of a fluid, marked as assumed and not fitted.
 
-    In the series valve a shear-thinning force |v|^m is proportional to the viscosity to the power m, which is
-    applied with the fitted exponent (``scale_thinning``).
+    In the series valve, a shear-thinning force |v|^m is proportional to the viscosity to the power m.
+    ``scale_thinning`` applies this power after the fit, with the fitted exponent.
     """
     assumed: dict[str, ParameterLaw] = dict(forms)
     for name, form in forms.items():
@@ -192,8 +192,8 @@ def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[
 def scale_thinning(damper: Damper) -> Damper:
     """Return a damper with its assumed thinning factors raised to the fitted exponents.
 
-    A force |v|^m is proportional to the viscosity to the power m. All viscosity factors are exponentials of
-    their first parameter, so that this parameter is multiplied by m.
+    A force |v|^m is proportional to the viscosity to the power m. All viscosity factors are exponential in
+    their first parameter. Therefore this parameter is multiplied by m.
     """
     forms = dict(damper.coefficients)
     for name, exponent in (("thinning", "thinning_exponent"), ("leak_damping", "leak_exponent")):

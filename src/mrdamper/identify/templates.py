@@ -32,12 +32,12 @@ HELD_BEYOND_K = 5.0
 """A damper is extrapolated by this beyond the temperatures of the runs [K], and constant further away."""
 
 _DEGREES = {"line": 1, "polynomial": 2}
-# The sharpness of a saturation needs this number of current levels.
+# A fit of the sharpness of a saturation requires this number of current levels.
 SHARPNESS_LEVEL_COUNT_MIN = 5
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
-    """Return the size of the data."""
+    """Return the typical values of the runs, which are the units of the search bounds."""
     constants = [run.run.constant_command for run in runs]
     varying = any(constant is None for constant in constants)
     return Scale(
@@ -52,7 +52,7 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
 
 
 def command_levels(runs: Sequence[PreparedRun]) -> int:
-    """Return the number of distinct constant commands: they differ by more than 3 % of the largest."""
+    """Return the number of constant commands that differ by more than 3 % of the largest command."""
     commands = np.array([c for run in runs if (c := run.run.constant_command) is not None])
     numbers = level_numbers(commands, 0.03 * np.abs(commands).max(initial=0.0))
     return int(numbers.max(initial=-1)) + 1
@@ -71,9 +71,10 @@ def template(
 ) -> tuple[Damper, tuple[FreeParameter, ...]]:
     """Return a damper with the default dependence on current and temperature, and its free parameters.
 
-    With three or more currents, coefficients are quadratic, exponential or Hill functions (with a fixed
-    exponent for exactly three), with two they are straight lines, with one constants. If a current changes
-    during a run, the first-order lag [s] between current and force is free as well.
+    With three or more currents, coefficients are quadratic, exponential or Hill functions of the current (for
+    exactly three currents, Hill functions have a fixed exponent). With two currents, coefficients are
+    straight lines, with one current constants. If a current changes during a run, the first-order lag [s]
+    between current and force is also a free parameter.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def template(
 def _single_command_error(
     law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
 ) -> InputError:
-    """Return the error for runs that all have one command."""
+    """Return the error for runs that all have the same command."""
     follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
     return InputError(
         found=(
@@ -151,7 +152,7 @@ def _single_command_error(
 
 
 def _find_terms(law: HysteresisLaw, names: Sequence[str]) -> list[Term]:
-    """Return the terms of a law with given names."""
+    """Return the terms with given names of a law."""
     known = terms_of(law)
     for name in names:
         if name not in known:
@@ -205,7 +206,7 @@ def _default_terms(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
 def _dependence(
     law: HysteresisLaw, entry: FreeCoefficient, s: Scale
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
-    """Return the form of a coefficient, as rich as the commands allow, and its parameters."""
+    """Return the form of a coefficient and its free parameters, as many as the number of commands allows."""
     name, form, lower, upper, how = entry.name, entry.form, entry.lower, entry.upper, entry.scale
     linear, start = law[name].linear, entry.start or 0.0
     if form == "fixed":
@@ -246,7 +247,7 @@ def _dependence(
 
 
 def _log_range(law: HysteresisLaw, name: str, lower: float, upper: float) -> float:
-    """Return the max. logarithmic change of an exponential: three decades, within the range of the law."""
+    """Return the maximum logarithmic change of an exponential: three decades, within the law's range."""
     admissible = law[name]
     ranges = [np.log(1e3), np.log(admissible.upper / upper)]
     if admissible.lower > 0.0:

@@ -30,7 +30,7 @@ Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill",
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Size of the data: the unit of the search bounds."""
+    """Typical values of the runs, which are the units of the search bounds."""
 
     force: float  # 99.5th percentile of |F| over all runs [N]
     stroke: float  # maximum of |x| [m]
@@ -41,7 +41,7 @@ class Scale:
     temperatures: tuple[float, ...]  # distinct temperatures [K]; empty unless all runs have a temperature
 
     def size_of(self, unit: str) -> float:
-        """Return the size of a coefficient of this unit [that unit]."""
+        """Return the typical value of coefficients with a unit, in this unit."""
         force, stroke, speed = self.force, self.stroke, self.speed
         sizes: Mapping[str, float] = {
             "N": force,
@@ -79,7 +79,7 @@ class FreeCoefficient:
     start: float | None = None
 
     def scaled(self, size: float) -> FreeCoefficient:
-        """Return the coefficient in physical units, for runs of a given size."""
+        """Return the coefficient with bounds and start in physical units, multiplied by ``size``."""
         low, high, start = self.lower, self.upper, self.start
         if start is None:
             start = math.sqrt(low * high) if self.scale == "log" else 0.5 * (low + high)
@@ -88,11 +88,11 @@ class FreeCoefficient:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """Coefficients that are added to a law together."""
+    """A term: coefficients that are added to a law together."""
 
     name: str
     entries: tuple[FreeCoefficient, ...]
-    needs: tuple[str, ...] = ()  # terms that must be present, too
+    needs: tuple[str, ...] = ()  # other terms that must be present
     starts: tuple[Mapping[str, float], ...] = field(default=())  # further start values, relative to the scale
     # Coefficients that become linear in temperature with this term, if the runs have several temperatures.
     linear_in_temperature: tuple[str, ...] = ()
@@ -100,10 +100,11 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Archetype:
-    """A kind of damper with which a search starts: its terms and start values.
+    """A typical kind of damper, with whose terms and start values a search starts.
 
-    An alternative has nearly the same forces at constant current as the archetype before it. Only runs with
-    changing current distinguish both. Its start has the coefficients that differ.
+    An *alternative* has nearly the same forces at constant current as the previous archetype in the list.
+    Only runs with changing current distinguish the two archetypes. The start of an alternative contains only
+    the coefficients that differ.
     """
 
     terms: tuple[str, ...]
@@ -348,7 +349,7 @@ def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
-    """Return the archetypes of a law, with which the search for its terms starts."""
+    """Return the archetypes of a law, from which the search for terms starts."""
     return _CHAIN_ARCHETYPES if law.name == "chain" else ()
 
 
@@ -358,7 +359,7 @@ def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
 
 
 def terms_of(law: HysteresisLaw) -> dict[str, Term]:
-    """Return the terms of a law by name, each after the terms that it needs."""
+    """Return the terms of a law by name; the terms that a term requires precede this term."""
     if law.kernel is None:
         return {}
     return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}

@@ -25,7 +25,7 @@ def estimates_of(
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
     """Return the estimate of every free parameter, and the correlation matrix.
 
-    Parameters on a bound have NaN.
+    The standard error of a parameter on a bound is NaN.
     """
     values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
@@ -65,7 +65,7 @@ def estimates_of(
 def covariances(
     runs: Sequence[FitWindow], damper: Damper, names: Sequence[str], clusters: Sequence[int] | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance for independent residuals, and the sandwich estimator.
+    """Return two covariances of parameters: for independent residuals, and from the sandwich estimator.
 
     ``clusters`` has the cluster number of each run. If it is None, half cycles are the clusters.
     """
@@ -96,7 +96,7 @@ def covariances(
 
 
 def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
-    """Return the bound on which a nonlinear parameter is; linear parameters have the model's conditions."""
+    """Return the bound on which a nonlinear parameter is; the bounds do not apply to linear parameters."""
     if free.linear:
         return ""
     low, high, at = (float(free.to_search(v)) for v in (free.lower, free.upper, value))

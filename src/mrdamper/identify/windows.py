@@ -1,7 +1,7 @@
-"""Windows of measured runs: what a fit simulates and scores, and subsets that represent all runs.
+"""Windows of measured runs, which a fit simulates and scores, and subsets that represent all runs.
 
-A *window* is a stretch of one run. Its first samples are a warm-up: they are simulated, so that the
-hysteresis state is right, and not scored. A fit to all data uses whole runs. The model selection uses a
+A *window* is a section of one run. The first samples of a window are a warm-up: they are simulated, so that
+the hysteresis state is correct, but not scored. A fit to all data uses whole runs. The model selection uses a
 subset, because it makes thousands of evaluations. The subset is chosen by content, never by the order of
 files:
 
@@ -9,7 +9,7 @@ files:
 2. Each window has features: amplitude, speed, mean position, current, temperature and time along the run.
 3. Greedy k-center selection (Gonzalez, Theor. Comput. Sci. 38 (1985) 293-306) adds the window that is
    farthest from all selected ones, until the number of samples reaches a limit.
-4. Each selected window gets the weight of all windows that are nearest to it.
+4. The weight of a selected window is the sum of the weights of all windows that are nearest to it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PARALLEL_COUNT = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitWindow:
-    """A stretch of one run inside a fit."""
+    """A section of one run that a fit simulates and scores."""
 
     run: int  # index of the run
     drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
@@ -66,8 +66,9 @@ class _Span:
 def run_fractions(runs: Sequence[PreparedRun]) -> FloatArray:
     """Return the weight of each run in the cost; all weights sum up to 1.
 
-    All operating points (motion, current, temperature) have the same weight. The runs of one point share it
-    by their durations, so that a run has the same weight as the parts into which it may be divided.
+    All operating points (motion, current, temperature) have the same weight. The weight of a point is divided
+    among its runs in proportion to their durations. A run that is stored as several files therefore has the
+    same total weight as one file.
     """
     highest = max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0
     seconds = np.array([(len(run) - run.scored_from) * run.trajectory.step for run in runs])
@@ -83,7 +84,7 @@ def run_fractions(runs: Sequence[PreparedRun]) -> FloatArray:
 
 
 def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, ...]:
-    """Return scaled features of a run. A difference of 1 in a feature means another operating point."""
+    """Return the scaled features of a run; a difference of 1 in a feature is another operating point."""
     path, part = run.trajectory, slice(run.scored_from, None)
     kelvin = 0.0 if path.temperature is None else float(path.temperature[part].mean())
     current = path.command[part] / (SAME_CURRENT_RATIO * highest_current)
@@ -97,7 +98,7 @@ def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, .
 
 
 def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
-    """Return every run as one window, from its first sample on."""
+    """Return one window for each run, which contains the whole run."""
     coarse = [_decimate(run, settings) for run in runs]
     fractions = run_fractions(runs)
     windows = []
@@ -112,7 +113,7 @@ def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[Fit
 
 
 def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT_SETTINGS) -> FitWindow:
-    """Return one whole run with its measured temperature, as one of a number of runs."""
+    """Return a whole run as one window with the measured temperature and the weight 1 / ``run_count``."""
     coarse = _decimate(run, settings)
     window = _window(
         coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _force_std(coarse)
@@ -125,9 +126,9 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
 
-    Samples of slow records with many integration steps count more. The result does not depend on the order
-    of the runs, except for the index of each run. At least one window is returned. With several equal
-    ``blocks`` of time, no window belongs to two of them.
+    Samples of slow records with many integration steps count as several. The result does not depend on the
+    order of the runs, except for the index of each run. At least one window is returned. With several
+    equal ``blocks`` of time, no window belongs to two blocks.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
@@ -151,7 +152,7 @@ def _decimate(run: PreparedRun, settings: FitSettings) -> PreparedRun:
 
 
 def _shortest_period_s(run: PreparedRun) -> float:
-    """Return the period [s]; of an aperiodic motion, twice a short interval between two reversals."""
+    """Return the period [s]; for an aperiodic motion, twice a short interval between two reversals."""
     path = run.trajectory
     if run.period_s:
         return run.period_s
@@ -184,7 +185,7 @@ def _longest_step_s(run: PreparedRun) -> float:
 
 
 def _relative_cost(run: PreparedRun) -> float:
-    """Return the cost of the simulation of a sample, relative to one with few integration steps."""
+    """Return the simulation cost per sample of a run, relative to a run with few integration steps."""
     return max(run.trajectory.step / _longest_step_s(run) / STEPS_PER_SAMPLE, 1.0)
 
 
@@ -211,7 +212,10 @@ def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) 
 
 
 def _period_samples(run: PreparedRun) -> int:
-    """Return the samples of one period; of an aperiodic motion, of twice the mean time between reversals."""
+    """Return the number of samples per period.
+
+    For an aperiodic motion, twice the mean time between reversals counts as the period.
+    """
     path = run.trajectory
     if run.period_s:
         return max(round(run.period_s / path.step), 2)
@@ -238,7 +242,7 @@ def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list
 
 
 def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: FitSettings) -> FloatArray:
-    """Return the features of windows in units of distance, shape (windows, features)."""
+    """Return the features of windows, scaled for distances, shape (windows, features)."""
     stroke = max(float(np.ptp(run.trajectory.displacement)) for run in runs)
     speed = max(float(np.abs(run.trajectory.velocity).max()) for run in runs)
     current = max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0
@@ -268,7 +272,7 @@ def _k_center(
 ) -> tuple[list[int], np.ndarray]:
     """Return the selected windows in the order of selection, and the selected window nearest to each.
 
-    The first window is the one nearest to the median, and a window of every other block follows.
+    The first window is the window nearest to the median. A window of each other block of time follows.
     """
     content = np.lexsort(features.T[::-1])  # The order of files does not matter.
     away = np.abs(features - np.median(features, axis=0)).sum(axis=1)
@@ -292,7 +296,7 @@ def _k_center(
 def _cheapest_alike(
     k: int, features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], distance: FloatArray
 ) -> int:
-    """Return the cheapest window of the same run and block that is near a window and not selected.
+    """Return the cheapest unselected window near window ``k``, of the same run and block.
 
     The first window of a run is the cheapest, because the run starts at rest.
     """
@@ -310,9 +314,10 @@ def _cheapest_alike(
 def _merge(
     runs: Sequence[PreparedRun], spans: Sequence[_Span], fractions: Sequence[float], settings: FitSettings
 ) -> list[tuple[_Span, float]]:
-    """Join neighbouring windows of one block with the same weight of a sample and one temperature.
+    """Join neighbouring windows of one block with equal temperature and equal weight per sample.
 
-    At constant current, no window is longer than the time in which the kernel integrates all of them.
+    At constant current, the length of the joined windows is limited because the kernel integrates several
+    windows in parallel.
     """
     merged: list[tuple[_Span, float]] = []
     longest = sum(span.stop - span.start for span in spans) / PARALLEL_COUNT

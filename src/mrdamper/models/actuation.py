@@ -29,7 +29,7 @@ TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """Delay, first lag (rise and fall), second lag; coil resistance and largest command, if known.
+    """Delay, first lag (rise and fall), second lag and hysteresis of an actuation; coil data, if known.
 
     The first lag has the time constant ``rise_s`` while its input exceeds its output. ``hysteresis_width_A``
     is the half width [A or V] of the dead band behind the lags. A rising command from zero is unchanged. A
@@ -61,7 +61,7 @@ class Actuation:
         return size if self.saturation <= 0.0 else np.asarray(size / (1.0 + size / self.saturation))
 
     def current(self, flux: FloatArray) -> FloatArray:
-        """Return the absolute command [A or V] of a flux, shape (n,)."""
+        """Return the absolute command [A or V] for a flux, shape (n,)."""
         return flux if self.saturation <= 0.0 else np.asarray(flux / (1.0 - flux / self.saturation))
 
     @property
@@ -70,14 +70,14 @@ class Actuation:
         return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
     def apply(self, command: FloatArray, step: float) -> FloatArray:
-        """Return the effective command of the law [A or V] on a uniform step [s], shape (n,).
+        """Return the effective command of the law [A or V] for samples with a step [s], shape (n,).
 
         The initial state is settled. The command is linear between its samples.
         """
         return Applied(self, step).on(command)
 
     def response_time(self, share: float, start: float = 0.0, end: float = 1.0) -> float:
-        """Return the time [s] from a step until a fraction of it is effective, without hysteresis."""
+        """Return the time [s] after a step until a fraction of the step is effective, without hysteresis."""
         if not 0.0 < share < 1.0:
             raise InputError(place="response time", found=f"share is {share}", expected="above 0 and below 1")
         if start == end:
@@ -99,7 +99,7 @@ class Actuation:
 
 
 class Applied:
-    """The effective command of batches of a command; settled at the first sample."""
+    """Effective command, computed batch by batch. The initial state is settled at the first sample."""
 
     def __init__(self, actuation: Actuation, step: float) -> None:
         self._actuation = actuation
@@ -159,10 +159,11 @@ class Applied:
         return applied
 
     def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
-        """Return the flux behind a dead band, which is between the flux and the flux plus the width.
+        """Return the flux behind a dead band: a value between the flux and the flux plus the width.
 
-        Each sample clips the value of the sample before. A composition of two clips is a clip, so that all
-        samples follow from a scan in log2(n) passes (Hillis & Steele, Commun. ACM 29 (1986) 1170-1183).
+        Each sample clips the value of the previous sample. Two clips in succession are equal to one clip.
+        Therefore all samples follow from a parallel prefix scan in log2(n) passes (Hillis & Steele, Commun.
+        ACM 29 (1986) 1170-1183).
         """
         low, high = flux.copy(), flux + width
         shift = 1

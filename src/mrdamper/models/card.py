@@ -1,7 +1,7 @@
 """The model card: the result of an identification as one JSON file without code.
 
 A card holds the damper (law, dependence of each coefficient, parameters with units and standard errors), its
-operating envelope, how its data were prepared, and the evidence (errors run by run). docs/card.md describes
+operating envelope, the preparation of its data, and the evidence (errors of each run). docs/card.md describes
 the file key by key. ``card_schema`` reads, checks and writes it.
 """
 
@@ -31,7 +31,7 @@ _RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Errors of every run, method and data of the parameters of a card.
+    """Evidence for the parameters of a card: errors of every run, method of the fit, and data.
 
     Each run has at least ``name``, ``split`` ("training" or "held_out"), ``rmse_N`` and ``nrmse_percent``.
     """
@@ -148,7 +148,7 @@ class ModelCard(Picture):
         return repr(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write the card as JSON; the file appears whole or not at all."""
+        """Write the card as JSON. If writing fails, no incomplete file remains."""
         load("mrdamper.models.card_schema:write_card")(self, path)
         return Path(path)
 
@@ -185,7 +185,7 @@ def _require_unicode(text: str, place: str) -> None:
 
 
 def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
-    """Return a read-only copy with tables in alphabetical order; raise InputError for other than JSON."""
+    """Return a read-only copy with tables in alphabetical order; raise InputError if it is not JSON."""
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
         if not all(isinstance(key, str) for key in keys):

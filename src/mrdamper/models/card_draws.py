@@ -1,7 +1,7 @@
 """Posterior samples of the parameters of a card, for the intervals of predictions.
 
 The samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card itself
-holds the best fit. A hash of law and parameters in the file relates the samples to their card.
+contains the best fit. A hash of law and parameters in the file assigns the samples to their card.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class CardDraws:
         return len(self.values)
 
     def dampers(self, damper: Damper, most: int) -> tuple[Damper, ...]:
-        """Return at most ``most`` dampers, evenly spaced over the samples, otherwise equal to ``damper``."""
+        """Return ``damper`` with the parameters of at most ``most`` evenly spaced samples."""
         rows = np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).round().astype(np.intp))
         return tuple(
             damper.with_parameters(dict(zip(self.names, row, strict=True)))
@@ -63,7 +63,7 @@ def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
-    """Return at most ``most`` equally likely dampers from the samples of a card; none if it is 0.
+    """Return at most ``most`` equally likely dampers from the samples of a card; an empty result for 0.
 
     Raises
     ------
@@ -129,6 +129,6 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
 
 
 def _digest(damper: Damper) -> str:
-    """Return a hash of the law and of the parameters of a damper, to ten digits."""
+    """Return a hash of the law and of the parameters of a damper, rounded to ten digits."""
     lines = [damper.law.name, *(f"{name} {value:.9e}" for name, value in damper.parameters_and_lag.items())]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()

@@ -134,7 +134,7 @@ class CardRecord:
 
 
 def write_card(card: ModelCard, path: str | Path) -> None:
-    """Write the card; the file appears complete or not at all."""
+    """Write a card to a file. If writing fails, no incomplete file remains."""
     target = Path(path)
     beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
@@ -193,7 +193,7 @@ def card_to_json(card: ModelCard) -> Json:
 
 
 def card_sha256(card: ModelCard) -> str:
-    """Return the hash in the card's file, which excludes the notes."""
+    """Return the SHA-256 that is stored in the card's file. The hash excludes the notes."""
     return content_sha256(card_to_json(card))
 
 
@@ -331,7 +331,7 @@ def content_sha256(document: Json) -> str:
 
 
 def signed(document: Json) -> Json:
-    """Return the document with its own hash."""
+    """Return the document of a card with its hash added."""
     return {**document, _HASH_KEY: content_sha256(document)}
 
 
@@ -370,7 +370,7 @@ def _verified(document: object, place: str) -> Json:
 
 
 def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) -> HysteresisLaw:
-    """Return the law of a card. A user-defined law must be passed."""
+    """Return the law of a card. A user-defined law must be passed as ``python_law``."""
     if record.python_law is None:
         if record.law not in LAWS:
             raise InputError(

@@ -1,9 +1,9 @@
 """Characteristics of a damper: the quantities by which damper engineers compare dampers.
 
-All of them are computed by simulation, so that they have the same meaning for every hysteresis model: the
-peak-velocity-pick curve of a damper dynamometer, the energy per cycle, the equivalent damping, the dynamic
-range, the gas force, and the response to a step of the command. ``default_scope`` chooses round commands,
-temperatures and speeds inside an operating envelope.
+All characteristics are computed by simulation, so that they have the same meaning for every hysteresis model.
+They are the peak-velocity-pick curve of a damper dynamometer, the energy per cycle, the equivalent damping,
+the dynamic range, the gas force, and the response to a step of the command. ``default_scope`` chooses round
+commands, temperatures and speeds inside an operating envelope.
 
 Extension is positive, and so is a force that resists extension. Without a temperature, 20 degC is used.
 """
@@ -28,7 +28,7 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 Value = TypeVar("Value")
 
 PERIOD_COUNT = 3
-"""Periods of a cycle that are simulated from rest; the last one is evaluated."""
+"""Periods of a cycle that are simulated from rest; the last period is evaluated."""
 
 SAMPLES_PER_PERIOD = 400  # A multiple of 4, so that the peak velocities are samples.
 RESPONSE_FRACTIONS = (0.63, 0.90)
@@ -117,7 +117,7 @@ def peak_velocity_pick(
     command: float,
     temperature: float | None = None,
 ) -> PeakVelocityCurve:
-    """Return the force at mid-stroke of sines of one stroke with rising frequencies.
+    """Return the peak-velocity-pick curve: forces at mid-stroke of sines with equal stroke.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class Scope:
     speeds: tuple[float, ...]  # speeds of the tables [m/s], rising
     curve_speeds: FloatArray  # speeds of the curves [m/s]
     amplitude: float  # half the stroke of the peak-velocity pick [m]
-    motion: Sine  # motion of the energy
+    motion: Sine  # motion for the energy per cycle
 
     @property
     def ends(self) -> tuple[int, int]:
@@ -158,7 +158,7 @@ class Scope:
 class Response:
     """Times to 63 % and 90 % of the change after a step of the command [s].
 
-    The force is that at constant velocity; its times are None if it does not depend on the command.
+    The force is simulated at constant velocity. Its times are None if it does not depend on the command.
     """
 
     start: float  # [A or V]
@@ -192,13 +192,13 @@ class Characterisation:
 
     @property
     def equivalent_damping(self) -> FloatArray:
-        """Damping of the linear damper of the same energy, E / (pi omega A^2) [N s/m]."""
+        """Damping coefficient of a linear damper with the same energy, E / (pi omega A^2) [N s/m]."""
         motion = self.scope.motion
         return self.energy / (2.0 * math.pi**2 * motion.frequency * motion.amplitude**2)
 
     @property
     def dynamic_range(self) -> FloatArray:
-        """Damping at the strongest command divided by that at the weakest [-], by temperature and speed."""
+        """Ratio of damping forces at the strongest and weakest command [-], by temperature and speed."""
         weakest, strongest = (self.damping[:, index] for index in self.scope.ends)
         valid = weakest > FORCE_RATIO_MIN * strongest
         return np.where(valid, strongest / np.where(valid, weakest, 1.0), np.nan)
@@ -216,10 +216,11 @@ def default_scope(
 
     Parameters
     ----------
-    commands : [A or V]; None: five over the envelope
-    temperatures : [K]; None: up to three over the envelope, or from the tested temperature upwards if there
-        is only one
-    motion : of the energy; None: the stroke of the pick at the highest speed of the tables
+    commands : [A or V]; None: five values over the envelope
+    temperatures : [K]; None: up to three values over the envelope, or from the temperature of the tests
+        upwards if the tests have only one
+    motion : motion for the energy; None: a sine with the amplitude of the peak-velocity pick and the highest
+        of the speeds
     """
     low, high = envelope.displacement
     half = 0.5 * (high - low)
@@ -270,7 +271,7 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
 
 
 def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
-    """Return the response from the weakest command to the strongest and back; empty without a lag.
+    """Return the responses to steps from the weakest to the strongest command and back; empty without lag.
 
     The force at constant velocity follows the effective command without delay. The time to a fraction of
     its change is therefore the time to the command at which the static force has that fraction.
@@ -347,7 +348,7 @@ def _temperatures(
         high = max((damper.temperature_range or (low, high))[1], low)
     if high - low < TEMPERATURE_STEP_K / 4.0:
         return (low,)
-    # The runs at 20 degC of a rig may have 20.3 degC, hence the kelvin on either side.
+    # Runs at a nominal 20 degC may have 20.3 degC. Therefore the range is 1 K wider at each end.
     first = math.ceil((low - 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     last = math.floor((high + 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     if last <= first:

@@ -1,7 +1,7 @@
 """Comparison of two dampers at the same commands, temperatures and speeds.
 
-Both are evaluated inside their common envelope. Parameters are compared only if the laws are the same;
-their standard errors count as independent.
+Both dampers are evaluated inside their common envelope. Parameters are compared only if the laws are the
+same. The standard errors of the two dampers are assumed to be independent.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class Comparison(JobResult):
     _job = "compare"
     cards: tuple[ModelCard, ModelCard]
     names: tuple[str, str]
-    envelope: OperatingEnvelope  # common to both
+    envelope: OperatingEnvelope  # common envelope of both cards
     scope: Scope
     found: tuple[Characterisation, Characterisation]
     parameters: tuple[ParameterPair, ...]  # empty if the laws differ
-    own_error_N: float | None  # root sum of squares of the RMS errors of both cards
+    own_error_N: float | None  # combined RMS error of both models: root sum of squares
     notes: tuple[str, ...]
 
     @property
@@ -56,7 +56,7 @@ class Comparison(JobResult):
 
     @property
     def largest(self) -> tuple[int, int, int]:
-        """Index of the largest difference of the damping force: temperature, command, speed."""
+        """Indices (temperature, command, speed) of the largest difference of the damping force."""
         difference = np.abs(self.found[1].damping - self.found[0].damping)
         t, i, v = np.unravel_index(int(np.argmax(difference)), difference.shape)
         return int(t), int(i), int(v)
@@ -95,7 +95,7 @@ class Comparison(JobResult):
 
 
 def _names(*files: str) -> tuple[str, str]:
-    """Return the names of the cards: that of the file, or of its folder if the file is called card."""
+    """Return the names of cards: of the file, or of its folder if the file is called card."""
     paths = [Path(file) for file in files]
     first, second = (path.absolute().parent.name if path.stem == "card" else path.stem for path in paths)
     return (first, second) if first != second and first and second else ("first", "second")
@@ -106,7 +106,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
 
     Parameters
     ----------
-    names : names of the cards; None: those of their files
+    names : names of the cards; None: the names of their files
 
     Raises
     ------
@@ -164,7 +164,7 @@ def _intersection(what: str, first: Range, second: Range) -> Range:
 def _common_temperature(
     cards: tuple[ModelCard, ModelCard], names: tuple[str, str]
 ) -> tuple[Range | None, list[str]]:
-    """Return the temperatures [K] at which both are compared, and a note if only one depends on them.
+    """Return the temperatures [K] of the comparison, and a note if only one damper depends on temperature.
 
     A damper without temperature dependence is valid at the temperature of its runs, 20 degC if unknown.
     """
@@ -198,7 +198,7 @@ def _temperatures_of(card: ModelCard) -> Range | None:
 
 
 def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
-    """Return the parameters of two dampers of one law that were fitted in either card or that differ."""
+    """Return the parameters of two dampers of the same law that were fitted in a card or that differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()

@@ -36,7 +36,7 @@ ROUNDING_RATIO = 1e-6  # A coefficient may pass its limit by this fraction becau
 
 @dataclass(frozen=True, slots=True)
 class OperatingEnvelope:
-    """The range of the data behind a damper, as (low, high) pairs."""
+    """Ranges of the runs from which a damper was identified, as (low, high) pairs."""
 
     command: Range  # [A or V]
     displacement: Annotated[Range, Option(key="displacement_m")]
@@ -70,10 +70,10 @@ class OperatingEnvelope:
 class Damper:
     """A hysteresis law and the parameter law of each of its coefficients.
 
-    Missing coefficients have their default, constant. The applied command follows the command with a
-    first-order lag of ``command_lag_s`` (0: none), or through ``actuation``. Outside ``temperature_range``
-    [K] coefficients keep their value at its edge (None: no range). With ``limited``, coefficients outside the
-    range of the law are clipped instead of rejected.
+    Missing coefficients are constant at their default. The effective command follows the command with a
+    first-order lag of ``command_lag_s`` (0: no lag), or as described by ``actuation``. Outside
+    ``temperature_range`` [K], coefficients keep the value at the end of the range (None: no range). With
+    ``limited``, coefficients outside the range of the law are clipped instead of rejected.
 
     Raises
     ------
@@ -190,8 +190,8 @@ class Damper:
     def coefficients_at(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         """Return the coefficients at the commands, shape (m, n), rows in the order of the law.
 
-        ``temperature`` [K] is one number or one per command; None: 20 degC. A value that passes a limit only
-        by rounding is set to the limit.
+        ``temperature`` [K] is one number or one per command; None: 20 degC. A value that violates a
+        limit only by rounding is set to the limit.
         """
         at, kelvin = self._grid(command, temperature)
         found = np.empty((len(self.coefficients), len(at)))
@@ -249,9 +249,9 @@ class Damper:
         )
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
-        """Return one coefficient; a constant one only once for all commands.
+        """Return the values of one coefficient, one per command; a single value if the form is constant.
 
-        A value that passes the limit of the law by rounding is set to the limit.
+        A value that violates a limit of the law only by rounding is set to the limit.
         """
         form, admissible = self.coefficients[name], self.law[name]
         values = form.value(at[:1] if isinstance(form, Constant) else at, kelvin)
@@ -280,7 +280,10 @@ class Damper:
         return at, np.broadcast_to(self.clip_temperature(kelvin), at.shape)
 
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
-        """Return the violations of 1 + position_gain x > 0, one sentence each: the force changes sign."""
+        """Return the violations of 1 + position_gain x > 0, one sentence each.
+
+        The force of the valve would change its sign.
+        """
         commands = envelope.commands()
         for x in envelope.displacement:
             with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite are not positive

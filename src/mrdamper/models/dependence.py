@@ -4,10 +4,10 @@ A parameter law is a named form with parameters. The card stores ``kind`` and ``
 ``identify.problem`` decides which parameters a fit may change. ``damper`` checks the values against the
 limits of the law.
 
-Every form has its value, its gradient by the parameters and its slope by the command in closed form, and
+Every form has closed forms of its value and of the derivatives with respect to parameters and command, and
 states in which parameters it is linear. Most forms depend only on the command. ``TemperatureDependent``
-multiplies one by a temperature factor; ``Bipolynomial`` is a polynomial in both. The default temperature is
-20 degC.
+multiplies such a form by a temperature factor. ``Bipolynomial`` is a polynomial in command and temperature.
+The default temperature is 20 degC.
 """
 
 from __future__ import annotations
@@ -273,9 +273,9 @@ class Saturation(Hill):
 
     .. math:: s = (1 + h^{qr})^{1/r}\,u^q / (u^{qr} + h^{qr})^{1/r}
 
-    It is a power of the command below ``half_command`` and constant above, for any ``sharpness`` r of the
-    transition; r = 1 is the Hill form. Without r, the saturation at large commands would determine the curve
-    between small ones.
+    The rise is a power of the command well below ``half_command`` and constant well above. The ``sharpness``
+    r sets the transition between the two; r = 1 is the Hill form. Without r, the saturation at large commands
+    would determine the curve at small commands.
     """
 
     sharpness: float = 1.0  # r [-]
@@ -345,7 +345,7 @@ class Exponential:
 class Bipolynomial:
     """value = sum of c_ij I^i (T - 293.15)^j, i to the command's degree, j to the temperature's.
 
-    It is linear in all its parameters, which are ordered c00, c01, c10, c11, ...
+    The value is linear in all parameters. Their order is c00, c01, c10, c11, ...
     """
 
     parameters: tuple[float, ...]
@@ -432,8 +432,8 @@ CommandForm = Constant | Polynomial | Hill | Exponential
 class TemperatureDependent:
     """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
 
-    It is linear in the linear parameters of the form. ``assumed`` is True if the factor comes from fluid
-    data, not from runs of this damper.
+    The value is linear in the linear parameters of the form. ``assumed`` is True if the factor comes from
+    fluid data, not from runs of this damper.
     """
 
     form: CommandForm
@@ -501,7 +501,7 @@ def _linear_batch(
 
 
 def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
-    """Return the gradient of one form in the shape of the command."""
+    """Return the gradient of one form, shape (parameters, *shape of command)."""
     at = _array(command)
     rows = form.evaluate_batch(
         np.array(form.parameters)[:, None], at.ravel(), _kelvin(at, temperature).ravel()
@@ -514,7 +514,7 @@ def _hill_rise(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return s, log u, and h^qr / (u^qr + h^qr) at the command and at the reference (u = 1).
 
-    Without a sharpness r is 1. Logarithms avoid overflow and keep the limits for large exponents.
+    If ``sharpness`` is None, r is 1. Logarithms avoid overflow and keep the limits for large exponents.
     """
     with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
         log_u = np.log(np.abs(command))

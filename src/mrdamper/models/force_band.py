@@ -1,9 +1,9 @@
 """Prediction band of the force of a card: expected error of the force in a new motion.
 
 The band is conformal: the model was fitted again without each motion, and the band is as wide as needed to
-contain the stated fraction of the held-out errors. A motion that is farther from the fitted motions than
-these are from one another has a wider band, and so has a run with changing current. The band assumes only
-that a new motion is similar to the held-out ones. Outside the envelope of the card it is too narrow.
+contain the stated fraction of the held-out errors. The band is wider for a motion that is farther from the
+fitted motions than these are from one another, and for a run with changing current. The band assumes only
+that a new motion is similar to the held-out motions. Outside the envelope of the card the band is too narrow.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _Positive = Annotated[float, Option(least=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class MotionSize:
-    """Size and speed of a motion: standard deviations of its displacement and of its velocity."""
+    """Size and speed of a motion: standard deviations of displacement and velocity."""
 
     displacement_m: _Positive
     velocity_m_s: _Positive
@@ -35,7 +35,7 @@ class MotionSize:
         return cls(float(np.std(motion.displacement)), float(np.std(motion.velocity)))
 
     def distance(self, others: Sequence[MotionSize]) -> float:
-        """Return the distance to the nearest other motion, in e-folds: 0.7 if one is half as fast."""
+        """Return the distance to the nearest other motion, in e-folds: 0.7 if it is half as fast."""
         known = np.log([(each.displacement_m, each.velocity_m_s) for each in others])
         return float(np.abs(known - np.log((self.displacement_m, self.velocity_m_s))).max(axis=1).min())
 
@@ -47,7 +47,7 @@ class ForceBand:
     .. math:: h = factor\, c \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share\, rms F)^2 + base^2}
 
     d is the distance of the motion of the run to the nearest of ``motions``, and ``usual_distance`` is the
-    mean distance of the held-out motions. Without ``motions`` the distance does not count. c is
+    mean distance of the held-out motions. Without ``motions``, the distance has no influence. c is
     ``changing_current_ratio`` for a run with changing current, otherwise 1.
 
     ``expected_nrmse_percent`` is the expected median error of new runs inside the envelope, and
@@ -72,7 +72,7 @@ class ForceBand:
         check_ranges(self, "force_band")
 
     def widened(self, motion: Trajectory) -> float:
-        """Return the factor by which the band of a run is wider than the typical one."""
+        """Return the factor by which the band of a run is wider than the band of a typical motion."""
         factor = self.changing_current_ratio if np.ptp(motion.command) > 0.0 else 1.0
         if not self.motions or not (np.ptp(motion.displacement) > 0.0 and np.ptp(motion.velocity) > 0.0):
             return factor
@@ -80,7 +80,7 @@ class ForceBand:
         return factor * max(1.0, 1.0 + self.widening * excess)
 
     def half_width(self, force: FloatArray, widened: float = 1.0) -> FloatArray:
-        """Return the half width [N] at each sample of the force [N] of a model over a run, shape (n,)."""
+        """Return the half width of the band [N] at each sample of a model force [N], shape (n,)."""
         return self.factor * widened * width_unit(force, self.run_share, self.base_N)
 
     def coverage(self, force: FloatArray, measured: FloatArray, widened: float = 1.0) -> float:
@@ -89,5 +89,5 @@ class ForceBand:
 
 
 def width_unit(force: FloatArray, run_share: float, base_N: float) -> FloatArray:
-    """Return the half width [N] that a band of factor one has."""
+    """Return the half width [N] of a band with factor one, shape (n,)."""
     return np.sqrt(force**2 + (run_share * rms(force)) ** 2 + base_N**2)

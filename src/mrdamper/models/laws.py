@@ -1,7 +1,7 @@
 """Hysteresis laws: coefficients of each law, their meaning, and the conditions for a well-posed law.
 
 The arithmetic is in ``core/kernel`` (C99). This module is the table of its coefficients. ``dependence``
-describes how they depend on the command, ``identify.problem`` their range in a fit.
+describes how they depend on the command. ``identify.problem`` defines their range in a fit.
 
 Sign convention: extension positive, a force that resists extension is positive. Every law is
 
@@ -35,8 +35,8 @@ VISCOUS_SPEED = 0.1
 class Coefficient:
     """One coefficient of a law, and the range in which the law is well posed.
 
-    ``linear`` is True if the force is linear in it, so that a fit eliminates it by least squares. ``default``
-    None means that the coefficient is required.
+    ``linear`` is True if the force is linear in the coefficient; a fit then uses linear least squares for it.
+    ``default`` None means that the coefficient is required.
     """
 
     name: str
@@ -50,10 +50,10 @@ class Coefficient:
 
 @runtime_checkable
 class PythonLaw(Protocol):
-    """A user-defined law in Python: one internal state, advanced by ``rate`` and read by ``force``.
+    """A user-defined law in Python with one internal state: ``rate`` is its derivative, ``force`` the output.
 
-    The reference integrator runs it (slow, adaptive) in every job except export. ``values`` maps coefficient
-    names to their values at the present command.
+    The slow, adaptive reference integrator simulates the law in every job except export. ``values`` maps
+    coefficient names to their values at the present command.
     """
 
     @property
@@ -359,7 +359,7 @@ LAWS: Mapping[str, HysteresisLaw] = MappingProxyType({law.name: law for law in _
 
 
 def find_law(name: str) -> HysteresisLaw:
-    """Return the law with a name.
+    """Return the law with a given name.
 
     Raises
     ------

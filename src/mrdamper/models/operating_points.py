@@ -1,8 +1,8 @@
 """Coefficients of a damper at a few operating points for many sets of parameters at once.
 
 A fit evaluates coefficients and their gradients at the same commands and temperatures thousands of times.
-Here the damper is analysed once. An evaluation is then arithmetic on arrays without a new ``Damper``. The law
-itself is not simulated here.
+This module analyses the damper once. Each evaluation then needs only arithmetic on arrays, without a new
+``Damper``. The law is not simulated here.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from mrdamper.models.dependence import ParameterLaw
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """A coefficient whose gradient depends on varying parameters."""
+    """A coefficient that is nonlinear in a parameter, so that its gradient can vary."""
 
-    place: int  # index in the law
-    column: int  # index among the differentiated coefficients; -1: none
+    place: int  # index of the coefficient in the law
+    column: int  # index among the differentiated coefficients; -1: not differentiated
     form: ParameterLaw
-    fixed: FloatArray  # its parameters, shape (k, 1)
-    members: list[int]  # indices of its varying parameters
-    sources: list[int]  # indices of these parameters among the values
+    fixed: FloatArray  # parameters of the form, shape (k, 1)
+    members: list[int]  # indices of the varying parameters in the form
+    sources: list[int]  # indices of these parameters among all varying parameters
     wanted: tuple[tuple[int, int], ...]  # (parameter of the form, row of the gradient)
 
 
 class OperatingPoints:
-    """Coefficients and their gradients by the ``wanted`` parameters for changing ``varying`` ones.
+    """Coefficients of a damper and their gradients at a few operating points.
 
-    Parameters have flat names. The command lag is allowed and has no gradient. ``places`` are the
-    coefficients of the law that depend on wanted parameters. ``combine``, shape (points, wanted, places),
-    contains the constant gradients of coefficients that are linear in all their parameters.
+    The ``varying`` parameters change between evaluations. The gradients are with respect to the ``wanted``
+    parameters. Parameters have flat names. The command lag is allowed and has no gradient. ``places`` are the
+    indices of the coefficients in the law that depend on wanted parameters. ``combine``, shape (points,
+    wanted, places), contains the constant gradients of coefficients that are linear in all their parameters.
     """
 
     def __init__(
@@ -80,8 +81,10 @@ class OperatingPoints:
         Parameters
         ----------
         values : one row per candidate, shape (candidates, varying)
-        combine : receives the gradients, shape (candidates, points, wanted, places); constant ones are
-        unchanged
+        combine : output array for the gradients, shape (candidates, points, wanted, places)
+
+        The caller fills the output array with copies of the attribute ``combine``, because this method writes
+        only the gradients that are not constant.
         """
         count = len(values)
         coefficients = (values @ self._linear).reshape(count, *self._fixed.shape)

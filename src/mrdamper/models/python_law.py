@@ -1,8 +1,9 @@
-"""User-defined laws in Python: loading, and their integrator.
+"""User-defined laws in Python: how they are loaded and integrated.
 
-SciPy's adaptive LSODA integrates the equations along the cubic Hermite interpolant of the trajectory. It
-restarts at each reversal and its step never exceeds the sampling period. It is slow and general. The dead
-band of the trajectory is not used: every reversal counts. This module does not depend on the kernel's laws.
+SciPy's adaptive LSODA integrates the equations along the cubic Hermite interpolant of the trajectory. The
+integration restarts at each reversal, and the step never exceeds the sampling period. This is slow but
+general. The dead band of the trajectory is not used: every reversal counts. This module does not depend on
+the kernel's laws.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def integrate(
 ) -> FloatArray:
     """Return the damper force [N] at the samples, shape (n,).
 
-    The applied command starts at the value of the first sample. Errors of the state are about ``tolerance``
+    The effective command starts at the value of the first sample. Errors of the state are about ``tolerance``
     times its scale. A smaller tolerance takes more time.
 
     Parameters
@@ -118,7 +119,10 @@ def _equations_of(law: HysteresisLaw) -> Equations:
 
 
 class _Path:
-    """Motion and coefficients between the samples: cubic Hermite of (x, v), linear command with lag."""
+    """Motion and coefficients between the samples.
+
+    The motion is the cubic Hermite interpolant of (x, v). The command is linear between samples, with lag.
+    """
 
     def __init__(self, damper: Damper, trajectory: Trajectory) -> None:
         self.step, self.count = trajectory.step, trajectory.displacement.size
@@ -149,7 +153,10 @@ class _Path:
         return x, v, self._values(self._first_order_lag(k, self._applied[k], theta), here)
 
     def _first_order_lag(self, k: int, applied: float, theta: float) -> float:
-        """Return the solution of applied' = (command - applied)/lag for a linear command, from the start."""
+        """Return the effective command at the fraction theta of interval k, for a linear command.
+
+        The result solves applied' = (command - applied) / lag from the value ``applied`` at the start.
+        """
         start, end, lag = self._command[k], self._command[k + 1], self._lag
         command = start + theta * (end - start)
         if lag == 0.0:
@@ -169,7 +176,7 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
     last = path.count - 1
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in turns_of(cubic)]
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
-    local = tolerance / 30  # because the errors of many steps accumulate
+    local = tolerance / 30  # The errors of many steps accumulate.
     samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
     z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
@@ -205,7 +212,10 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
 
 
 def hermite(trajectory: Trajectory) -> FloatArray:
-    """Return x(theta) = x0 + x1 theta + x2 theta^2 + x3 theta^3 on each interval, shape (n - 1, 4)."""
+    """Return the coefficients of the cubic Hermite interpolant on each interval, shape (n - 1, 4).
+
+    x(theta) = x0 + x1 theta + x2 theta^2 + x3 theta^3 for theta from 0 to 1.
+    """
     x, v = trajectory.displacement, trajectory.step * trajectory.velocity
     rise = np.diff(x)
     return np.stack([x[:-1], v[:-1], 3 * rise - 2 * v[:-1] - v[1:], v[:-1] + v[1:] - 2 * rise], axis=1)

@@ -26,7 +26,7 @@ BATCH_RUN_COUNT_MIN = 3  # Fewer runs are simulated one by one.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A trajectory prepared for many simulations: record of the kernel, command and temperature.
+    """A trajectory that is prepared for many simulations: record of the kernel, command and temperature.
 
     ``constant`` is the command if it is constant over the run, else ``None``; ``temperature`` [K] is the
     constant temperature of the run, if known; ``warms`` is True if it changes.
@@ -56,9 +56,9 @@ def simulate(
 
     Parameters
     ----------
-    form : ``record`` uses whole monotone pieces between turning points located inside the sample
-        interval; ``causal`` is the per-sample map of a real-time target. At 1 kHz they agree within
-        1e-4 of the peak force.
+    form : ``record`` evaluates whole monotone pieces of the motion, with turning points located between the
+        samples. ``causal`` computes sample by sample, as on a real-time target. At 1 kHz the two forces agree
+        within 1e-4 of the peak force.
 
     Raises
     ------
@@ -80,12 +80,13 @@ def simulate(
 def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) -> list[FloatArray]:
     """Return the force [N] of several trajectories, equal to ``simulate`` within rounding.
 
-    Runs with constant command and temperature are simulated together: implicit laws step several at once.
+    Runs with constant command and temperature are simulated together, because the kernel integrates implicit
+    laws for several runs in parallel.
 
     Raises
     ------
     InputError
-        As ``simulate`` does.
+        For the same reasons as ``simulate``.
     """
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
@@ -96,7 +97,7 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
 
 
 def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
-    """Return the force [N] of runs that each have one operating point."""
+    """Return the force [N] of runs that each have a constant command and temperature."""
     if not drives:
         return []
     for drive in drives:
@@ -135,9 +136,9 @@ def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float
 
 
 def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return the effective command of the law, its derivative by the lag, and the temperature [K].
+    """Return the effective command, its derivative with respect to the lag, and the temperature [K].
 
-    Each has one sample if neither varies.
+    Each array has one sample if command and temperature are constant.
     """
     point = operating_point(drive, temperature_dependent=damper.temperature_dependent)
     if point is not None:

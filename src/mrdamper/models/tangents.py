@@ -1,4 +1,4 @@
-"""Derivatives of the force of a damper by its parameters (tangents), for one run or many.
+"""Tangents: derivatives of the force of a damper with respect to its parameters, for one or many runs.
 
 Kernel laws compute their tangents. A law in Python uses central differences.
 """
@@ -31,9 +31,9 @@ PYTHON_LAW_DIFFERENCE = 1e-3
 class Sensitivity:
     """Force and tangent columns along a run: d force / d parameter = combine @ columns.
 
-    ``columns`` are those of the kernel, one per varying coefficient, shape (d, n). ``combine``, shape
-    (parameters, d), converts them to columns per parameter. They are separate because Gram sums over few
-    columns are faster.
+    ``columns``, shape (d, n), are the derivatives with respect to coefficients from the kernel. ``combine``,
+    shape (parameters, d), converts them to derivatives with respect to parameters. The two matrices are not
+    multiplied because Gram matrices of few columns are computed faster.
     """
 
     force: FloatArray
@@ -131,7 +131,7 @@ class Tangents:
         self._varying_coefficients = damper.coefficients_at(command, temperature)
 
     def evaluate_run(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and tangents of one run; ``store`` is memory for the columns, shape (.., n)."""
+        """Return force and tangents of one run; ``store``, shape (.., n), is memory for the columns."""
         damper, drive = self._damper, self._drives[run]
         if damper.law.kernel is None:
             return _by_differences(damper, drive, self._parameters)
@@ -161,7 +161,7 @@ def _by_differences(damper: Damper, drive: Drive, parameters: Sequence[str]) -> 
     """Return force and tangents of a law in Python by central differences.
 
     The internal states do not depend on the coefficients in which the force is linear. They are therefore
-    integrated once for the derivatives with respect to all of these.
+    integrated only once for the derivatives with respect to all these coefficients.
     """
     path = drive.trajectory
     require_temperature(damper, path)

@@ -60,7 +60,7 @@ class TemperatureFactor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Factor:
-    """Common part of the factors below: their fields are their parameters."""
+    """Base class of the temperature factors; the fields of a factor are its parameters."""
 
     def __post_init__(self) -> None:
         for name, number in zip(self.parameter_names, self.parameters, strict=True):

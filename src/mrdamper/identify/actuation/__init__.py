@@ -9,9 +9,10 @@ The law is fitted to runs at constant command first and does not change here. Th
 
 In all modules ``still`` is the damper without actuation. The command is a current or a voltage.
 
-The lags hold at about the speed of these runs, because the force also builds up against the stiffness s of
-the damper, with the time constant F / (s v). A law with a coefficient ``follow_share`` models this itself.
-The fraction of the force that follows the command at once is then fitted with the lags, over all runs.
+The lags are valid only near the speed v of these runs, because the force F also builds up against the
+stiffness s of the damper, with the time constant F / (s v). A law with the coefficient ``follow_share``
+models this effect. The fraction of the force that follows the command at once is then fitted together with
+the lags, over all runs.
 """
 
 from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation

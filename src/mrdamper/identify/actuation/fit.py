@@ -38,15 +38,15 @@ _FOLLOW_SHARE = "follow_share"  # Coefficient of the laws that divide their forc
 
 @dataclass(frozen=True, slots=True)
 class ActuationFit:
-    """An identified actuation with its standard errors and the force errors over its runs."""
+    """An identified actuation with standard errors, response times and force errors."""
 
     actuation: Actuation
     standard_errors: dict[str, float]  # Keys are fields of the actuation; NaN if not determined.
-    t63_s: float  # time to 63 % of the change of the force after a step up of the command
-    t90_s: float  # time to 90 % of the change behind the lags, after a step up
+    t63_s: float  # time to 63 % of the change of force after an upward step of the command
+    t90_s: float  # time to 90 % of the change behind the lags, after an upward step
     rmse_N: float
     unlagged_rmse_N: float  # error without an actuation
-    t63_fall_s: float  # the same for a step down; NaN if no run has one
+    t63_fall_s: float  # time to 63 % after a downward step; NaN if no run has such a step
     t63_error_s: float  # standard errors of the two response times
     t63_fall_error_s: float
     driver_quadrants: int | None  # 1: the driver cannot pull the current down; None: unknown
@@ -83,9 +83,10 @@ def fit_actuation(
 ) -> tuple[Damper, ActuationFit]:
     """Return a damper with the actuation that is fitted to runs with a changing command.
 
-    If the law divides its force, the fraction that follows the command at once is fitted, too, each fraction
-    with its own lags. A pattern search starts at ``start``, a damper with another law or other terms and its
-    fitted actuation, or at the better one of 0 and 1. Raise InputError if no command changes the force.
+    If only a part of the law's force follows the command at once, a pattern search fits this fraction, and
+    the lags are fitted for each trial fraction. The search starts from ``start`` (a damper with another law
+    or other terms and a fitted actuation), or from the better of the fractions 0 and 1. Raise InputError if
+    no change of the command changes the force.
     """
 
     def fit_at(share: float | None, lags: Actuation | None) -> _Candidate:
@@ -120,7 +121,7 @@ def fit_actuation(
 def force_rmse_N(
     still: Damper, lags: Actuation | None, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> float:
-    """Return the RMS force error [N] over runs of a damper behind an actuation, or without one."""
+    """Return the RMS force error [N] over runs of a damper with an actuation (None: without)."""
     forces = LaggedForces(still, runs, settings.oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
     scored = zip(runs, forces, strict=True)
     return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))
@@ -129,11 +130,11 @@ def force_rmse_N(
 def _fit_at_fixed_share(
     damper: Damper, runs: Sequence[PreparedRun], start: Actuation | None, settings: ActuationSettings
 ) -> ActuationFit:
-    """Fit delay, lags and hysteresis.
+    """Fit delay, lags and hysteresis for a given fraction of the force that follows the command at once.
 
-    The lags are fitted to step responses if some runs hold their command between steps, else to the force
-    over whole runs. Of the hysteresis at held and at changing commands the larger is kept, because overshoot
-    and lags hide a part of it.
+    The lags are fitted to step responses if some runs hold their command between steps, otherwise to the
+    force over whole runs. The hysteresis is estimated at held and at changing commands. The larger value is
+    used because overshoot and lags hide a part of the hysteresis.
     """
     still = damper.on_limits()
     measured = [measure_step_responses(still, run, settings) for run in runs]
@@ -177,7 +178,7 @@ def _fit_at_fixed_share(
 def _runs_with_moved_force(
     still: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> list[PreparedRun]:
-    """Return the runs with a change of force by the command; raise InputError if no run has one."""
+    """Return the runs in which the command changes the force; raise InputError if there is no such run."""
     moving, force_max_N = [], max(float(np.abs(run.force).max()) for run in runs)
     for run in runs:
         path = run.trajectory

@@ -1,8 +1,8 @@
-"""Magnetic hysteresis: a command reached from above acts as a larger one than the same reached from below.
+"""Magnetic hysteresis: a command that is reached from above has a larger effect than from below.
 
 At commands that are held, the half width of the loop follows from a linear regression of the force error. If
-a command keeps changing, the half width follows from the force over whole runs. Overshoot of the driver hides
-hysteresis in both cases and never adds any.
+a command keeps changing, the half width follows from the force over whole runs. In both cases, overshoot of
+the driver can hide hysteresis but never increases the estimate.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from mrdamper.models.simulate import simulate
 def fit_hysteresis_at_levels(
     damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] and its standard error; 0 and NaN if no run shows it.
+    """Return the half width of the loop [A or V] and its standard error; 0 and NaN if no run shows a loop.
 
-    Only the runs that agree with the surest large half width are averaged, because overshoot hides a part of
-    the hysteresis in the others.
+    The mean is taken only over the runs that agree with the most certain large half width, because overshoot
+    hides a part of the hysteresis in the other runs.
     """
     sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
     if not sums:
@@ -42,7 +42,7 @@ def fit_hysteresis_at_levels(
 def _half_width(
     effect_squares: float, products: float, error_squares: float, freedom: float
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] from the sums of its regression, and its standard error."""
+    """Return the half width of the loop [A or V] and its standard error from the sums of the regression."""
     half_width = products / effect_squares
     residual = max(error_squares - half_width * products, 0.0)
     return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
@@ -59,7 +59,7 @@ def fit_hysteresis_over_runs(
 
 
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
-    """Return the sums of the regression over the settled samples of a run; None if it has too few.
+    """Return the sums of the regression over the settled samples of a run; None for too few samples.
 
     These are the squared effects, the products of effect and force error, the squared force errors, and the
     number of samples minus the number of offsets.
@@ -74,7 +74,7 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
     step = 0.01 * span
     force = simulate(damper, path)
     slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
-    slope *= 2.0 * HYSTERESIS_WEIGHT  # Effect of the half width, in half of the field.
+    slope *= 2.0 * HYSTERESIS_WEIGHT  # The hysteresis acts on a part of the field.
     last_change, since_s = _last_change(path.command, path.step)
     settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
     parts = []
@@ -96,7 +96,7 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
 
 
 def _last_change(command: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the sign of the last change of a command, 0 if there was none, and the time since [s]."""
+    """Return the sign of the last change of a command (0: no change yet) and the time since then [s]."""
     change, samples = np.diff(command, prepend=command[0]), np.arange(len(command))
     last = np.maximum.accumulate(np.where(change != 0.0, samples, -1))
     sign = np.where(last >= 0, np.sign(change[np.maximum(last, 0)]), 0.0)

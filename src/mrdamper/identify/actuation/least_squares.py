@@ -33,13 +33,13 @@ Residual = Callable[[Sequence[FloatArray]], FloatArray]
 
 
 class SearchParameter(NamedTuple):
-    """A parameter of an actuation in a search; ``scale`` and ``margin`` are logarithmic if ``is_log``."""
+    """A search parameter of an actuation; with ``is_log``, ``scale`` and ``margin`` are logarithmic."""
 
     lower: float
     upper: float
     scale: float
     is_log: bool
-    margin: float = 0.0  # The search starts at least so far from the bounds.
+    margin: float = 0.0  # minimum distance of the start from the bounds
 
 
 class ParameterFit(NamedTuple):
@@ -51,7 +51,7 @@ class ParameterFit(NamedTuple):
 
 
 class LaggedForces:
-    """Forces of a damper behind an actuation along several runs. The command jumps at its samples."""
+    """Forces of a damper with an actuation for several runs. Commands are constant between samples."""
 
     def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
         self._still, self._oversampling = still, oversampling
@@ -59,13 +59,13 @@ class LaggedForces:
         self.command_max = largest_command(runs)
 
     def lag_commands(self, lags: Actuation) -> list[FloatArray]:
-        """Return the command that the law feels [A or V] along each run."""
+        """Return the effective command of the law [A or V] for each run."""
         count = self._oversampling
         paths = [drive.trajectory for drive in self._drives]
         return [lags.apply(np.repeat(path.command, count), path.step / count)[::count] for path in paths]
 
     def forces_at_commands(self, applied: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the forces [N] at applied commands."""
+        """Return the forces [N] of each run for given effective commands."""
         return [
             simulate(
                 self._still, replace(drive, trajectory=replace(drive.trajectory, command=at), constant=None)
@@ -74,7 +74,7 @@ class LaggedForces:
         ]
 
     def forces_at_lags(self, lags: Actuation) -> list[FloatArray]:
-        """Return the forces [N] behind an actuation."""
+        """Return the forces [N] of each run with an actuation."""
         return self.forces_at_commands(self.lag_commands(lags))
 
 
@@ -84,7 +84,7 @@ def largest_command(runs: Sequence[PreparedRun]) -> float:
 
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return the bounds and the scale of a parameter."""
+    """Return the search parameter with a name: its bounds, scale and margin."""
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":
@@ -107,11 +107,12 @@ def fit_parameters(
 ) -> ParameterFit:
     """Fit parameters of an actuation by nonlinear least squares. The others keep their values.
 
-    The law follows its command almost at once. Therefore the derivative of the force by a parameter is
-    approximated by the derivative by the applied command times the derivative of the applied command by the
-    parameter. All parameters together need one more simulation instead of one each.
+    The force of the law follows the effective command almost at once. Therefore the derivative of the force
+    with respect to a parameter is approximated by the chain rule: the derivative with respect to the
+    effective command, times the derivative of this command with respect to the parameter. One additional
+    simulation is then sufficient for all parameters.
 
-    Standard errors are for independent residuals, and NaN for parameters on a bound.
+    Standard errors assume independent residuals. They are NaN for parameters on a bound.
     """
     from scipy.optimize import least_squares  # It takes a quarter of a second to load.
 
@@ -168,7 +169,7 @@ def fit_parameters(
 
 
 def run_residual(runs: Sequence[PreparedRun]) -> Residual:
-    """Return the force errors at the scored samples, divided by the size of the force of their run."""
+    """Return a function for the force errors at the scored samples, relative to the force of each run."""
     sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
 
     def residual(forces: Sequence[FloatArray]) -> FloatArray:
@@ -197,7 +198,7 @@ def fit_over_runs(
 def fit_lags(
     lagged: LaggedForces, residual: Residual, start: Actuation | None, settings: ActuationSettings
 ) -> ParameterFit:
-    """Fit delay and lags, starting from ``start`` or from several default values if it is None."""
+    """Fit delay and lags, starting from ``start`` or from several default values if ``start`` is None."""
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
         starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
@@ -210,8 +211,9 @@ def fit_lags_to_responses(
 ) -> tuple[ParameterFit, ResponseTimes]:
     """Fit the lags to measured step responses, and return the measured response times.
 
-    Rise and fall are then corrected so that the model has the measured mean times to 63 %. Their errors
-    include the scatter of repeated steps. The search begins at ``start``, if given.
+    Rise and fall are then corrected so that the mean times to 63 % of the model equal the measured times. The
+    standard errors of rise and fall include the scatter of repeated steps. The search begins at ``start``, if
+    given.
     """
     lagged = LaggedForces(still, [run.run for run in runs], settings.oversampling)
 
@@ -242,7 +244,10 @@ def fit_lags_to_responses(
 
 
 def _lengthen(lag_s: float, by_s: float, settings: ActuationSettings) -> float:
-    """Return a lag that is longer by a time, at most by a factor of about three; unchanged if it is NaN."""
+    """Return a lag [s] plus ``by_s``, changed by a factor of at most about three.
+
+    If ``by_s`` is NaN, the lag is unchanged.
+    """
     if not np.isfinite(by_s):
         return lag_s
     lower_s, upper_s = max(0.3 * lag_s, settings.lag_min_s), min(3.0 * lag_s, settings.lag_max_s)

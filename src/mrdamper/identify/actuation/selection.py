@@ -1,6 +1,6 @@
 """Core saturation, a second hysteresis loop and free-wheeling, selected by cross-validation over runs.
 
-A saturating core has hysteresis loops of more than one width. A driver with one quadrant cannot pull the
+The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot pull the
 current down, so that the current free-wheels through the coil. How fast it falls depends on the saturation,
 because the flux decays. Therefore the parameters of a form are fitted together.
 """
@@ -43,7 +43,7 @@ def refine_actuation(
     runs: Sequence[PreparedRun],
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Return a damper and its actuation with core saturation or free-wheeling, if the runs show it.
+    """Return a damper and its actuation, with core saturation or free-wheeling if the runs show them.
 
     The forms are compared if the step responses show a driver with one quadrant, or if a short fit to two
     random currents has a much smaller error with all parameters than in the simple form. The form with the
@@ -97,7 +97,7 @@ def refine_actuation(
 def initial_actuation(
     fit: ActuationFit, form: Form, largest: float, settings: ActuationSettings
 ) -> Actuation:
-    """Return the start of the fit of a form from the fit of the simple form.
+    """Return the start values for the fit of a form, derived from the fit of the simple form.
 
     ``largest`` is the largest magnitude of the command [A or V].
     """

@@ -15,28 +15,28 @@ class ActuationSettings:
 
     # Steps of the command, as fractions of its range
     step_size_min: float = 0.05  # a smaller change is not a step
-    level_tolerance: float = 0.05  # closer levels count as one level
-    settling_time_s: float = 0.1  # wait after a step; then the force counts as the force of the level
+    level_tolerance: float = 0.05  # Levels with a smaller difference count as one level.
+    settling_time_s: float = 0.1  # Later samples after a step count as settled at the level.
 
     # Step responses
-    response_duration_min_s: float = 0.04  # a shorter one does not show 63 % of a slow step
+    response_duration_min_s: float = 0.04  # A shorter record ends before a slow response reaches 63 %.
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # fraction of the largest force of the run; a smaller step is ignored
-    change_force_min: float = 0.003  # the same for all changes of the command of a run
+    change_force_min: float = 0.003  # fraction by which all changes of the command must change the force
     stroke_after_reversal_min: float = 0.15  # fraction of the stroke; laws have larger errors at reversals
     stroke_before_reversal_min: float = 0.03
     level_sample_count_min: int = 20  # settled samples at one level, in one direction of the motion
     crossing_fit_range: tuple[float, float] = (0.5, 0.77)  # A line through 63 % is fitted here.
     map_error: float = 0.06  # relative standard error of a response time because of the maps of the force
-    free_wheeling_time_ratio: float = 1.4  # falls to zero to other steps, for a driver with one quadrant
+    free_wheeling_time_ratio: float = 1.4  # response time to zero / of other steps, for one quadrant
 
     # Search for delay and lags
     lag_min_s: float = 1e-4
     lag_max_s: float = 0.3
     delay_max_s: float = 0.1
-    lag_start_s: tuple[float, ...] = (0.008, 0.03)  # first lags, because the error can have two minima
+    lag_start_s: tuple[float, ...] = (0.008, 0.03)  # start values of the lags; the error can have two minima
     tolerance: float = 1e-4  # relative change of the lags and of the error that ends the search
-    oversampling: int = 16  # parts of a sample, because the command jumps at a sample
+    oversampling: int = 16  # parts of a sample interval, because the command jumps at samples
     run_oversampling: int = 4  # The exact time of the jump matters less over whole runs.
     time_correction_count: int = 3  # corrections of rise and fall by the measured response times
     follow_share_step: float = 0.25  # first step of the fraction of the force that follows at once

@@ -3,7 +3,7 @@
 The force depends on position, speed and direction as well as on the command. Therefore the force at each
 level is mapped first, from the settled samples: the force of the law at that level plus a parabola over
 position for each direction of motion. A step response is the fraction of the distance between the maps of two
-levels: 0 at the level before the step, 1 at the level after it.
+levels: 0 at the level before the step, 1 at the level after the step.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STEP_FRACTION = 1.0 - math.exp(-1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResponse:
-    """Response to one step, from the step on. Arrays have one value per sample of the window."""
+    """Response to one step of the command. Arrays have one value per sample of the window after the step."""
 
     window: slice
     fraction: FloatArray  # measured
@@ -41,7 +41,7 @@ class StepResponse:
     time_s: float  # measured time to 63 %; NaN if it is not reached
 
     def model_fraction(self, force_N: FloatArray) -> FloatArray:
-        """Return the fraction that a simulated force over the whole run has reached."""
+        """Return the step response of a simulated force, given over the whole run."""
         return (force_N[self.window] - self.law_before_N) / (self.law_after_N - self.law_before_N)
 
 
@@ -79,7 +79,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     force_min_N = settings.response_force_min * float(np.abs(run.force).max())
 
     def map_at(k: int, first: int) -> FloatArray | None:
-        """Return the map of the force [N] at the k-th level, in the direction of motion at a sample."""
+        """Return the force map [N] of the k-th level for the direction of motion at sample ``first``."""
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
@@ -110,9 +110,10 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
 def crossing_time(
     fraction: FloatArray, step_s: float, settings: ActuationSettings = DEFAULT_SETTINGS
 ) -> float:
-    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it does not.
+    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it stays below.
 
-    It is read from a straight line through the rising samples near 63 %, because single samples have noise.
+    The time follows from a straight line through the rising samples near 63 %, because single samples have
+    noise.
     """
     reached = np.flatnonzero(fraction >= STEP_FRACTION)
     if not len(reached) or reached[0] == 0:
@@ -130,7 +131,7 @@ def crossing_time(
 def model_times(
     runs: Sequence[SteppedRun], forces_N: Sequence[FloatArray], settings: ActuationSettings
 ) -> list[tuple[StepResponse, float]]:
-    """Return the steps with the simulated time to 63 % [s], if model and measurement reach 63 %."""
+    """Return the steps whose model and measured responses reach 63 %, with the time of the model [s]."""
     times = []
     for stepped, force_N in zip(runs, forces_N, strict=True):
         for response in stepped.responses:
@@ -177,7 +178,7 @@ class MeanTime(NamedTuple):
 
     mean_s: float
     error_s: float = math.nan
-    repeat_error_s: float = 0.0  # part of the error that repeated steps of one kind show
+    repeat_error_s: float = 0.0  # standard error from the scatter of repeated steps
 
 
 class ResponseTimes(NamedTuple):
@@ -202,8 +203,8 @@ def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettin
 def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: float = 0.0) -> MeanTime:
     """Return the mean of pairs of levels and times [s]. Each pair of levels has the same weight.
 
-    The standard error combines the scatter of the pairs of levels, but at least the scatter of repeated
-    steps, with a systematic part, ``relative_error``.
+    The standard error has a random and a systematic part. The random part is the scatter of the pairs of
+    levels, but at least the scatter of repeated steps. The systematic part is ``relative_error``.
     """
     if not times:
         return MeanTime(math.nan)
@@ -221,7 +222,7 @@ def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: fl
 
 
 def driver_quadrants(steps: Sequence[StepResponse], up_s: float, ratio: float) -> int | None:
-    """Return 1 if falls to zero take much longer than other steps, else 2; None if it is unknown.
+    """Return 1 if falls to zero take much longer than other steps, otherwise 2; None if unknown.
 
     A driver with one quadrant cannot pull the current down. The current free-wheels with the time constant of
     the coil. A fall to a level above zero needs only a part of this time.

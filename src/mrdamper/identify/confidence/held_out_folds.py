@@ -1,8 +1,8 @@
 """Cross-validation over motions: a force band, and standard errors that are valid for other motions.
 
 Standard errors from the residuals are valid for more runs of the same motions. If the model equations are
-not exact, another motion requires other parameters. Refits without one motion each show how much they
-change. Each refit starts at the fit to all runs and takes a few steps.
+not exact, another motion requires other parameters. Refits that each omit one motion show how much the
+parameters change. Each refit starts at the fit to all runs and takes a few steps.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Dampers fitted without one fold each, and their errors on that fold."""
+    """Dampers that were each fitted without one fold, and the errors of each damper on that fold."""
 
     kind: LeftOut  # content of a fold
     dampers: tuple[Damper, ...]  # one for each fold
@@ -60,11 +60,12 @@ class RefittedFolds:
 def refit_without_folds(
     problem: FitProblem, result: SearchResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
 ) -> RefittedFolds | None:
-    """Refit without each fold of the runs. Return None if fewer than two refits succeed.
+    """Refit without each fold of the runs in turn. Return None if fewer than two refits succeed.
 
-    The fit to all runs uses more data than each refit. Its mean squared error on new runs is therefore the
-    held-out value, minus the difference between the refits and the fit on all runs together (corrected
-    cross-validation, Burman, Biometrika 76 (1989) 503).
+    The fit to all runs uses more data than each refit. Therefore its expected mean squared error on new runs
+    is smaller than the held-out error. It is the held-out error, minus the mean error of the refits on all
+    runs, plus the error of the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989)
+    503).
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
@@ -92,8 +93,9 @@ def refit_without_folds(
 def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETTINGS) -> ForceBand:
     """Return the band that contains 90 % of the samples of a held-out motion.
 
-    The factor is the 90 % quantile of the error divided by the half width of a band with factor one. It is
-    the mean over the folds, plus a multiple of their standard deviation.
+    For each fold, the errors are divided by the half width of a band with factor one. The factor of the band
+    is the mean over the folds of the 90 % quantile of these ratios, plus a multiple of the standard deviation
+    of the quantiles.
     """
     runs = [run for fold in folds.errors for run in fold]
     base = settings.band_base_ratio * float(np.median([rms(run.force) for run in runs]))
@@ -127,10 +129,11 @@ def with_changing_current(
     runs: Sequence[PreparedRun],
     settings: ConfidenceSettings = DEFAULT_SETTINGS,
 ) -> ForceBand:
-    """Return a band that contains 90 % of the samples of the runs with changing current, too.
+    """Return the band, widened for runs with changing current to contain 90 % of their samples.
 
-    The errors of the response to the current add to the errors of the model. The ratio is the mean over the
-    runs of the ratios that contain 90 % of their samples, plus a multiple of their standard deviation.
+    In these runs, errors of the response to the current increase the errors of the model. For each run, take
+    the factor by which the band must be widened to contain 90 % of the samples. The common factor is the mean
+    over the runs, plus a multiple of the standard deviation.
     """
     ratios = []
     for run, force in zip(runs, simulate_each(damper, [run.trajectory for run in runs]), strict=True):
@@ -146,13 +149,15 @@ def with_changing_current(
 def with_errors_between_motions(
     problem: FitProblem, result: SearchResult, folds: RefittedFolds
 ) -> SearchResult:
-    """Return the fit with standard errors and a covariance that are valid for other motions, too.
+    """Return the fit with standard errors and a covariance that are also valid for other motions.
 
     Each standard error is the largest of three estimates: the residuals of the runs, the sandwich estimator
     with motions as clusters, and the jackknife over the folds. The last two are multiplied by Student's t
-    factor for 90 % because there are few motions. The covariance is the sum of the three, scaled so that its
-    diagonal has the standard errors: each of the last two has a rank below the number of motions, and the sum
-    keeps the correlations of the estimate that dominates. Parameters on a bound keep NaN.
+    factor for 90 % because there are few motions.
+
+    The covariance is the sum of the three estimates, scaled so that its diagonal agrees with the standard
+    errors. The sum is used because the last two estimates are singular: their rank is below the number of
+    motions or folds. The largest estimate dominates the correlations. Parameters on a bound keep NaN.
     """
     estimates = result.estimates
     moving = [k for k, estimate in enumerate(estimates) if not math.isnan(estimate.standard_error)]
@@ -208,12 +213,15 @@ def _errors_on(damper: Damper, windows: Sequence[FitWindow]) -> tuple[HeldOutErr
 
 
 def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> FloatArray:
-    """Return the jackknife's covariance of parameters, from the refits."""
+    """Return the jackknife covariance of parameters from the dampers of the refits."""
     values = np.array([[damper.parameters_and_lag[name] for name in names] for damper in dampers])
     deviations = values - values.mean(axis=0)
     return np.asarray((len(values) - 1) / len(values) * deviations.T @ deviations)
 
 
 def _t_factor(groups: int) -> float:
-    """Return the 95 % point of Student's t for a number of groups, divided by the normal distribution's."""
+    """Return the 95 % point of Student's t distribution divided by that of the normal distribution.
+
+    The degrees of freedom are ``groups`` - 1.
+    """
     return float(stdtrit(groups - 1, 0.95)) / NORMAL_95_PERCENT_POINT

@@ -1,7 +1,7 @@
-"""Posterior samples of the parameters: the normal approximation about the fit, inside the search bounds.
+"""Posterior samples of the parameters: normal approximation around the fit, inside the search bounds.
 
 The mean is the fit in search coordinates, which are logarithms for parameters on a log scale. The covariance
-is the covariance of the reported standard errors. The prior is a normal distribution with the variance of the
+contains the reported standard errors. The prior is a normal distribution with the variance of the
 uniform distribution between the bounds, because the standard error of a parameter may exceed its bounds. The
 prior does not change a parameter that is known much better than its bounds. Samples outside the bounds or
 outside the admissible range of the model are rejected and drawn again. Parameters on a bound stay there.
@@ -24,7 +24,7 @@ BATCHES_MAX_COUNT = 500  # An acceptance below 1 in 2000 for 1000 samples takes 
 def sample_posterior(
     problem: FitProblem, result: SearchResult, *, draws: int = 1000, seed: int = 0
 ) -> CardDraws:
-    """Draw equally likely parameter sets, at least 2. The same seed gives the same samples.
+    """Return equally likely parameter sets, at least 2. The same seed gives the same samples.
 
     Raises
     ------

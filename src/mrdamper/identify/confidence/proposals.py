@@ -1,8 +1,8 @@
 """Proposed tests: the sines that reduce the uncertainty of the force most (I-optimal design).
 
-The covariance of the parameters causes a variance of the force in every candidate, a sine inside the envelope
-of the runs. The best test reduces the mean of this variance most. It follows from the tangents of the model
-without a measurement. The tests are selected one after the other.
+The candidates are sines inside the envelope of the runs. The covariance of the parameters causes a variance
+of the force in every candidate. The best test reduces the mean of these variances most. This reduction
+follows from the tangents of the model without a measurement. The tests are selected one after the other.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ PRIOR_INFORMATION_RATIO = 1e-7  # Keeps the information matrix regular [informat
 
 
 def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[str, ...]:
-    """Return the tests to run next in plain words, the best first; none if all parameters are on a bound.
+    """Return texts on the tests to run next, best first; empty if all parameters are on a bound.
 
-    Each states the reduction of the standard deviation of the force that the parameters cause, together with
-    the tests before it.
+    Each text states how much the standard deviation of the force that is caused by the parameters decreases
+    after this test and the tests before.
     """
     names = [estimate.name for estimate in result.estimates if not estimate.at_bound]
     if not names:
@@ -66,7 +66,7 @@ def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) 
 
 
 def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Trajectory]]:
-    """Return sines inside the envelope of the runs, including velocity and acceleration."""
+    """Return sines whose displacement, velocity and acceleration are inside the envelope of the runs."""
     envelope = operating_envelope(problem.runs)
     assert envelope.frequency is not None
     assert envelope.acceleration is not None

@@ -9,14 +9,15 @@ from types import MappingProxyType
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """One possible cause of a deviation.
+    """One possible cause of a deviation, with its thresholds.
 
-    A deviation is the difference between a run's size of a cause and the size of comparable runs, as the rms
-    force that it explains, divided by the typical residual. The thresholds apply together.
+    The *size* of a cause (for example a delay) is estimated for each run. The deviation of a run is the
+    difference between its size and the size in comparable runs. It is expressed as the rms force that this
+    difference explains, divided by the typical residual. A run must exceed all thresholds.
     """
 
     unit: str
-    size_min: float  # unit of the cause; a command has the size for a range of 1 A
+    size_min: float  # unit of the cause; per ampere of the command range for a command
     scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
     deviation_min: float
     words: str  # format string with the fields ``size`` and ``unit``

@@ -1,9 +1,9 @@
-"""Size of each cause that would explain the residual of one run, or of all runs.
+"""Size of each possible cause of the residual, estimated for one run or for all runs.
 
 The residual of each run is compared with the change of the model force per unit of a cause (sensitivity).
 The part that the model parameters can reproduce is projected out of both. To first order, the size is
 therefore the estimate of a fit with this additional parameter. A run that distorts the fit keeps its full
-size. A run that is not fitted does not distort the fit. Nothing is projected out of its residual.
+size. A run that is not fitted does not distort the fit. Therefore its residual is used without projection.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CORRELATED_SAMPLES = 10.0  # The residual is correlated over about half a cycle.
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """Size of one cause, and the part of the residual that it explains."""
+    """Estimated size of one cause, and the part of the residual that the cause explains."""
 
     size: float
     standard_error: float  # estimated from the remaining residual
@@ -47,7 +47,7 @@ NO_EFFECT = Effect(0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunResidual:
-    """Residual and sensitivities of one run over its scored samples, at the common rate."""
+    """Residual and sensitivities of one run at its scored samples, at the sampling rate of all runs."""
 
     model: FloatArray  # [N]
     residual: FloatArray  # [N]
@@ -61,7 +61,7 @@ class RunResidual:
         return float(np.std(self.residual + self.model)) or 1.0
 
     def centred(self, kind: str) -> tuple[FloatArray, FloatArray]:
-        """Return residual and direction without their means, unless the cause is an offset."""
+        """Return residual and sensitivity to a cause, without their means unless the cause is an offset."""
         direction = self.directions[kind]
         if kind == "force_offset_of_run":
             return self.residual, direction
@@ -79,11 +79,11 @@ class ResidualAnalysis:
 
     @property
     def levels(self) -> FloatArray:
-        """The rms residual of each run without its mean, divided by the spread of the force."""
+        """Standard deviation of the residual of each run, divided by the standard deviation of the force."""
         return np.array([float(np.std(each.residual)) / each.force_std_N for each in self.residuals])
 
     def run_effects(self, kind: str) -> list[Effect]:
-        """Return the effect of one cause in each run alone."""
+        """Return the effect of one cause, estimated separately for each run."""
         effects = []
         for number, run in enumerate(self.residuals):
             effect = self._effect(kind, {number: 1.0})
@@ -92,12 +92,12 @@ class ResidualAnalysis:
         return effects
 
     def common_effect(self, kind: str, factors: FloatArray | None = None) -> Effect:
-        """Return the effect of a cause in all runs, scaled in each run by its factor, shape (runs,)."""
+        """Return the common effect of a cause in all runs, scaled by ``factors``, shape (runs,)."""
         scales = np.ones(len(self.residuals)) if factors is None else factors
         return self._effect(kind, dict(enumerate(scales.tolist())))
 
     def _effect(self, kind: str, factors: Mapping[int, float]) -> Effect:
-        """Return the effect of a cause in the runs with these numbers, scaled in each by its factor."""
+        """Return the common effect of a cause in some runs; ``factors`` maps the run number to its scale."""
         coupling, full_power, product, total, count = np.zeros(len(self.gradient)), 0.0, 0.0, 0.0, 0
         for number, factor in factors.items():
             run = self.residuals[number]
@@ -181,7 +181,10 @@ def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> F
 
 
 def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
-    """Return the change of the force by a first-order filter, divided by its typical time constant."""
+    """Return the derivative of the force with respect to the time constant of a first-order filter.
+
+    The derivative is a difference quotient with a typical time constant.
+    """
     from scipy.signal import lfilter
 
     pole = float(np.exp(-step / TIME_CONSTANT_s))

@@ -1,4 +1,4 @@
-"""Compare the errors of one result with each other: held-out runs, training, cross-validation."""
+"""Comparison of the errors of one result: held-out runs, training and cross-validation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Errors (``nrmse_percent``) of the runs of one kind, with constant or with changing current."""
+    """Errors (``nrmse_percent``) of one kind of runs with constant or with changing current."""
 
     kind: ErrorKind
     current: CurrentKind
@@ -33,9 +33,10 @@ class ErrorSummary:
 def summarize_errors(
     runs: Sequence[RunError], chosen: CandidateScore | None = None
 ) -> tuple[ErrorSummary, ...]:
-    """Return the errors of held-out runs, training runs and cross-validation; omit kinds without runs.
+    """Return the errors of held-out runs, training runs and cross-validation, each if there are any runs.
 
-    The score ``chosen`` of the selected candidate has the cross-validation errors; None if a model was given.
+    ``chosen`` is the score of the selected candidate, which contains the cross-validation errors. It is None
+    if the user specified the model.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)

@@ -20,11 +20,11 @@ Deviation = tuple[float, Finding]
 def find_group_deviations(
     analysis: ResidualAnalysis, settings: ConsistencySettings = DEFAULTS
 ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
-    """Return findings about all runs, and about groups of runs: in both cases the simplest sufficient cause.
+    """Return findings on all runs and on groups of runs, each with the simplest sufficient cause.
 
-    If a group is late, the fit makes the others early and all together slightly late. Therefore only the
-    better explanation is reported for two delays. A second cause is ignored if it explains much less than the
-    first.
+    If the forces of a group are delayed, the fit makes the other runs early and all runs together slightly
+    late. Therefore, of two delays only the better explanation is reported. A second cause is ignored if it
+    explains much less than the first.
     """
     common = list(_common_deviations(analysis, settings))
     gains = [*_two_groups(analysis, "force_gain", settings), *_drift(analysis, settings)]
@@ -40,7 +40,10 @@ def find_group_deviations(
 
 
 def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
-    """Yield a delay or a filter of the force of all runs; one frequency hardly distinguishes them."""
+    """Generate the finding of a delay or a filter of the force in all runs.
+
+    Runs at one frequency hardly distinguish a delay from a filter.
+    """
     delay, pole = analysis.common_effect("force_delay"), analysis.common_effect("force_bandwidth")
     is_filter = pole.size > 0.0 and pole.fraction > settings.filter_ratio_min * delay.fraction
     effect = pole if is_filter else delay
@@ -67,7 +70,7 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
 
 
 def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings) -> Iterator[Deviation]:
-    """Yield the smaller of two groups of runs whose gains, or delays, are clearly separated.
+    """Generate the finding on the smaller of two groups of runs with clearly different gains or delays.
 
     Runs are ignored if the standard error of the size is large. For example, a run without force contains no
     information about the gain.
@@ -119,7 +122,7 @@ def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySett
 
 
 def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
-    """Yield a force that increases or decreases from run to run, in the given order of runs."""
+    """Generate the finding of a force that increases or decreases in the order of the runs."""
     count = len(analysis.runs)
     effect = analysis.common_effect("force_gain", _ramp(analysis))
     if count < 2 * settings.peer_count_min or abs(effect.size) < settings.gain_difference_min:

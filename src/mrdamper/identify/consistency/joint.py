@@ -1,6 +1,6 @@
 """Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
 
-The fit is the same as in ``fit``, without the uncertainty, the proposed tests and the cross-validation.
+The fit is the same as in ``identify.fit``, without uncertainty, proposed tests and cross-validation.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrdamper.models.damper import Damper
 
 
 def joint_test(runs: Sequence[Recording]) -> list[Finding]:
-    """Return the findings about the runs from one model that is fitted to all runs that can be prepared."""
+    """Fit one model to all runs that can be prepared, and return the findings on the runs."""
     sound = _prepared(runs)
     try:
         damper, training, free = joint_fit(sound)
@@ -68,7 +68,7 @@ def joint_fit(
 ) -> tuple[Damper, tuple[PreparedRun, ...], tuple[str, ...]]:
     """Return the fitted damper, the prepared runs, and the fitted parameters that are not at a bound.
 
-    The fit starts at ``first``, a former fit, if it is given.
+    If ``first`` is given, the damper of a former fit, the fit starts from this damper.
     """
     data = FitData.prepare(Dataset(tuple(runs)))
     problem = data.problem(default_law(data.training))

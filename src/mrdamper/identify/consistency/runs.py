@@ -1,9 +1,9 @@
-"""Find the runs of a campaign that deviate from the model that was fitted to all of them, with the cause.
+"""Find the runs of a campaign that deviate from the model fitted to all runs, with the cause.
 
-The residual of a run with a wrong gain, delay, command or offset has the shape of its cause (``effects``). A
-model has small errors at each command and each motion. Therefore a size is compared with the sizes in the
-runs of the same command and motion, and with the scatter of all runs. The simplest sufficient cause is
-reported.
+The residual of a run with a wrong gain, delay, command or offset has the shape of this cause (``effects``).
+The model itself has small errors at each command and each motion. Therefore the size of a cause in one run is
+compared with the sizes in runs of the same command and motion, and with the scatter of all runs. The simplest
+sufficient cause is reported.
 """
 
 from __future__ import annotations
@@ -80,10 +80,11 @@ def find_suspects(
     free: Sequence[str] = (),
     settings: ConsistencySettings = DEFAULTS,
 ) -> tuple[str, ...]:
-    """Return the names of at most two runs to be omitted from a second fit, one at a time.
+    """Return the names of at most two suspect runs; a second fit omits each of them in turn.
 
-    These are the run with the largest deviation and the run with the largest residual. At the end of a series
-    of motions they may differ, because the fit follows a wrong run there and deviates from correct runs.
+    These are the run with the largest deviation and the run with the largest residual. At the end of
+    a series of motions the two runs may differ, because the fit follows a wrong run there and deviates from
+    correct runs.
     """
     steady = _steady_runs(runs)
     if len(steady) < settings.run_count_min:
@@ -153,7 +154,7 @@ def _deviating_runs(
 
 
 def _typical_levels(analysis: ResidualAnalysis, settings: ConsistencySettings) -> FloatArray:
-    """Return the typical residual for each run: the median of the runs of the same command.
+    """Return the typical residual for each run: the median over the runs with the same command.
 
     Without current, many models have larger errors. A wrong run, however, increases the residuals of all runs
     of its command. Therefore the value is limited to a multiple of the median of all runs.
@@ -175,11 +176,11 @@ def _amounts(
     is_compared: BoolArray,
     settings: ConsistencySettings,
 ) -> tuple[FloatArray, float]:
-    """Return the deviation of each run from its peers in typical residuals, and the scatter.
+    """Return the deviation of each run from comparable runs, in typical residuals, and the scatter.
 
-    The sizes of the peers are estimated by least absolute deviations. One run of many has hardly any
-    influence on them. Runs are compared with their peers by command and motion, or with all runs, whichever
-    has less scatter.
+    The typical sizes are estimated by least absolute deviations, on which a single run has hardly any
+    influence. Runs are compared with the runs of the same command and motion, or with all runs, whichever
+    gives less scatter.
     """
     results = []
     for design in (peers, np.ones((len(sizes), 1))):
@@ -199,11 +200,11 @@ def _amounts(
 
 
 def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> FloatArray:
-    """Return the regression columns of the typical size of a cause, shape (runs, columns).
+    """Return the regression matrix for the typical size of a cause, shape (runs, columns).
 
     A campaign at several temperatures has a column for each command and motion. Otherwise there are columns
     for the commands and for the motions. If hardly any two runs have the same motion, each command has a
-    slope with the logarithm of speed instead. A small campaign has columns for the commands, or only one.
+    slope with the logarithm of speed instead. A small campaign has columns for the commands, or one column.
     """
     levels, motions = _command_levels(runs, settings).tolist(), [run.motion for run in runs]
 
@@ -231,7 +232,7 @@ def _commands(runs: Sequence[PreparedRun]) -> FloatArray:
 
 
 def _command_levels(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> NDArray[np.intp]:
-    """Return the number of each run's command among the different commands."""
+    """Return the number of the command level of each run, shape (runs,)."""
     commands = _commands(runs)
     return level_numbers(commands, settings.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
 
@@ -256,7 +257,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 def _exchanged_labels(
     analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
-    """Yield deviating runs that have the force of each other's command, with the finding."""
+    """Generate the runs whose commands are probably exchanged with another run, with the findings."""
     runs, commands = analysis.runs, _commands(analysis.runs)
     shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
     for a, b in permutations(deviations, 2):

@@ -1,1 +1,1 @@
-"""The search: cost and its Gram sums, descents side by side, variable projection and population searches."""
+"""Search for parameters: cost, Gram matrices, parallel descents, variable projection, genetic algorithm."""

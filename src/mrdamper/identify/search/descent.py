@@ -1,12 +1,13 @@
-"""Levenberg-Marquardt descents in a box, many in parallel: each has its own damping, all share evaluations.
+"""Parallel Levenberg-Marquardt descents with bounds; one kernel call evaluates the trials of all descents.
 
-Each step solves the damped normal equations with bounds on every coordinate. The bounds are the bounds of the
-search and a longest step. A coordinate at such a bound is held, and the others are solved again.
+Each descent has its own damping. Each step solves the damped normal equations with bounds on every
+coordinate: the bounds of the search and a maximum step. A coordinate that reaches such a bound is fixed
+there, and the equations are solved again for the other coordinates.
 
-A trial uses the linear parameters that the last step predicts. The remaining elimination is of second order
-in the step, so that one pass of the kernel gives the cost and the next Gauss-Newton matrix. If the prediction
-was too inaccurate, the pass is repeated with the linear parameters that were found. The same happens before a
-step that failed counts as too long.
+A trial starts from linear parameters that are predicted from the last step. Their remaining change by the
+elimination is of second order in the step. One call of the kernel therefore gives the cost and the next
+Gauss-Newton matrix. If the prediction was too inaccurate, the call is repeated with the best linear
+parameters. It is also repeated after a failed step, before the step is shortened.
 
 Method: Marquardt, J. SIAM 11 (1963) 431-441; update of the damping: Nielsen, report IMM-REP-1999-05 (1999).
 """
@@ -37,7 +38,7 @@ GAIN_STEP_COUNT = 10  # number of these last steps
 
 
 class Descents:
-    """Descents from several points. ``advance`` makes one trial of each.
+    """Descents from several points. ``advance`` makes one trial step of each descent.
 
     Parameters
     ----------
@@ -81,12 +82,12 @@ class Descents:
             self.advance()
 
     def extend(self, most: int) -> None:
-        """Continue descents that have not converged, up to this number of steps in all."""
+        """Continue the descents that have not converged, up to a total of ``most`` steps each."""
         self._most = most
         self.done = self.converged.copy()
 
     def advance(self) -> BoolArray:
-        """Make one trial of every descent that is not done. Return which descents have accepted a step."""
+        """Make one trial step of every unfinished descent; return which descents accepted the step."""
         accepted = np.zeros(len(self.done), dtype=np.bool_)
         k = np.flatnonzero(~self.done)
         step, gain = self._steps(k)
@@ -108,7 +109,7 @@ class Descents:
         return accepted
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Return steps of descents, and their expected decrease of the cost."""
+        """Return the next steps of descents ``k``, and the expected decrease of each cost."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)
@@ -143,7 +144,7 @@ class Descents:
         self._refine(k[is_inaccurate])
 
     def _refine(self, k: NDArray[np.intp]) -> None:
-        """Compute the tangents again, with the linear parameters that were found."""
+        """Compute the tangents again, with the best linear parameters of the last evaluation."""
         if len(k):
             values = self._box.to_physical(self.points[k])
             self._set_model(k, self._objective.sums(values, self.linear[k]))
@@ -157,7 +158,7 @@ class Descents:
         self._follow[k] = follow
 
     def _is_free(self, points: FloatArray, gradient: FloatArray) -> BoolArray:
-        """Return False for coordinates at a bound that the descent direction would leave."""
+        """Return False for coordinates at a bound if the negative gradient points out of the box."""
         below = (points <= self._box.low) & (gradient < 0.0)
         above = (points >= self._box.high) & (gradient > 0.0)
         return np.asarray(~(below | above))
@@ -193,7 +194,8 @@ def _steps_in_box(
 ) -> FloatArray:
     """Return the Marquardt steps with low <= step <= high.
 
-    Coordinates that would leave the box are held at its edge, and the others are solved again.
+    Coordinates that would leave the box are fixed at its edge. The equations are then solved again for the
+    other coordinates.
     """
     scale = np.diagonal(hessian, axis1=1, axis2=2)
     scale = np.where(scale > 0.0, scale, 1e-300)

@@ -1,7 +1,7 @@
-"""Gram matrices of the tangents and the residual of the runs, as the input of least squares.
+"""Gram matrices of the tangents and the residual over the runs, for least squares.
 
-Runs at one operating point are evaluated together, many candidates in one call of the kernel. Runs with
-changing current or temperature, and laws in Python, are evaluated one by one.
+Runs with constant current and temperature are evaluated together, many candidates in one call of the kernel.
+Runs with changing current or temperature, and laws in Python, are evaluated one by one.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ ONE_THREAD = 1 << 17
 
 
 class GramSums:
-    """Weighted Gram matrices of the tangents by ``wanted`` parameters and of the residual.
+    """Weighted Gram matrices of the residual and of the tangents with respect to ``wanted`` parameters.
 
-    ``varying`` are the parameters that move; all others are the damper's. The order of rows is: wanted
-    parameters, residual.
+    The ``varying`` parameters differ between candidates. All other parameters have the values of the damper.
+    The rows of a matrix are the wanted parameters, followed by the residual.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class GramSums:
         self._spread[..., -1, -1] = 1.0
 
     def evaluate(self, values: FloatArray) -> FloatArray:
-        """Return the Gram matrix, shape (candidates, rows, rows), of every row of varying parameters."""
+        """Return one Gram matrix per row of varying parameters, shape (candidates, rows, rows)."""
         total = np.zeros((len(values), self._size, self._size))
         if self._runs:
             each = len(self._runs) * self._spread.shape[-1] ** 2

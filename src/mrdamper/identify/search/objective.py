@@ -21,7 +21,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """Search coordinates of parameters, with logarithms if the scale is one, and their bounds."""
+    """Search coordinates of parameters (values or logarithms) and their bounds."""
 
     low: FloatArray
     high: FloatArray
@@ -36,18 +36,18 @@ class Box:
         )
 
     def to_physical(self, points: FloatArray) -> FloatArray:
-        """Return the values at points, shape (.., parameters)."""
+        """Return the parameter values at search coordinates, shape (.., parameters)."""
         return np.exp(points, where=self.log, out=points.copy())
 
     def to_search(self, values: FloatArray) -> FloatArray:
-        """Return the points of values, brought inside the box."""
+        """Return the search coordinates of parameter values, clipped to the bounds."""
         points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
         return np.clip(points, self.low, self.high)
 
 
 # Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
 REGULARISATION_COST = 1e-6
-# Relative to a condition of its own; conditions at neighbouring currents are nearly equal.
+# Relative regularisation of the dual problem, because conditions at neighbouring currents are nearly equal.
 MULTIPLIER_REGULARISATION = 1e-10
 # A cost below this fraction of the cost of the guess is dominated by rounding errors.
 RESOLVED_COST_RATIO = 1e-9
@@ -57,11 +57,11 @@ ACTIVE_STIFFNESS = 1e8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """Candidates with their best linear parameters; the first axis of each array counts candidates.
+    """Candidates with their best linear parameters; the first axis of each array is the candidate.
 
-    ``gram`` has rows for the nonlinear and linear parameters and the residual. The residual belongs to the
-    best linear parameters, the tangents to the guess. ``drift`` is the change of the force relative to the
-    force.
+    The rows of ``gram`` are the nonlinear parameters, the linear parameters and the residual. The residual is
+    computed with the best linear parameters, the tangents with the guess. ``drift`` is the relative change of
+    the force from the guess to the best linear parameters.
     """
 
     cost: FloatArray  # [%^2]; infinite if it is not finite
@@ -92,7 +92,7 @@ class Objective:
         return gram
 
     def points_of(self, dampers: Sequence[Damper]) -> tuple[FloatArray, FloatArray]:
-        """Return the search coordinates and the linear parameters of dampers, a row each."""
+        """Return the search coordinates and the linear parameters of dampers, one row per damper."""
         values = [damper.parameters_and_lag for damper in dampers]
         nonlinear = np.array([[each[name] for name in self.nonlinear] for each in values])
         linear = np.array([[each[name] for name in self.linear] for each in values])
@@ -112,11 +112,11 @@ class Objective:
     def eliminate(
         self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
     ) -> Eliminated:
-        """Return candidates with their best linear parameters, from a guess of those.
+        """Return candidates with their best linear parameters, starting from a guess, ``linear``.
 
-        Without ``tangents`` of the nonlinear parameters there is no Gram matrix. A cost is a difference of
-        sums of the size of the cost of the guess. If rounding errors dominate it, the elimination is
-        repeated from its result; if they still dominate, that result and its cost are returned.
+        Without ``tangents`` of the nonlinear parameters, no Gram matrix is returned. A cost is the difference
+        of two sums that are about as large as the cost of the guess. If rounding errors dominate this
+        difference, the elimination is repeated once, starting from its result.
         """
         g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
@@ -148,14 +148,15 @@ class Objective:
         return Eliminated(cost, present, g if tangents else None, drift)
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the Gram matrices at candidates; without ``tangents``, of the linear parameters alone."""
+        """Return the Gram matrices of candidates; without ``tangents``, for the linear parameters only."""
         values = np.concatenate([nonlinear, linear], axis=1)
         return (self._all if tangents else self._inner).evaluate(values)
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return Gauss-Newton matrices and gradients of the nonlinear parameters, linear ones projected out.
+        """Return the Gauss-Newton matrices and gradients after projection of the linear parameters.
 
-        The third array is the derivative of the linear parameters by the nonlinear ones.
+        Both refer to the nonlinear parameters. The third array contains the derivatives of the linear
+        parameters with respect to the nonlinear parameters.
         """
         n = len(self.nonlinear)
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
@@ -212,9 +213,9 @@ def _bounded_least_squares(
 def _nearest_valid(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Return the valid point nearest to an invalid one in the metric of the matrix.
+    """Return the point nearest to ``solution`` that satisfies the conditions, in the metric of the matrix.
 
-    The multipliers of the conditions, which cannot be negative, are the solution of the dual problem.
+    The dual problem is solved for the Lagrange multipliers of the conditions, which are not negative.
     """
     from scipy.optimize import nnls  # It takes a quarter of a second to load.
 

@@ -1,7 +1,7 @@
-"""Fit by the genetic algorithm of the paper: the baseline that variable projection is compared with.
+"""Fit by the genetic algorithm of the paper: the reference for comparisons with variable projection.
 
-It searches all free parameters at once, also the linear ones, as users of a genetic algorithm do. Cost and
-kernel are the same as in variable projection, because the comparison must be fair.
+The algorithm searches all free parameters at once, including the linear parameters, as is common for genetic
+algorithms. Cost and kernel are the same as in variable projection, for a fair comparison.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ INVALID_COST = 1e6
 
 
 class Ensemble:
-    """The cost of many candidates at once, in search coordinates scaled to 0..1."""
+    """Cost of many candidates at once, in search coordinates scaled to the range 0 to 1."""
 
     def __init__(self, problem: FitProblem) -> None:
         self.problem = problem
@@ -71,7 +71,7 @@ def fit_genetic(
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
 
     Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
-    elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far.
+    elitist survival, initial population by Latin hypercube. An interrupt keeps the best damper so far.
     """
     try:
         from pymoo.algorithms.soo.nonconvex.ga import GA

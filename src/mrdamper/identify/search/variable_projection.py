@@ -1,17 +1,19 @@
 r"""Variable projection with Levenberg-Marquardt and several starts: the standard fit of a damper.
 
-The force is linear in most parameters. They are eliminated by linear least squares at every step, inside the
-admissible range of the law. Only the other parameters are searched for:
+The force is linear in most parameters. Linear least squares, limited to the admissible range of the law,
+eliminates these parameters in every step. The search varies only the other parameters:
 
 .. math:: \min_\theta \min_c | y - F(\\theta, c) |^2, \quad F \text{ affine in } c
 
 The derivative of the eliminated problem is Kaufman's approximation: the tangents of theta, projected off the
 space of the linear columns. A law without linear parameters uses the same algorithm with nothing to
-eliminate. ``objective`` has the elimination, ``descent`` the steps. This module has the starts:
+eliminate. ``objective`` contains the elimination, ``descent`` the steps, and this module the starts:
 
-1. Random points (a Latin hypercube) are compared on the screening windows. The best ones descend there.
-2. Their ends and all given dampers are compared on all runs. The best different ones descend a few steps.
-3. The best of these is continued until it converges.
+1. Random points (a Latin hypercube) are compared on the screening windows. Short descents start from the best
+   points.
+2. The ends of these descents and all given dampers are compared on all runs. From the best different ones,
+   descents take a few steps.
+3. The best descent is continued until it converges.
 
 Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975) 49-57.
 """
@@ -36,9 +38,9 @@ from mrdamper.models.damper import Damper
 from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-# Fraction of the coordinates that a hop moves, and how far, in e-folds on a logarithmic scale.
+# Fraction of the coordinates that a perturbation changes, and its size in e-folds on a logarithmic scale.
 PERTURBATIONS = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-EXCHANGED_FRACTIONS = (0.15, 0.3, 0.5)  # fraction of the coefficients that come from another end
+EXCHANGED_FRACTIONS = (0.15, 0.3, 0.5)  # fraction of the coefficients that come from another minimum
 PERTURBATION_RANGE_RATIO = 0.1  # The same on a linear scale, relative to the range of the bounds.
 
 PYTHON_LAW_DRAW_COUNT = 8  # Random points of each start of a law in Python, which is slow.
@@ -46,7 +48,7 @@ PYTHON_LAW_DRAW_COUNT = 8  # Random points of each start of a law in Python, whi
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of a search after a step: the ``detail`` of its progress."""
+    """State of a search after a step, reported as the ``detail`` of the progress."""
 
     method: str
     start: int
@@ -57,7 +59,7 @@ class SearchState:
 
     @property
     def update(self) -> ProgressUpdate:
-        """The progress that a search reports in this state."""
+        """Progress message of the search in this state."""
         text = (
             f"{self.method}  iteration {self.iteration}  error {self.cost_percent:.3f} %  best "
             f"{self.best_percent:.3f} %"
@@ -133,7 +135,7 @@ def _descend(
     ends: list[Descents],
     on_progress: Progress,
 ) -> None:
-    """Descend from the best different dampers, then from the best of the ends until it converges.
+    """Descend from the best different dampers, then continue the best result until it converges.
 
     The descents are added to ``ends``, so that an interrupt keeps them.
     """
@@ -176,11 +178,11 @@ def thorough_starts(
 ) -> list[Damper]:
     """Return different local minima on some windows, best first.
 
-    Descents start from given dampers and random points. Each round then starts descents from the best
-    minimum with some coefficients of other ends (a memetic algorithm, Moscato & Cotta, Handbook of
-    Metaheuristics (2003) 105-144) and from a perturbation of it (basin hopping, Wales & Doye, J. Phys. Chem.
-    A 101 (1997) 5111-5116). An end whose friction is wrong can have the right free play. The random numbers
-    are always the same, so that a fit does not depend on a seed.
+    Descents start from given dampers and random points. Each round then starts descents from the best minimum
+    with some coefficients of other minima (a memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics
+    (2003) 105-144) and from a perturbation of it (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997)
+    5111-5116). The exchange helps because a minimum with a wrong friction can have the right free play. The
+    random numbers are always the same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
@@ -221,7 +223,7 @@ def thorough_starts(
 
 
 def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return the template at the points of a Latin hypercube."""
+    """Return dampers with the template's coefficients and parameters at the points of a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
@@ -238,8 +240,8 @@ def screened_starts(
 ) -> list[Damper]:
     """Return the different ends of descents from the dampers with the smallest costs, best first.
 
-    A descent that ends at a bound goes on from the middle of the range of these parameters as well. A term
-    without effect leaves its parameters at bounds, and can have an effect elsewhere.
+    If a descent ends at bounds, a further descent starts with these parameters in the middle of their ranges.
+    A term without effect leaves its parameters at bounds, but can have an effect at other values.
     """
     objective, settings = Objective(problem, windows), problem.settings
     box = objective.box
@@ -283,9 +285,10 @@ def descend(
     round_count_max: int = 1,
     round_gain_min: float = 0.0,
 ) -> tuple[Damper, float]:
-    """Return the best end of descents from dampers, and its error [%].
+    """Descend from dampers; return the best result as a damper, and its error [%].
 
-    Another round of iterations requires that the smallest error decreased by ``round_gain_min``.
+    Another round of iterations follows if the smallest error has decreased by the fraction
+    ``round_gain_min``.
     """
     problem = objective.problem
     descents = Descents(objective, *objective.points_of(dampers), most=iterations)

@@ -44,8 +44,8 @@ class FittedCandidate:
 class ValidatedCandidate:
     """A fitted candidate with its errors on held-out windows.
 
-    Runs with constant and with changing current have the same weight, whatever their numbers are: a
-    laboratory keeps the current constant, a controller never does. Arrays have one value per window.
+    All runs with constant current together have the same weight as all runs with changing current, because
+    a laboratory keeps the current constant, but a controller never does. Arrays have one value per window.
     """
 
     fitted: FittedCandidate  # fit to all windows
@@ -83,7 +83,7 @@ class ValidatedCandidate:
 
     @property
     def training_percent_max(self) -> float:
-        """Largest training error [%] of a candidate that can still have a smaller cross-validation error."""
+        """Training error [%] above which another candidate cannot be better than this candidate."""
         return self.cv_rms_percent * (np.sqrt(2.0) if self.changing_squared_errors.size else 1.0)
 
     @property
@@ -91,7 +91,7 @@ class ValidatedCandidate:
         return self.folds >= 0
 
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
-        """Return the relative decrease of the other's error, and Student's t of this decrease.
+        """Return the relative decrease of the error from ``other`` to this candidate, and its Student's t.
 
         The differences of squared errors of folds and of runs with changing current are the samples
         of the t statistic, each kind with its own variance.

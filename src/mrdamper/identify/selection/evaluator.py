@@ -51,7 +51,7 @@ ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 class CandidateEvaluator:
     """Fits and cross-validates candidates on windows with at most ``samples_max`` simulated samples.
 
-    All laws have the given ``terms``. If they are None, the terms are selected.
+    All laws have the given ``terms``. If ``terms`` is None, the terms are selected.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class CandidateEvaluator:
             samples_max=min(data.settings.screening_samples_max, samples_max / 3),
             blocks=blocks,
         )
-        # The last validated candidate with its response to the current.
+        # Damper of the last validated candidate with its actuation.
         self._response: Damper | None = None
         self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
         if data.fluid is None and data.temperature != "none":
@@ -95,11 +95,11 @@ class CandidateEvaluator:
         return self.data.problem(candidate.law, candidate.terms, start)
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
-        """Return the archetypes with which the search for the terms of a law starts; None: its default terms.
+        """Return the archetypes from which the search for terms starts; None means the default terms.
 
-        A gas force is part of every archetype if the mean forces depend on temperature, because no descent
-        without it ends near one with it. If mean forces grow with force, every archetype is also started with
-        asymmetric forces.
+        If the mean forces depend on temperature, every archetype includes a gas force, because descents
+        without a gas force do not end near the best damper with a gas force. If the mean forces grow with
+        force, every archetype is also started with asymmetric forces.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
@@ -118,7 +118,7 @@ class CandidateEvaluator:
     ) -> FittedCandidate:
         """Fit the candidate with which the search for the terms of a law starts.
 
-        Its best start is returned without a fit if the error of this start is above a limit.
+        If the error of the best start is above a limit, this start is returned without a fit.
         """
         candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
         starts = self.starts(candidate) if archetype is None else self._archetype_starts(candidate, archetype)
@@ -135,14 +135,14 @@ class CandidateEvaluator:
         return thorough_starts(problem, starts, self.windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Return the fit with the smallest training error of a candidate, from many starts."""
+        """Fit a candidate from many starts; return the fit with the smallest training error."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem = self.problem(fitted.candidate)
         ends = thorough_starts(problem, starts, self.windows, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
-        """Return a damper with one of its terms at each of the start values of this term.
+        """Return copies of a damper in which one term is set to one of its start values.
 
         A term can describe two different effects. Friction behind a stiff spring is friction, and behind a
         soft spring it is a hysteretic stiffness. No short perturbation leads from one to the other.
@@ -172,10 +172,10 @@ class CandidateEvaluator:
         return candidate
 
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return the ends of short descents of a candidate from the starts of an archetype, best first.
+        """Descend from the starts of an archetype; return the resulting dampers, best first.
 
-        An alternative starts at the fit of the archetype before it, with its own coefficients in place of
-        those of this fit.
+        An alternative starts at the fit of the previous archetype, but with start values of its
+        own for the coefficients that differ.
         """
         if archetype.is_alternative:
             kinds = self._archetypes(candidate.law)
@@ -196,7 +196,7 @@ class CandidateEvaluator:
         return screened_starts(self.problem(candidate), dampers, self.screening_windows)
 
     def addable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the terms that can be added to a candidate and add a parameter."""
+        """Return the terms that can be added to a candidate and that add at least one parameter."""
         known = terms_of(LAWS[candidate.law]) if self._terms is None else {}
         return [
             name
@@ -207,7 +207,7 @@ class CandidateEvaluator:
         ]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the terms of a candidate that none of its other terms needs."""
+        """Return the terms of a candidate that no other term of the candidate needs."""
         if self._terms is not None:
             return []
         known = terms_of(LAWS[candidate.law])
@@ -223,7 +223,7 @@ class CandidateEvaluator:
     ) -> FittedCandidate:
         """Fit a candidate to the windows from given dampers of this candidate.
 
-        The best of the dampers is returned if its error is above a limit.
+        If the error of the best damper is above a limit, this damper is returned without a fit.
         """
         start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
         objective = Objective(problem, self.windows)
@@ -253,9 +253,9 @@ class CandidateEvaluator:
         return self.fit(candidate, best_different(objective, starts))
 
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
-        """Return a candidate after a few iterations on the screening windows, and its error [%].
+        """Fit a candidate by a few iterations on the screening windows; return the damper and its error [%].
 
-        A new term starts from each of its start values, each in the size with the smallest error.
+        A new term starts from each of its start values, multiplied by the size with the smallest error.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
         starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]
@@ -268,7 +268,7 @@ class CandidateEvaluator:
         return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
 
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
-        """Return a previous damper with the missing terms: for each of their starts, in several sizes."""
+        """Return a previous damper with the new terms, for each start of the terms in several sizes."""
         defaults, known = default_coefficients(previous), terms_of(LAWS[candidate.law])
         new = [known[name] for name in candidate.terms if known[name].entries[0].name in defaults]
         starts: list[Mapping[str, float]] = [{}, *(start for group in new for start in group.starts)]
@@ -283,10 +283,10 @@ class CandidateEvaluator:
     def cross_validate(
         self, fitted: FittedCandidate, previous: ValidatedCandidate | None = None
     ) -> ValidatedCandidate:
-        """Return the errors of a fitted candidate on each fold, from fits without this fold.
+        """Return the cross-validation errors of a fitted candidate: for each fold from a fit without it.
 
-        A fit without a fold starts at the fit to all windows, or at the previous candidate's fit without the
-        same fold if its error is smaller.
+        A fit without a fold starts at the fit to all windows. It starts at the previous candidate's fit
+        without the same fold if the error of that fit is smaller.
         """
         start_s = cpu_seconds()
         problem = self.problem(fitted.candidate)
@@ -321,9 +321,9 @@ class CandidateEvaluator:
         )
 
     def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
-        """Return a damper with its response to the current, and its errors [%^2] on changing runs.
+        """Return a damper with actuation, and the errors [%^2] on the runs with changing current.
 
-        The response is fitted to one run of each motion, and starts at that of the damper ``response``.
+        The actuation is fitted to one run of each motion. The fit starts at the actuation of ``response``.
         """
         if not self.changing_runs:
             return damper, []

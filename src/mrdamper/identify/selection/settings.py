@@ -26,7 +26,7 @@ class SelectionSettings:
 
     # Forward selection
     archetype_error_ratio_max: float = 1.2  # training errors of the archetypes that are cross-validated
-    law_cv_ratio_max: float = 1.2  # No terms are added to a law above it, unless the law is modular.
+    law_cv_ratio_max: float = 1.2  # Above this ratio, a law gets no terms unless the law is modular.
     round_count_max: int = 8  # rounds of adding terms to a law
     term_count_max: int = 3  # terms that are fitted in each round
     # A smaller gain in training error is unlikely to be significant in cross-validation.
@@ -35,7 +35,7 @@ class SelectionSettings:
     training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates: one is better if its cross-validation gain and the gain's Student's t over
-    # the folds exceed these values. A smaller gain with a larger t is sufficient, too.
+    # the folds exceed these values. A smaller gain with a larger t is also sufficient.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
@@ -46,7 +46,8 @@ class SelectionSettings:
     removal_screening_loss_max: float = 0.01  # increase of the error on the screening windows
 
     # Thorough search
-    improvement_count_max: int = 2  # candidates, as long as the search makes the best one worse than another
+    # Number of candidates that are searched. After a search, another candidate can be the best one.
+    improvement_count_max: int = 2
 
     # Fits of one candidate
     fit_iterations: int = 8  # iterations of one round
@@ -54,16 +55,16 @@ class SelectionSettings:
     round_gain_min: float = 0.004  # gain in error of a round that is required for another one
     fold_iterations: int = 4  # A fit without one fold starts from the fit to all windows.
     screening_iterations: int = 8  # iterations of a fit with one additional term
-    gas_error_percent_min: float = 2.0  # Start with a gas force if mean forces depend on temperature more.
-    asymmetry_error_percent_min: float = 5.0  # Start with asymmetric forces if they grow with force more.
+    gas_error_percent_min: float = 2.0  # Larger effect of temperature on mean forces: start with gas force.
+    asymmetry_error_percent_min: float = 5.0  # Larger effect of force on mean forces: start asymmetric.
 
     # Response to the current
     changing_run_count_max: int = 4
-    changing_samples_max: int = 3000  # samples of each run, within the limits of its rate
+    changing_samples_max: int = 3000  # target samples of each run; the rate limits below have priority
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
-    changing_tolerance: float = 1e-2  # relative
-    changing_share_step_min: float = 0.25  # step of the force fraction that follows at once
+    changing_tolerance: float = 1e-2  # relative change that ends the fit of the actuation
+    changing_share_step_min: float = 0.25  # step of the force fraction that follows the command at once
 
 
 DEFAULT_SETTINGS = SelectionSettings()

@@ -19,9 +19,10 @@ START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
 def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> tuple[float, float] | None:
-    """Return the mean force of the runs at 20 degC [N] and its slope [N/K].
+    """Return the mean force of the runs at 20 degC [N] and its slope over temperature [N/K].
 
-    Return None unless all runs have a temperature, and the slope reduces the error of the runs by a minimum.
+    Return None if a run has no temperature, or if the slope reduces the error of the runs by less than
+    ``error_percent_min``.
     """
     warming_K = _warming_K(runs)
     if warming_K is None:
@@ -31,10 +32,10 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
-    """Return the decrease of the error [%] of the runs if their mean forces grow with force and speed.
+    """Return the decrease of the error [%] of the runs by mean forces that grow with force and speed.
 
-    A gas force is the mean of all runs. A damper that is stronger in one direction has larger mean forces in
-    runs with larger forces.
+    The mean force of a run is the gas force if the damper is symmetric. A damper that is stronger in one
+    direction has larger mean forces in runs with larger forces.
     """
     warming_K = _warming_K(runs)
     base = [np.ones(len(runs)), *([] if warming_K is None else [warming_K])]
@@ -44,7 +45,7 @@ def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
 
 
 def _warming_K(runs: Sequence[PreparedRun]) -> FloatArray | None:
-    """Return the mean temperature of each run relative to 20 degC [K]; None unless all have one."""
+    """Return the mean temperature of each run minus 20 degC [K]; None if a run has no temperature."""
     warm = [float(np.mean(t)) - REFERENCE_K for run in runs if (t := run.trajectory.temperature) is not None]
     return np.array(warm) if len(warm) == len(runs) else None
 
@@ -54,8 +55,8 @@ def _mean_force(
 ) -> tuple[tuple[float, ...], float]:
     """Fit the mean forces of the runs; return the coefficients and the decrease of the error [%] by ``more``.
 
-    The mean force of a run is divided by the standard deviation of its force, as its error is. ``base`` and
-    ``more`` are columns of the linear model of the mean force, one row per run.
+    The mean force of a run is divided by the standard deviation of the force, like the error of the run.
+    ``base`` and ``more`` are columns of the linear model of the mean force, one row per run.
     """
     forces = [_period_forces(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
@@ -69,14 +70,17 @@ def _mean_force(
 
 
 def _period_forces(run: PreparedRun) -> FloatArray:
-    """Return the scored force [N] of whole periods of the motion; all of it if there is no period."""
+    """Return the scored force [N] over whole periods; over all samples if the motion has no period."""
     force, period = run.force[run.scored_from :], (run.period_s or np.inf) / run.trajectory.step
     whole = int(len(force) / period)
     return force[: round(whole * period)] if whole else force
 
 
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:
-    """Return a start with the first coefficient of each new term in several sizes, the smallest one last."""
+    """Return copies of a start in which the first coefficient of each new term has another size.
+
+    The smallest size is last.
+    """
     firsts = {entry.name: start.get(entry.name, entry.start) for entry in (each.entries[0] for each in new)}
     sized = {
         name: usual
@@ -89,7 +93,7 @@ def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -
 
 
 def default_coefficients(damper: Damper) -> set[str]:
-    """Return the coefficients of a damper that are at the default of their law."""
+    """Return the names of the coefficients that have the default value of the law."""
     return {
         c.name
         for c, form in zip(damper.law.coefficients, damper.coefficients.values(), strict=True)
@@ -98,9 +102,10 @@ def default_coefficients(damper: Damper) -> set[str]:
 
 
 def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
-    """Return a damper with the parameters that it shares with a previous one of its law.
+    """Return ``onto`` with start values from a previous damper of the same law.
 
-    A coefficient with another form starts at the value of the previous one without current.
+    Parameters of the same name are copied. If the form of a coefficient (its dependence on current) has
+    changed, the coefficient starts at the previous value at zero current.
     """
     known, values = previous.parameters_and_lag, onto.parameters_and_lag
     defaults, shared = default_coefficients(previous), {}

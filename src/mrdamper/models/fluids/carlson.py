@@ -4,9 +4,9 @@
     B(H) = 1.91 phi^1.133 [1 - exp(-10.97 mu0 H)] + mu0 H                (B, mu0 H in tesla)
 
 phi is the volume fraction of iron; C depends on the carrier: 1 for hydrocarbon, 0.95 for silicone, 1.16 for
-water. How the yield stress changes with temperature is the business of ``temperature``; the magnetisation
-curve is taken as the same at every temperature. The sign of the field does not matter to the stress, and B
-is odd in H.
+water. The module ``temperature`` describes how the yield stress changes with temperature. The magnetisation
+curve is assumed to be the same at every temperature. The stress does not depend on the sign of the field,
+and B is odd in H.
 
 Source: Carlson's empirical formulas, from a public source file; the values of C are this project's
 assumptions. Against the manufacturer's points for MRF-132DG (second hand: 4.64, 13.77 and 23.47 kPa at 18, 46
@@ -42,7 +42,7 @@ _IRON_T, _IRON_POWER, _IRON_RATE = 1.91, 1.133, 10.97
 
 @dataclass(frozen=True, slots=True)
 class Carlson:
-    """Yield stress over the field at 20 degC: saturation tanh(H / field_scale)."""
+    """Yield stress as a function of the field at 20 degC: tau = saturation tanh(H / field_scale)."""
 
     saturation_Pa: Positive
     field_scale_A_m: Positive = FIELD_SCALE_A_m
@@ -75,11 +75,11 @@ def flux_density(field_A_m: ArrayLike, particle_fraction: float) -> FloatArray:
 
 
 def field_strength(flux_density_T: ArrayLike, particle_fraction: float) -> FloatArray:
-    """Return the field strength H [A/m] that makes flux densities B [T] in the fluid: B(H) inverted.
+    """Return the field strength H [A/m] for flux densities B [T] in the fluid (inverse of B(H)).
 
     With b = mu0 H, a = 1.91 phi^1.133 and k = 10.97/T the curve is b + a (1 - exp(-k b)) = B, whose solution
-    is b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One Newton step after it removes the
-    cancellation that is left at small B.
+    is b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One subsequent Newton step removes the
+    remaining cancellation error at small B.
     """
     from scipy.special import lambertw
 
@@ -100,7 +100,7 @@ def _iron(particle_fraction: float) -> float:
 
 
 def checked_fraction(particle_fraction: float) -> float:
-    """Return the volume fraction of iron, checked: spheres do not pack denser than about 0.64."""
+    """Return the volume fraction of iron after a check (random packing of spheres reaches about 0.64)."""
     if not 0.0 < particle_fraction <= 0.6:
         raise InputError(
             found=f"particle fraction is {particle_fraction:g}",

@@ -1,8 +1,8 @@
 """Fits of rheometer tables: viscosity over temperature, yield stress over field and temperature.
 
 All laws are fitted by ``scipy.optimize.curve_fit`` to the logarithm, because the error of a rheometer is a
-percentage. Of several laws the one with the smallest Akaike criterion (AICc) is used. Standard errors
-assume independent errors of the points. Reading the tables is the task of ``data.rheometer``.
+percentage. Of several laws, the law with the smallest Akaike criterion (AICc) is used. Standard errors
+assume independent errors of the points. ``data.rheometer`` reads the tables.
 """
 
 from __future__ import annotations
@@ -190,7 +190,10 @@ def fit_yield_stress(
 
 
 def _fit_yield_stress(h: FloatArray, t: FloatArray, y: FloatArray, *, is_free: bool) -> LawFit:
-    """Fit ln tau = ln saturation + ln(1 - slope x) + ln tanh(H / scale), the scale Carlson's or free."""
+    """Fit ln tau = ln saturation + ln(1 - slope x) + ln tanh(H / scale).
+
+    x is the temperature difference to 20 degC. If ``is_free`` is False, the scale is Carlson's value.
+    """
     x = t - REFERENCE_K
     coldest, hottest = min(float(x.min()), -1.0), max(float(x.max()), 1.0)
 
@@ -225,7 +228,10 @@ def _curve_fit(
     low: Sequence[float],
     high: Sequence[float],
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the parameters and their covariance; NaN for parameters at a bound or without spare points."""
+    """Return the fitted parameters and their covariance.
+
+    The covariance is NaN for parameters at a bound, or if there are no more points than parameters.
+    """
     from scipy.optimize import OptimizeWarning, curve_fit
 
     with warnings.catch_warnings():
@@ -251,7 +257,7 @@ def _law_fit(  # noqa: PLR0913 - all parts of one fit
     at_reference: float = 1.0,
     field_law: Carlson | None = None,
 ) -> LawFit:
-    """Return the fit with standard errors, residuals and the fall from 20 to 100 degC."""
+    """Return the fit with standard errors, residuals and the decrease from 20 to 100 degC."""
     errors = np.sqrt(np.diag(covariance))
     # The parameters of the factor follow the value at 20 degC.
     size = len(factor.parameters)

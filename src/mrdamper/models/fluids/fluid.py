@@ -2,7 +2,7 @@
 
 ``fluid_file`` reads and writes the presets and the TOML file of a user's fluid (docs/fluid.md). The laws of
 temperature are in ``models.temperature``, the law of the field is in ``carlson``, the fits of rheometer
-tables are in ``fits``. The viscosity is that without field; it is valid at the shear rate of its measurement.
+tables are in ``fits``. The viscosity applies without field, at the shear rate of its measurement.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ class Fluid:
 
 
 def fall_percent(factor: TemperatureFactor, cold_K: float = REFERENCE_K, hot_K: float = 373.15) -> float:
-    """Return the fall of a factor between two temperatures [% of its value at the first]."""
+    """Return the decrease of a factor between two temperatures, in % of the value at the first."""
     return 100.0 * (1.0 - float(factor.value(hot_K)) / float(factor.value(cold_K)))
 
 

@@ -1,7 +1,7 @@
 """Fluids as TOML: the presets, and reading and writing the file of a fluid.
 
-``like = "preset"`` takes everything that the file omits from a preset. docs/fluid.md describes the keys.
-Temperatures are in degC in the file and in kelvin in ``Fluid``.
+With ``like = "preset"``, all parts that the file omits are taken from a preset. docs/fluid.md describes the
+keys. Temperatures are in degC in the file and in kelvin in ``Fluid``.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class FluidTables:
 
 
 def find_fluid(name_or_path: str | Path) -> Fluid:
-    """Return a preset by its name, or the fluid in a TOML file.
+    """Return the fluid preset with a name, or the fluid in a TOML file.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
 
 
 def _completed(given: Json, place: str) -> Json:
-    """Return the document with the omitted parts taken from the preset that ``like`` names."""
+    """Return the document, with omitted parts taken from the preset named by ``like``."""
     given = {"name": Path(place).stem, **given}
     like = given.get("like")
     if like is None:
@@ -148,7 +148,7 @@ def _completed(given: Json, place: str) -> Json:
         raise InputError(f"like is {like!r}", place=place, expected=f"one of: {', '.join(PRESETS)}")
     base = _document_of(find_fluid(like))
     if "viscosity" in given:
-        base.pop("collapse", None)  # It belongs to the viscosity of the preset.
+        base.pop("collapse", None)  # The collapse belongs to the viscosity of the preset.
     if isinstance(given.get("properties"), Mapping):
         given["properties"] = {**base["properties"], **given["properties"]}
     return {**base, "title": f"like {like}", **given}
