@@ -21,7 +21,7 @@ def read_only(values: ArrayLike) -> FloatArray:
 
 
 def inverse_sizes(matrix: FloatArray) -> FloatArray:
-    """Return the scaling factors of rows and columns for a unit diagonal, shape (.., n) of (.., n, n)."""
+    """Return the factors that scale rows and columns of a matrix (.., n, n) to a unit diagonal, (.., n)."""
     return np.asarray(1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300)))
 
 
@@ -36,9 +36,9 @@ def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
 
 
 def level_numbers(values: ArrayLike, distance_max: float) -> NDArray[np.intp]:
-    """Return the number of the level of each value, from 0 on, shape (n,).
+    """Return the level of each value as a number from 0 on, shape (n,).
 
-    Neighbouring values on one level differ by at most a distance.
+    Neighbouring values of a level differ by at most ``distance_max``.
     """
     given = np.asarray(values, dtype=np.float64)
     order = np.argsort(given, kind="stable")

@@ -34,7 +34,7 @@ class MrdamperError(Exception):
     found, expected : the actual and the expected value
     place : file, run or field with the fault
     remedy : action of the user, as a sentence, or as a clause if it starts with a small letter
-    faults : several errors in one, which then has no own parts
+    faults : several errors combined in one; the combined error has no other parts
 
     The message consists of place, found, expected and remedy, in this order. Each of several faults has a
     line. Very long texts are cut.
@@ -72,9 +72,9 @@ class MrdamperError(Exception):
         self.args = (self._message(),)
 
     def prepend_place(self, place: str | PurePath) -> Self:
-        """Return this error with a place before its own, such as the file before the field.
+        """Return this error with a place before the present place, such as the file before the field.
 
-        A place that already is the first part of the own place is not repeated.
+        If the present place already begins with this place, the place is not repeated.
         """
         moved = copy.copy(self)
         moved.faults = tuple(fault.prepend_place(place) for fault in self.faults)
@@ -149,7 +149,7 @@ class EnvelopeError(InputError):
 
 
 class EnvelopeWarning(UserWarning):
-    """A card or a fluid is used outside its identified range. The value is returned nevertheless.
+    """A model card or a fluid is used outside its identified range. The value is still returned.
 
     ``warnings.warn`` issues it once per use, with the numbers.
     """

@@ -47,7 +47,7 @@ class Trajectory:
     velocity: FloatArray  # [m/s]
     acceleration: FloatArray  # [m/s^2]
     command: FloatArray  # [A or V]
-    dead_band: float = 0.0  # reversals smaller than this are not reversals [m]
+    dead_band: float = 0.0  # smaller reversals of the motion are ignored [m]
     temperature: FloatArray | None = None  # [K]
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class Trajectory:
         return len(self.displacement)
 
     def part(self, samples: slice) -> Trajectory:
-        """Return some of the samples; a slice with a step lengthens the time step."""
+        """Return a slice of the trajectory; a slice with step k has a time step k times as long."""
         return replace(
             self,
             step=self.step * (samples.step or 1),
@@ -106,7 +106,7 @@ class Trajectory:
 
 
 class Motion(Protocol):
-    """A motion in closed form, a value that can be hashed; ``t`` is time [s], of any shape."""
+    """A motion in closed form, as a hashable value; ``t`` is time [s], an array of any shape."""
 
     def __hash__(self) -> int: ...
     def displacement(self, t: ArrayLike) -> FloatArray: ...  # [m]
@@ -142,7 +142,7 @@ class Sine:
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """x = A sin(phi), its frequency going linearly: phi = 2 pi (f0 t + (f1 - f0) t^2 / 2T)."""
+    """x = A sin(phi) with linearly changing frequency: phi = 2 pi (f0 t + (f1 - f0) t^2 / 2T)."""
 
     amplitude: Positive  # A [m]
     start: Positive  # f0 [Hz]
@@ -153,7 +153,7 @@ class Chirp:
         check_ranges(self, "chirp")
 
     def _phase(self, t: ArrayLike) -> tuple[FloatArray, FloatArray, float]:
-        """Return the phase [rad], its rate [rad/s] and the rate of that [rad/s^2]."""
+        """Return the phase [rad], its first derivative [rad/s] and its second derivative [rad/s^2]."""
         time = np.asarray(t, dtype=np.float64)
         sweep = 2 * np.pi * (self.stop - self.start) / self.duration
         rate = 2 * np.pi * self.start + sweep * time
@@ -212,8 +212,8 @@ class Harmonics:
 class Triangle:
     """Constant speed between +A and -A, starting at zero in extension; one period is 4 A / speed.
 
-    Acceleration is zero (the impulses at the turning points are not sampled); the velocity at a turning
-    point is that of the following stroke.
+    Acceleration is zero because the impulses at the turning points are not sampled. At a turning point, the
+    velocity has the value of the following stroke.
     """
 
     amplitude: Positive  # A [m]
@@ -242,7 +242,7 @@ class Triangle:
 
 
 class _Tones:
-    """A motion that is a sum of tones."""
+    """A motion that is a sum of sinusoids."""
 
     __slots__ = ()
     tones: Harmonics
@@ -259,11 +259,12 @@ class _Tones:
 
 @dataclass(frozen=True, slots=True)
 class Road(_Tones):
-    """The height of an ISO 8608 road under a vehicle at constant speed: a sum of tones with random phases.
+    """The height of an ISO 8608 road under a vehicle at constant speed, as a sum of random sinusoids.
 
-    Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2): the standard's Gd(n0) (n / n0)^-2 well above the corner, flat
-    below it. 480 tones, each with the power of its band, lie evenly on a logarithmic axis from a tenth of the
-    corner to 2.83 cycles/m; they have no common period. The same seed gives the same road at any speed.
+    The spectrum is Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2). Far above the corner wavenumber, this is the
+    standard's Gd(n0) (n / n0)^-2; below the corner, the spectrum is flat. The 480 sinusoids have random
+    phases and no common period. They are evenly spaced on a logarithmic axis from a tenth of the corner to
+    2.83 cycles/m, each with the power of its band. The same seed gives the same road at any speed.
     """
 
     road_class: Annotated[str, Option(among=lambda: ROAD_ROUGHNESS)] = "C"  # A (smooth) to H
@@ -284,10 +285,10 @@ class Road(_Tones):
 
 @dataclass(frozen=True, slots=True)
 class RandomMotion(_Tones):
-    """A band of 32 tones, evenly on a logarithmic axis, of one velocity amplitude and random phases.
+    """A sum of 32 sinusoids with equal velocity amplitudes, logarithmic frequencies and random phases.
 
-    The amplitude is three standard deviations of the displacement, which is seldom passed. The same seed
-    gives the same motion.
+    The amplitude is three standard deviations of the displacement, which the motion seldom exceeds. The same
+    seed gives the same motion.
     """
 
     amplitude: float  # [m]
@@ -316,8 +317,8 @@ class RandomMotion(_Tones):
 class RandomCurrent:
     """A commanded current with random levels, each held for a random time; reproducible by its seed.
 
-    Levels are uniform between zero and the highest, with a twelfth of them at either end; times are
-    log-uniform. Only such runs reveal a law that is wrong for a changing current.
+    The levels are uniform between zero and the highest current; a twelfth of the levels is at each end. The
+    holding times are log-uniform. Only such runs reveal a law that is wrong for a changing current.
     """
 
     highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
@@ -350,7 +351,7 @@ class RandomCurrent:
 
 @dataclass(frozen=True, slots=True)
 class CurrentSteps:
-    """A commanded current that is held at each of its levels in turn; the first before, the last after."""
+    """A commanded current with levels in succession, held at the first before and at the last after them."""
 
     levels: Annotated[tuple[float, ...], Option(key="levels_A", least_items=1)]
     hold: Annotated[float, Option(key="hold_s", unit="s", above=0.0)]
@@ -368,7 +369,7 @@ class CurrentSteps:
 
     @property
     def switches(self) -> FloatArray:
-        """Times at which a level ends and the next begins [s], one less than there are levels."""
+        """Times at which a level ends and the next level begins [s], shape (levels - 1,)."""
         return self.hold * np.arange(1.0, len(self.levels))
 
     def current(self, t: ArrayLike) -> FloatArray:
@@ -418,7 +419,7 @@ _FORMS: Mapping[str, str] = MappingProxyType(
 
 
 def motion_from_text(text: str) -> Motion:
-    """Return the motion that a text names, or describes as one of these forms.
+    """Return the motion of a text, which is the name of a motion or has one of these forms.
 
     ``sine:AMPLITUDE:FREQUENCY``, ``triangle:AMPLITUDE:SPEED``, ``chirp:AMPLITUDE:FROM-TO:DURATION``,
     ``road:CLASS:SPEED:SEED`` or ``random:AMPLITUDE:FROM-TO:SEED``, each number with its unit, such as
@@ -427,7 +428,7 @@ def motion_from_text(text: str) -> Motion:
     Raises
     ------
     InputError
-        Neither a name nor a form, or a number without sense.
+        If the text is neither a name nor a form, or a number is invalid.
     """
     if text in MOTIONS:
         return MOTIONS[text]
@@ -476,7 +477,7 @@ def _hertz(text: str) -> float:
 
 
 def _number_and_unit(text: str) -> tuple[float, str]:
-    """Return the two parts of a text such as 5mm; not a number and "" when it has no such parts."""
+    """Return the two parts of a text such as 5mm; NaN and "" if the text has another form."""
     found = re.fullmatch(r"\s*([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?|\.[0-9]+)\s*([A-Za-z].*?)\s*", text)
     return (float(found[1]), found[2]) if found else (float("nan"), "")
 
@@ -497,7 +498,7 @@ def drive(
     duration : length of the trajectory [s]
     rate_Hz : samples per second
     command : current [A] or voltage [V], a number or one per sample
-    temperature : temperature [K], a number or one per sample; None: not known
+    temperature : temperature [K], a number or one per sample; None: unknown
     """
     for name, value in (("duration", duration), ("rate_Hz", rate_Hz)):
         if not (np.isfinite(value) and value > 0.0):

@@ -101,7 +101,7 @@ class Option:
     __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
 
     def __iter__(self) -> Iterator[object]:
-        """Yield the constraints for Pydantic."""
+        """Generate the constraints for Pydantic."""
         import pydantic
 
         yield from pydantic.Field(
@@ -329,7 +329,7 @@ def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapte
 
 
 def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
-    """Yield the dataclasses in a type, including the type itself."""
+    """Generate the dataclasses in a type, including the type itself."""
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         yield kind
         for hint in typing.get_type_hints(kind, include_extras=True).values():
