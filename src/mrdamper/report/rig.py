@@ -162,7 +162,7 @@ def _write(path: Path, label: str, header: str, form: str, columns: Iterable[Flo
 
 
 def _channel_map(damper: VirtualDamper) -> str:
-    """Return the channel map of the CSV files as TOML text."""
+    """Return the channel map, which assigns all runs to one session; the headers name the quantities."""
     columns = (
         ("time", "s"),
         ("displacement", "m"),
