@@ -259,7 +259,7 @@ class _Tones:
 
 @dataclass(frozen=True, slots=True)
 class Road(_Tones):
-    """The height of an ISO 8608 road under a vehicle at constant speed: a sum of tones with random phases.
+    """The height of an ISO 8608 road under a vehicle at constant speed, as a sum of random sinusoids.
 
     The spectrum Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2) equals the standard's Gd(n0) (n / n0)^-2 well above
     the corner wavenumber and is flat below the corner. The 480 tones are evenly spaced on a logarithmic axis

@@ -32,8 +32,8 @@ from mrdamper.files import is_folder
 _BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # keys: system and machine; values: names of FMI 2.0
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
-# Longest communication step. A parabola continues the motion, because the inputs are known at the beginning
-# of a step only: at this step the force of a motion of 1 Hz deviates by 0.1 %, and of 5 Hz by 6 % (RMS).
+# Longest communication step. The inputs are known only at the beginning of a step, so the motion is
+# extrapolated by a parabola. At this step, the force deviates by 0.1 % at 1 Hz and by 6 % at 5 Hz (RMS).
 STEP_MAX_S = 10e-3
 _LARGEST_DOUBLE = 1.7976931348623157e308
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.
@@ -77,7 +77,7 @@ def fmu_files(target: Target) -> dict[str, str]:
 
 
 def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict[str, str]:
-    """Return the text files with a token in them."""
+    """Return the text files of an FMU with its token (GUID)."""
     sources = {
         name: content
         for name, content in c_files(target).items()

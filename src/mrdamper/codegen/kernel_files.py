@@ -37,7 +37,7 @@ class FlagText:
 
 @cache
 def flag_texts() -> tuple[FlagText, ...]:
-    """Return the flags of the kernel's header."""
+    """Return the flags that the kernel's header ``controller.h`` defines."""
     found = re.search(
         r"/\* Flags of the last step.*?\benum \{(.*?)\};", kernel_files()["controller.h"], re.DOTALL
     )

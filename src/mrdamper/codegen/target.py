@@ -40,7 +40,7 @@ _KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # Names of the kernel 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """A card prepared for a target. ``model`` or ``controller`` is None if the content excludes it."""
+    """The input of an export. ``model`` or ``controller`` is None if the content excludes it."""
 
     name: str  # a C identifier; prefix of every name, and of the files
     card: ModelCard
@@ -49,7 +49,7 @@ class Target:
     period_s: float
     model: RealtimeDamper | None
     controller: ForceController | None
-    heating: Heating  # heat balance that detects a frozen thermometer, and its source
+    heating: Heating  # heat balance that detects a frozen temperature sensor
     fingerprint: str  # content_sha256 of the card
     thermal: CompactModel | None = None  # None if the damper has no geometry file
 
@@ -91,7 +91,7 @@ class Target:
 
     @property
     def any_part(self) -> RealtimeDamper | ForceController:
-        """Return one of the parts, for properties that are equal in both."""
+        """Return the model if it is exported, otherwise the controller, for properties that both share."""
         return next(iter(self.parts.values()))
 
     @property
@@ -111,7 +111,7 @@ def target_of(
     largest: float | None = None,
     heating: Heating | None = None,
 ) -> Target:
-    """Return a card prepared for a target.
+    """Return the input of an export: a card with its real-time model, controller and options.
 
     Parameters
     ----------

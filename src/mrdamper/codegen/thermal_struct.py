@@ -13,7 +13,7 @@ __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 # Time constant of the power filter for the time to the limit, and of the missing heat without a reading.
 POWER_FILTER_S = 30.0
 MISSING_HEAT_DECAY_S = 1800.0
-MISSING_HEAT_MAX_RATIO = 0.3  # Maximum missing heat of a model, divided by its typical power.
+MISSING_HEAT_MAX_RATIO = 0.3  # Maximum heat flow that the model does not contain, relative to typical power.
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
 HORIZON_S = 7200.0  # MRD_THERMAL_HORIZON
 COMMAND_MIN_A = 0.2  # The coil resistance is measured above this current only.

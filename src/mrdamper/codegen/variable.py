@@ -60,7 +60,7 @@ class Variable:
 
     @property
     def label(self) -> str:
-        """Return the name of its value reference in C."""
+        """Return the name of the variable's value reference in C."""
         return f"VR_{self.name.upper()}"
 
 

@@ -103,7 +103,7 @@ def _limits_of(target: Target) -> _Limits:
 
 
 def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fastest: float) -> FloatArray:
-    """Return a sum of sines with random periods between two [s], within -1 to 1."""
+    """Return a sum of sines with random periods between two limits [s]; the values are within -1 to 1."""
     t = step * np.arange(count)
     periods = np.exp(rng.uniform(np.log(slowest), np.log(fastest), SINE_COUNT))
     weight, phase = rng.random(SINE_COUNT), rng.uniform(0.0, 2.0 * np.pi, SINE_COUNT)

@@ -181,7 +181,7 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return the outputs in Python, by part: the replay's columns, the outputs, and sparse samples.
+    """Return, for each part, the replay's columns, the outputs in Python, and the compared samples.
 
     Values of a state (the applied command, the controller's force) are compared at every
     ``STATE_SAMPLE_COUNT``-th sample.
@@ -313,7 +313,7 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
 
 
 def _first(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the first error of a program."""
+    """Return the first error message of a program."""
     lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
     worst = [line for line in lines if "error" in line]
     return (worst or lines)[0].strip()

@@ -65,7 +65,7 @@ def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float
 
 
 def thermal_problems(differences: Mapping[str, float], *, single: bool) -> list[str]:
-    """Return the problems of the differences of a compiled thermal model [K]."""
+    """Return a sentence for each temperature difference [K] that exceeds the tolerance."""
     tolerance = TOLERANCE_K[single]
     return [
         f"thermal.{name} is up to {1e3 * worst:.3g} mK different from Python; expected {1e3 * tolerance:g}"

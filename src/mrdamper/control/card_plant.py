@@ -4,7 +4,7 @@ The command passes the actuation of the damper (or its lag). The kernel then ste
 controller that is made from the same card has no model error on this plant. The result therefore contains
 only the effects of lag and noise. It does not validate a card.
 
-The plant starts without force and command. Extension is positive.
+The plant starts with zero force and zero command. Extension is positive.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SHAPE = ("kappa", "n")  # Coefficients of the universal curve, which the kernel
 
 
 class CardPlant:
-    """The damper of a card with its state (``protocol.Plant``).
+    """A damper simulated from a card, with its state; implements ``protocol.Plant``.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class CardPlant:
         return core.carry(self._kernel, batch, coefficients, self._law, self._workspace)[batch.behind :]
 
     def _coefficients(self, applied: FloatArray, temperature_degC: float) -> FloatArray:
-        """Return the coefficients at the applied commands, shape (m, n), from a table at the temperature."""
+        """Return the law's coefficients at the applied commands, from the table at a temperature, (m, n)."""
         if self._table is None or self._table[0] != temperature_degC:
             levels = np.linspace(0.0, self._highest, COMMAND_COUNT)
             warm = temperature_degC + ZERO_CELSIUS_K if self._damper.temperature_dependent else None

@@ -16,7 +16,7 @@ class InverseMethod(IntEnum):
 
     NONE = 0  # feedback only
     MODEL = 1  # inverse of the model, or of a bank of models
-    PREDICTIVE = 2  # moves of the command over the horizon in which it acts
+    PREDICTIVE = 2  # model-predictive: several command changes over a horizon
 
 
 class FeedbackKind(IntEnum):
@@ -51,7 +51,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gains:
-    """Factors of the parts of the force: 1 as identified, others for an aged or similar damper."""
+    """Factors on the parts of the force: 1 for the identified damper, else for an aged or similar one."""
 
     yield_force: float = 1.0  # [-] of the yield force
     viscous_force: float = 1.0  # [-] of the viscous force
@@ -77,16 +77,19 @@ class MotionFilter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceFilter:
-    """Filter that extrapolates a wanted force that is not known ahead."""
+    """Filter that extrapolates the wanted force if its future values are unknown."""
 
     gain_f: float  # [-] gain of the force
-    gain_rate: float  # [1/s] gain of its rate
-    gain_second_derivative: float  # [1/s2] gain of its second derivative
+    gain_rate: float  # [1/s] gain of the rate of the force
+    gain_second_derivative: float  # [1/s2] gain of the second derivative of the force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuation:
-    """Dead time, two lags and magnetic hysteresis between command and force."""
+    """Dead time, two lags and magnetic hysteresis between command and force.
+
+    The gap of a lag is the difference between its input and its output.
+    """
 
     dead_samples: int  # whole periods of the dead time
     dead_part: float  # [-] remaining fraction of a period of the dead time
@@ -117,9 +120,9 @@ class Inverse:
 
     method: InverseMethod  # source of the command
     bank: bool  # five models at constant currents at the present instant; the preview must be 0
-    preview: float  # [s] the force is set for this time later
+    preview: float  # [s] the command is chosen for the force at this time in the future
     compensation: float  # [-] fraction of the remaining gap of the lags that the command compensates
-    margin: float  # [A] reversal clamp: maximum above the static answer; negative: disabled
+    margin: float  # [A] reversal clamp: maximum of command minus steady-state command; negative: disabled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,13 +130,13 @@ class Prediction:
     """Horizon over which the law is stepped, and the moves of the command in it."""
 
     steps: int  # steps of the horizon behind the dead time
-    samples: int  # periods over which a prediction is spread; its command is given in the last
-    together: int  # periods of the dead time that are one step of the law
+    samples: int  # periods over which the computation of a prediction is spread, before it is applied
+    together: int  # periods of the dead time for each step of the law
     step: float  # [s] length of a step of the horizon
-    stretch: int  # factor of the length from the fourth step on
+    stretch: int  # factor on the step length from the fourth step on
     dead: float  # [s] time from now to the start of the horizon
-    fade: float  # [-] weight of the error of a step divided by the weight of the step before
-    calm: float  # [N/A] force error that is worth a move of the command by one ampere
+    fade: float  # [-] error weight of a step divided by the error weight of the previous step
+    calm: float  # [N/A] cost of a command change of one ampere, expressed as a force error
     rise: float  # [-] remaining fraction of the gap of the first lag after a step, command above the lag
     fall: float  # [-] the same, command below the lag
     second: float  # [-] remaining fraction of the gap of the second lag after a step
@@ -167,9 +170,9 @@ class Envelope:
 class Faults:
     """Limits beyond which a displacement or a velocity is a fault."""
 
-    displacement_limit: float  # [m] maximum size of a displacement
-    speed_limit: float  # [m/s] maximum size of a velocity
-    frozen_samples: int  # number of equal readings that are a fault
+    displacement_limit: float  # [m] maximum absolute displacement
+    speed_limit: float  # [m/s] maximum absolute velocity
+    frozen_samples: int  # this number of equal consecutive readings is a fault
     frozen_speed_min: float  # [m/s] minimum speed before equal readings are a fault
     coast_samples: int  # samples without displacement before the fall-back
     recovery_samples: int  # samples with displacement before the fall-back ends
@@ -197,10 +200,10 @@ class HeatBalance:
 
     heat_capacity: float  # [J/K] heat capacity; 0: a frozen thermometer is not detected
     loss_conductance: float  # [W/K] loss to the surroundings
-    loss_ratio_max: float  # [-] upper limit of the loss as a multiple of it
+    loss_ratio_max: float  # [-] upper limit of the loss as a multiple of ``loss_conductance``
     ambient: float  # [K] temperature of the surroundings
     coil_heat: float  # [W/A2] heat of the coil divided by the square of the applied current
-    frozen_rise_max: float  # [K] expected warming at a constant reading that is a fault
+    frozen_rise_max: float  # [K] a constant reading is a fault if the expected warming is larger
     extrapolate: bool  # a frozen temperature is extrapolated by the energy put in; otherwise only flagged
 
 

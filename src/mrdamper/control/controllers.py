@@ -3,13 +3,14 @@
 Each controller is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), which
 is the same for all controllers and for an export. Only the configuration (``config``) differs:
 
-- ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp.
+- ``recommended``: predicts motion and hysteresis to the preview time, solves the model exactly for the
+  command that gives the target at this time, and limits the command at reversals (reversal clamp).
   ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a disturbance observer for a
   measured force;
-- ``predictive``: moves of the command over the horizon in which it acts, on the card's own law. It is the
-  ``recommended`` controller of a chain card;
-- ``paper``: a bank of five models at constant currents, interpolated linearly, at the present instant;
-  ``paper-unaware`` uses 20 degC at all temperatures;
+- ``predictive``: model-predictive control with the card's own law: the command is optimised over the horizon
+  in which it acts. For cards with the law ``chain``, this is the ``recommended`` controller;
+- ``paper``: five models at constant currents, evaluated at the present instant; the command is interpolated
+  linearly between them. ``paper-unaware`` assumes 20 degC at all temperatures;
 - ``pi`` and ``clipped-on-off``: baselines with a force sensor.
 
 The rules in ``tuning`` choose every value that the card does not contain.
@@ -61,7 +62,7 @@ _HELD_S, _LONGEST_S = 10.0, 1800.0
 class Safety:
     """Limits beyond which a reading is a fault, and the reaction to it. SI and kelvin."""
 
-    stroke_times: Positive = 10.0  # maximum displacement and velocity as multiples of the data's
+    stroke_times: Positive = 10.0  # fault limits of displacement and velocity as multiples of the data range
     frozen_s: Positive = 0.02  # equal readings for this time are a fault
     coast_s: Positive = 0.12  # the motion is extrapolated for this time without displacement
     fall_back: NotNegative = 0.0  # command after that time [A or V]
@@ -71,7 +72,7 @@ class Safety:
     slew_K_s: Positive = 20.0  # maximum rate of the temperature estimate; no damper warms faster
     jump_K: Positive = 10.0  # maximum difference between reading and estimate
     smooth_s: Positive = 0.2  # time constant of the temperature estimate
-    # Time without a valid temperature; None: as long as the damper keeps its heat.
+    # Time for which the estimate is used without a valid reading; None: see ``thermometer``.
     hold_s: Positive | None = None
     nominal_K: float | None = None  # temperature after that time; None: the middle of the model's range
     # A reading that has jumped is accepted after this time, or after as long as the estimate was valid.
@@ -87,7 +88,7 @@ class Safety:
     def faults(
         self, axes: config.Axes, envelope: OperatingEnvelope | None, *, frozen_speed_min: float
     ) -> config.Faults:
-        """Return the kernel's part for displacement and velocity; ``frozen_speed_min`` in m/s."""
+        """Return the fault limits of displacement and velocity in the kernel; ``frozen_speed_min`` [m/s]."""
         displacement_limit, speed_limit = 1.0, 100.0
         if envelope is not None:
             displacement_limit = self.stroke_times * max(map(abs, envelope.displacement))
@@ -103,10 +104,11 @@ class Safety:
         )
 
     def thermometer(self, axes: config.Axes, heating: config.HeatBalance) -> config.Thermometer:
-        """Return the kernel's part for the temperature.
+        """Return the fault limits of the temperature for the kernel.
 
-        The temperature is extrapolated by the energy put in as long as the damper keeps its heat: capacity
-        divided by loss, at most half an hour. Without extrapolation it is held for 10 s.
+        Without a valid reading, the temperature is extrapolated from the supplied energy for one thermal time
+        constant (capacity divided by loss), at most half an hour. If extrapolation is disabled, the last
+        estimate is held for 10 s.
         """
         kept = heating.extrapolate and heating.heat_capacity > 0.0
         lasts = (
@@ -157,8 +159,8 @@ class ForceController(Stepper):
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
 
-        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N],
-        shape (n, 5); NaN for an unknown value.
+        ``inputs`` contains wanted force now and at the preview time [N], displacement [m], temperature [K]
+        and force [N], shape (n, 5); NaN for an unknown value.
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 5:
@@ -176,7 +178,7 @@ class ForceController(Stepper):
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> ForceController:
-        """Return the controller of an aged or similar damper whose parts of the force have these gains."""
+        """Return the controller for an aged or similar damper: the parts of the force times these gains."""
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
@@ -197,7 +199,7 @@ def names_for(law: str, *, has_lag: bool = True) -> tuple[str, ...]:
 
 
 def check_name(name: str, law: str) -> None:
-    """Raise ``InputError`` if a controller exists, but not for this law."""
+    """Raise ``InputError`` if a known controller is not available for this law."""
     if name in NAMES and name not in names_for(law):
         raise InputError(
             place="controller",
@@ -222,17 +224,17 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
 ) -> dict[str, ForceController]:
     """Return every controller of a card or damper, by name.
 
-    A controller that ignores temperature is made from a card for one temperature, or from pooled runs. Only
-    ``paper-unaware`` uses this card at 20 degC.
+    All controllers use the temperature dependence of the card, except ``paper-unaware``, which uses the card
+    at 20 degC. Another controller that ignores temperature needs a card that was fitted at one temperature,
+    or to pooled runs.
 
     Parameters
     ----------
     period_s : sampling period [s]
     largest : largest command [A or V]; None: from the actuation, otherwise from the envelope
     displacement_noise_m : noise of the displacement sensor, RMS [m]
-    displacement_period_s : period of the readings if a slow bus holds each for several controller periods
-    [s];
-        equal readings then count as frozen only after two and a half of these
+    displacement_period_s : period of the readings [s], if a slow bus holds each reading for several
+        controller periods; equal readings then count as frozen only after 2.5 of these periods
     jerk_density : jerk density of the motion that the filter expects [m/s^3 per root Hz]
     extra_delay_s : dead time of sensing, computing and driver in addition to the dead time of the card [s]
     preview_s : preview [s]; None: by rule
@@ -346,7 +348,7 @@ def check_period(place: str, period_s: float) -> None:
 
 
 def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
-    """Raise ``InputError`` if no command, or no single command, gives a wanted yield force."""
+    """Raise ``InputError`` if the command for a wanted yield force does not exist or is not unique."""
     yields = tables.yield_force_table
     if float(np.ptp(yields, axis=1).min()) <= 1e-9 * float(yields.max()):
         raise InputError(
@@ -434,7 +436,7 @@ def base_configuration(
     preview: float,
     heating: config.HeatBalance,
 ) -> Config:
-    """Return the configuration of the model for a period [s], the base of all controllers."""
+    """Return the configuration that the real-time model and all controllers share, for a period [s]."""
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.velocity_noise_variance)
     return Config(

@@ -47,7 +47,7 @@ _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceTrajectory:
-    """Prescribed motion and target of a scenario at the steps of a plant, shape (n,)."""
+    """Prescribed motion and target force of a scenario at the time steps of a plant, shape (n,)."""
 
     step_s: float
     time: FloatArray  # [s]
@@ -62,7 +62,7 @@ class ReferenceTrajectory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopRun:
-    """Result of a closed loop at the steps of the plant."""
+    """Result of a closed loop at the time steps of the plant."""
 
     controller: str
     scenario: Scenario
@@ -78,7 +78,7 @@ class LoopRun:
 
 
 def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajectory:
-    """Return motion and target of a scenario at the steps of a plant."""
+    """Return motion and target force of a scenario at the time steps of a plant."""
     count = round(scenario.duration_s / step_s)
     sampled = _sampled if count <= CACHED_SAMPLE_COUNT_MAX else _sampled.__wrapped__
     time, displacement, velocity = sampled(scenario.motion, count, step_s)
@@ -103,7 +103,7 @@ def _sampled(motion: str, count: int, step_s: float) -> tuple[FloatArray, FloatA
 
 
 def steps_per_sample(period_s: float, step_s: float) -> int:
-    """Return the plant's steps in one sample of a controller.
+    """Return the number of plant time steps in one sample of a controller.
 
     Raises
     ------
@@ -146,9 +146,9 @@ def run_loops(
 ) -> list[list[LoopRun]]:
     """Run each controller in each scenario, on copies of the plant in its present state.
 
-    The scenarios may differ only in seed, sensors and disturbance. Dampers in C are stepped in parallel, each
-    with the same bits as alone. ``course`` is the motion and target at the steps of the plant, if already
-    known.
+    The scenarios may differ only in seed, sensors and disturbance. Dampers in C are stepped in parallel, with
+    the same bits as in single runs. ``course`` is the motion and target at the time steps of the plant; None:
+    computed from the scenario.
 
     Raises
     ------
@@ -194,7 +194,7 @@ class _Loop:
 
     @property
     def tracker(self) -> Tracker | None:
-        """Return the controller in C, or None."""
+        """Return the controller in C; None if its step is in Python."""
         return self.controller.compiled if isinstance(self.controller, CompiledController) else None
 
     def run(self, course: ReferenceTrajectory) -> LoopRun:
@@ -261,8 +261,8 @@ def _settings(controller: Controller, scenario: Scenario, every: int, step_s: fl
 def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> None:
     """Compute force and commands of loops on one motion: in parallel in C if possible, otherwise in Python.
 
-    User-defined controllers and dampers run in Python. So do loops that C rejects, because Python raises the
-    message.
+    User-defined controllers and dampers run in Python. Loops that C rejects are repeated in Python, which
+    raises the error with its message.
     """
     abreast: dict[tuple[int, int], list[_Loop]] = {}
     for loop in loops:
@@ -279,7 +279,7 @@ def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajecto
 
 
 def _loops_in_c(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> bool:
-    """Run loops with equal motion and timing in C. Return False if C rejects one."""
+    """Run loops with equal motion and timing in C. Return False if C rejects a loop."""
     members = tuple(
         (
             loop.tracker,
@@ -342,7 +342,7 @@ def _driver_current(current: float, settings: LoopSettings) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sensed:
-    """Readings at the samples, shape (n,). The force is not known ahead; its noise is."""
+    """Sensor readings at the samples, shape (n,). Of the force, only the noise is known before the run."""
 
     displacement: FloatArray  # [m]
     temperature: FloatArray  # [K]
@@ -356,7 +356,7 @@ class _Sensed:
 
 
 class _ForceSensor:
-    """Force sensor. It stores its last reading for the time when it freezes."""
+    """Force sensor. A frozen sensor repeats its last reading, which is stored here."""
 
     __slots__ = ("_frozen", "_last", "_noise", "_step")
 

@@ -31,9 +31,9 @@ SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The wanted force [N] at this sample, and at ``preview_s`` of the controller later.
+    """The wanted force [N] at this sample, and at the time ``preview_s`` of the controller after it.
 
-    If the target is not known ahead, the controller extrapolates and ``ahead`` is None.
+    If the future target is unknown, ``ahead`` is None and the controller extrapolates.
     """
 
     now: float
@@ -84,7 +84,7 @@ class Controller(Protocol):
 
 
 class Plant(Protocol):
-    """A damper that advances in blocks of its own, finer time step."""
+    """A simulated damper with its own time step, which is shorter than the sample of the controller."""
 
     @property
     def step_s(self) -> float: ...
@@ -96,7 +96,7 @@ class Plant(Protocol):
         current: float | FloatArray,
         temperature_degC: float,
     ) -> FloatArray:
-        """Advance by one step per sample; return the forces [N]. The current is constant or per sample."""
+        """Advance one time step per array element; return the forces [N]. The current may be constant."""
         ...
 
     def copy(self) -> Plant:
@@ -117,8 +117,8 @@ class LoopSettings(NamedTuple):
     """Settings of a closed loop in C."""
 
     every: int  # plant steps per sample
-    late: int  # delay of a command in whole samples ...
-    apart: int  # ... plus plant steps
+    late: int  # delay of a command: number of whole samples
+    apart: int  # delay of a command: number of additional plant steps
     reads_force: bool
     force_gain: float
     force_offset_N: float

@@ -1,7 +1,7 @@
 """Real-time model of the damper: displacement, current and temperature in, force out.
 
-It has the tables, the configuration and the C code of the controllers (``core/kernel/track_model.h``). Use it
-for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use it for fitting:
+The model has the same tables, configuration and C code as the controllers (``core/kernel/track_model.h``).
+Use it for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use it for fitting:
 ``models.simulate`` integrates the law itself.
 
 The current of a row is held during the period that ends with it. If the velocity is given, the model uses
@@ -100,8 +100,9 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     displacement_noise_m, jerk_density : parameters of the motion filter [m], [m/s^3 per root Hz]
     safety : limits of valid readings; None: the default
     heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
-    extrapolate_temperature : True: a frozen temperature is extrapolated by the energy put in, as in a
-    controller. False: it is flagged and used, because a simulation may have a constant temperature
+    extrapolate_temperature : True: a frozen temperature is extrapolated from the supplied energy, as in a
+        controller. False: a frozen temperature is flagged and used, because a simulation may have a constant
+        temperature
     speed_m_s : speed up to which the tables reach [m/s]
     single : True for single precision
 

@@ -40,7 +40,7 @@ class Target(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SineTarget:
-    """F* = offset + amplitude cos(2 pi f t + phase), in phase with the velocity of such a sine."""
+    """F* = offset + amplitude cos(2 pi f t + phase); phase 0: like the velocity of A sin(2 pi f t)."""
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
@@ -59,7 +59,7 @@ class SineTarget:
 
 @dataclass(frozen=True, slots=True)
 class VelocityTarget:
-    """F* = offset + amplitude tanh[v / v0 (1 + modulation sin(2 pi f t + phase))], v the velocity."""
+    """F* = offset + amplitude tanh[v / v0 (1 + modulation sin(2 pi f t + phase))], with the velocity v."""
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     velocity_m_s: Annotated[float, Option(unit="m/s", above=0.0)]
@@ -106,7 +106,7 @@ class Dropout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensing:
-    """Sensor properties: white noise (standard deviation), converter steps (0: none), offset, losses."""
+    """Sensor properties: white noise (standard deviation), resolution (0: exact), offsets, lost readings."""
 
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
     displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
@@ -128,7 +128,7 @@ class Sensing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """Deviations of damper and driver that the controller has no information about."""
+    """Deviations of damper and current driver from the model; the controller does not measure them."""
 
     force_gain: Annotated[float, Option(least=0.0)] = 1.0
     """Factor of the damper's force."""
@@ -175,7 +175,7 @@ class _Conditions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ScenarioTable(_Conditions):
-    """A scenario file: conditions, and the tables of which a name selects the type."""
+    """The content of a scenario file: conditions, the scenario with defaults, and the table of the target."""
 
     like: str | None = None
     target: Mapping[str, Any] | None = None
@@ -204,7 +204,7 @@ class Scenario(_Conditions):
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "scenario") -> Scenario:
-        """Return the scenario of a TOML document. ``like`` names a scenario with default values."""
+        """Return the scenario of a TOML document. Its key ``like`` names the scenario with the defaults."""
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:

@@ -21,7 +21,7 @@ from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
 
-# Margin of a feasible target inside the range, and its maximum as a fraction of the target.
+# Distance of a feasible target from the ends of the range, limited to a fraction of the largest target.
 MARGIN_N = 20.0
 MARGIN_RATIO_MAX = 0.025
 
@@ -34,7 +34,10 @@ class AttainableRange:
     high: FloatArray  # [N]
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
-        """Return True where the target [N] is inside by the margin; None: 20 N or 2.5 % of the target."""
+        """Return True for samples whose target [N] is inside the range by at least a margin.
+
+        The default margin is 20 N, or 2.5 % of the largest absolute target if this is smaller.
+        """
         if margin_N is None:
             margin_N = min(MARGIN_N, MARGIN_RATIO_MAX * float(np.abs(target).max()))
         return (target >= self.low + margin_N) & (target <= self.high - margin_N)
@@ -46,7 +49,7 @@ class AttainableRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Tracking error and effort; None if no sample is feasible, or the value is unknown."""
+    """Tracking errors, coil power and current changes; None if no sample is feasible or data are missing."""
 
     max_N: float
     rmse_N: float
@@ -64,7 +67,7 @@ class Score:
 def attainable_range(
     plant: Plant, course: ReferenceTrajectory, temperature_degC: float, highest_A: float
 ) -> AttainableRange:
-    """Return the attainable range of a plant along a course, from its present state."""
+    """Return the attainable force range of a plant along a motion, from the present state of the plant."""
     ends = [
         plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
         for current in (0.0, highest_A)
@@ -133,7 +136,7 @@ def _percent(value: float | None, of: float) -> float | None:
 
 
 def combine_worst(scores: Sequence[Score]) -> Score:
-    """Return the worst value of each score: the maximum, but the minimum of the feasible fraction."""
+    """Return the worst value of each score over several runs: minimum of fractions, else maximum."""
     if not scores:
         raise InputError(place="scores", found="there are no scores")
     found: dict[str, float | None] = {}

@@ -51,7 +51,8 @@ def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> t
 def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) -> list[Scenario]:
     """Return the targets for a damper with currents up to ``highest_A``, at 20 degC.
 
-    ``motions`` : one for each target in the format of ``motion_from_text``; empty: motions of the rig
+    ``motions`` contains a motion for each target in the format of ``motion_from_text``; if it is empty, the
+    motions of the virtual rig are used.
     """
     found = []
     for name, share, motion in zip_longest(SHARES, SHARES.values(), motions[: len(SHARES)]):
@@ -86,13 +87,13 @@ def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
 def _ends(
     plant: Plant, scenario: Scenario, current: float, temperature_degC: float = SIZING_TEMPERATURE_DEGC
 ) -> tuple[float, float]:
-    """Return the lower and the upper end of the force [N] at a constant current."""
+    """Return the minimum and maximum force [N] at a constant current, without short peaks."""
     course = reference_trajectory(scenario, plant.step_s)
     force = plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
     return ends_of(force[course.scored_from :])
 
 
 def ends_of(force: FloatArray) -> tuple[float, float]:
-    """Return the lower and the upper end [N] of a force without short peaks."""
+    """Return the minimum and maximum of a force [N] without short peaks (2.5 and 97.5 % percentiles)."""
     low, high = np.percentile(force, _PERCENTILES)
     return float(low), float(high)

@@ -22,22 +22,22 @@ class Flag(IntFlag):
 
     NO_DISPLACEMENT = 1  # not a number, or far outside
     FROZEN = 2  # the displacement is constant although the damper moved
-    MOTION_UNKNOWN = 4  # missing for too long: the fall-back command is used
-    NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last valid one is used
-    TEMPERATURE_JUMP = 16  # faster than a damper can warm: the last valid one is used
-    NOMINAL_TEMPERATURE = 32  # invalid for too long: the nominal one is used
-    NO_TARGET = 64  # not a number: zero is used
+    MOTION_UNKNOWN = 4  # the displacement is missing for too long: the fall-back command is used
+    NO_TEMPERATURE = 8  # the temperature is NaN or beyond its limits: the last valid one is used
+    TEMPERATURE_JUMP = 16  # the temperature changes too fast for a damper: the last valid one is used
+    NOMINAL_TEMPERATURE = 32  # the temperature is invalid for too long: the nominal one is used
+    NO_TARGET = 64  # the target is NaN: zero is used
     NO_FORCE = 128  # no reading although the controller feeds force back
-    OUTSIDE_MOTION = 256  # outside the displacement or velocity of the data
-    OUTSIDE_TEMPERATURE = 512  # outside the temperatures of the model: its edge is used
+    OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
+    OUTSIDE_TEMPERATURE = 512  # outside the temperature range of the model: the end of the range is used
     INFEASIBLE = 1024  # no current gives the wanted force
     CLAMPED = 2048  # the reversal clamp limits the command
-    SATURATED = 4096  # the command is at one of its ends, or the current of a model beyond them
+    SATURATED = 4096  # the command is at its minimum or maximum, or the current of a model is beyond them
     NO_CURRENT = (
         8192  # current of a model: not a number, or far outside; the last valid one is used, then zero
     )
-    FROZEN_TEMPERATURE = 16384  # constant although the damper warms: extrapolated by the energy put in
-    NO_VELOCITY = 32768  # velocity of a model: beyond its limit; estimated from the displacement
+    FROZEN_TEMPERATURE = 16384  # constant although the damper warms: extrapolated from the supplied energy
+    NO_VELOCITY = 32768  # the velocity for a model is beyond its limit: estimated from the displacement
     INTERNAL_FAULT = 65536  # the state was not finite and was reset
 
 

@@ -1,10 +1,10 @@
-"""Values of a controller by rule, from the card's actuation, the sampling and the noise of the sensor.
+"""Controller parameters by rule, from the card's actuation, the sampling period and the sensor noise.
 
 No value is tuned to one damper. The rules:
 
-*Motion filter.* Position, velocity and acceleration from displacement alone: the steady Kalman filter of a
-motion with a white jerk. A density of 1 m/s^3 per root Hz gives 0.9 mm/s noise for a sensor of 10 um at 1
-kHz.
+*Motion filter.* The steady-state Kalman filter of a motion with white-noise jerk estimates position, velocity
+and acceleration from displacement alone. A jerk density of 1 m/s^3 per root Hz gives a velocity noise of
+0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 
 *Preview.* The time until a step of the command has changed the force by the fraction ``PREVIEW_RATIO``, plus
 half a sampling period, which is the mean delay of a held command.
@@ -12,7 +12,8 @@ half a sampling period, which is the mean delay of a held command.
 *Lag compensation.* The command compensates ``COMPENSATION_RATIO`` of the gap that the lags have left at the
 preview. Full inversion gains little and moves the command twice as much.
 
-*Reversal clamp.* The command stays below the static answer plus ``CLAMP_RATIO`` of the largest command.
+*Reversal clamp.* The command stays below the steady-state command for the wanted force plus ``CLAMP_RATIO``
+of the largest command.
 
 *Prediction.* The motion is assumed to be harmonic, so the filter expects ``HARMONIC_JERK_RATIO`` of the
 density. The horizon begins behind the dead time. It has ``HORIZON_STEPS`` steps and lasts until
@@ -93,10 +94,10 @@ def actuation_of(damper: Damper) -> Actuation:
 
 
 def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 0.0) -> config.Actuation:
-    """Return the actuation for a sampling period [s], and from the end of the dead time to a preview [s].
+    """Return the discrete-time actuation for a sampling period [s], and for the time up to a preview [s].
 
-    The ``couple`` is the effect of the gap of the first lag on the second. With it, a held command is
-    followed exactly.
+    ``rise_couple`` and ``fall_couple`` are the effect of the gap of the first lag on the second lag. With
+    this effect, the response to a command that is constant during each period is exact.
     """
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
     (rise, fall), second = (actuation.rise_s, actuation.fall_s), actuation.second_s
@@ -261,7 +262,7 @@ def horizon_end(prediction: config.Prediction) -> float:
 
 
 def _parts(steps: int, stretch: int) -> int:
-    """Return the number of shortest steps in a horizon. Steps from the fourth on are stretched."""
+    """Return the length of a horizon in shortest steps. Steps from the fourth on are stretched."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
 
 

@@ -3,7 +3,7 @@
 Only predicted or tested values have a verdict. A value that was set, calibrated with the paper, or built
 into the virtual rig proves nothing. The verdict compares two values. It is ``within`` the stated tolerance,
 ``better``, ``worse``, or ``contradicts``. Contradictions of the paper with itself or with
-physics are computed, too. The module ``claim_table`` has the claims.
+physics are also computed. The module ``claim_table`` has the claims.
 """
 
 from __future__ import annotations

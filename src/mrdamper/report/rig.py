@@ -162,7 +162,7 @@ def _write(path: Path, label: str, header: str, form: str, columns: Iterable[Flo
 
 
 def _channel_map(damper: VirtualDamper) -> str:
-    """Return a channel map. It is needed for the session because the headers name quantities and units."""
+    """Return the channel map, which assigns all runs to one session; the headers name the quantities."""
     columns = (
         ("time", "s"),
         ("displacement", "m"),

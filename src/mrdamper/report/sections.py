@@ -129,7 +129,7 @@ Section = Table[Any] | Picture
 
 
 def table_of(rows: Sequence[Mapping[str, object]], title: str = "Table") -> list[Table[Mapping[str, object]]]:
-    """Return a table of evenly spaced rows of a result, with the first columns only."""
+    """Return a table with the first columns of a result and, of many rows, evenly spaced ones."""
     if not rows:
         return []
     names = list(dict.fromkeys(name for row in rows for name in row))[:COLUMN_COUNT_MAX]

@@ -217,7 +217,7 @@ def _trace(each: Traced) -> Json:
 
 
 def _show(run: TrackResult, console: Console) -> None:
-    """Print the best controller, the errors at the worst temperature by target, and notes."""
+    """Print the best controller, the errors for each target at its worst temperature, and notes."""
     console.print(escape(sentence(_verdict({target: _best(run, target) for target in run.targets}))))
     temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
     for target in run.targets:

@@ -1,4 +1,4 @@
-"""Locks on files and folders: they end with their process, however that ends, and are never left behind."""
+"""Locks on files and folders. The operating system releases them when the process ends for any reason."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ except ImportError:  # everywhere else
 def lock(handle: int) -> bool | None:
     """Take the lock of an open file or folder for this process.
 
-    Return True if this process has it now; None if system or disk do not support locks.
+    Return True if this process has the lock now, False if another process has the lock, and None if the
+    operating system or the disk does not support locks.
     """
     try:
         if fcntl is not None:
@@ -30,6 +31,6 @@ def lock(handle: int) -> bool | None:
             return None
     except BlockingIOError:
         return False
-    except OSError:  # a disk without locks; of msvcrt: another process has it
+    except OSError:  # fcntl: the disk does not support locks. msvcrt: another process has the lock.
         return None if fcntl is not None else False
     return True

@@ -1,11 +1,13 @@
 """Output files of a job: all of them or none.
 
-They are written into a hidden folder next to their path (``.mrdamper-...``) and moved there when the job is
-done. A job that fails, is interrupted or killed leaves what was there before.
+A job writes the files into a hidden folder next to their final path (``.mrdamper-...``). When the job is
+complete, the files are moved to the final path. If the job fails, is interrupted or killed, the existing
+files remain unchanged.
 
-A place that is not there yet comes into being in one step. Into a folder that is there, files are moved one
-by one after the hidden folder has been marked as whole: when that is cut short, the next job there moves the
-rest (``recover_staging``). What a job left that was killed earlier is removed: its lock is gone.
+A new folder is created in one step, by renaming. If the folder exists, the hidden folder is marked as
+complete, and the files are moved one by one. If a job is killed during this time, the next job in the same
+folder moves the remaining files (``recover_staging``). Incomplete files of killed jobs are removed; they are
+recognised because nothing holds their lock.
 """
 
 from __future__ import annotations
@@ -32,22 +34,24 @@ _FILES, _WHOLE, _TO = (
 )  # subfolder of unfinished files, mark of completeness, final path
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
-_FLUSHING = 8  # files at once
+_FLUSHING = 8  # number of files that are flushed in parallel
 _WRITTEN: list[Path] = []
 
 
 @contextmanager
 def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
-    """Give a folder to write into; on success its files are moved into ``out``, else it vanishes.
+    """Provide a temporary folder for a block; if the block succeeds, move the files into ``out``.
+
+    If the block fails, the temporary folder is removed.
 
     Parameters
     ----------
-    inputs : files that the job reads: none of them is replaced
+    inputs : files that the job reads, which must not be replaced
 
     Raises
     ------
     InputError
-        ``out`` is a file, or cannot be written to; the disk is full; a file would replace an input.
+        If ``out`` is a file or not writable, the disk is full, or a file would replace an input.
     """
     place = out.absolute()
     try:
@@ -76,7 +80,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         try:
             yield beside
         except (OSError, InputError) as fault:
-            # the error can already have a message
+            # The error can already be an InputError with a message.
             cause = fault if isinstance(fault, OSError) else fault.__cause__
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
@@ -88,28 +92,28 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
             _settle(hidden, place)
         except OSError as fault:
             raise _cannot(out, standing, fault, hidden) from fault
-        except BaseException:  # an interrupt ends the job, and leaves no mixed set
+        except BaseException:  # An interrupt while files are moved: move the others before the job ends.
             if (hidden / _WHOLE).exists():
                 _move(hidden / _WHOLE, place)
             raise
     finally:
-        if not (hidden / _WHOLE).exists():  # else it is for the next job to bring to its end
+        if not (hidden / _WHOLE).exists():  # If it exists, the next job moves the remaining files.
             shutil.rmtree(hidden, ignore_errors=True)
         os.close(handle)
 
 
 def output_folders() -> Sequence[Path]:
-    """Return the folders that this program has written to, as far as a job's files are whole there."""
+    """Return the folders into which this program has written the complete files of a job."""
     return tuple(_WRITTEN)
 
 
 def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Refuse to write to a file that is read, by whatever name or link.
+    """Raise an error if an output file is also an input file, under any name or link.
 
     Raises
     ------
     InputError
-        One of ``targets`` is one of ``inputs``.
+        If one of ``targets`` is the same file as one of ``inputs``.
     """
     read = {_identity(each): each for each in inputs}
     for target in targets:
@@ -138,7 +142,7 @@ def recover_staging(folder: Path) -> None:
         with suppress(OSError):
             handle = os.open(hidden, os.O_RDONLY)
             try:
-                if hidden.is_dir() and lock(handle):  # else a job is at work in it
+                if hidden.is_dir() and lock(handle):  # A locked folder belongs to a running job.
                     if (hidden / _WHOLE).is_dir():
                         _move(hidden / _WHOLE, folder / (hidden / _TO).read_text(encoding="utf-8"))
                     shutil.rmtree(hidden)
@@ -158,12 +162,12 @@ def no_room(fault: OSError) -> str:
 
 
 def _hidden_in(folder: Path) -> tuple[Path, int]:
-    """Return a new hidden folder, and the handle on it that holds its lock."""
+    """Return a new hidden folder, and the open handle that holds the lock of the folder."""
     while True:
         hidden = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=folder))
         try:
             handle = os.open(hidden, os.O_RDONLY)
-        except FileNotFoundError:  # another job took it for one that was left
+        except FileNotFoundError:  # Another job has removed the folder before it was locked.
             continue
         if lock(handle) is not False and hidden.is_dir():
             return hidden, handle
@@ -192,7 +196,7 @@ def _settle(hidden: Path, place: Path) -> None:
         try:
             files.rename(place)
         except OSError:
-            if not place.exists():  # else another job made it in the meantime
+            if not place.exists():  # If it exists, another job has created it in the meantime.
                 raise
         else:
             _WRITTEN.append(place)
@@ -204,7 +208,7 @@ def _settle(hidden: Path, place: Path) -> None:
         if target.parent.is_dir() and not os.access(target.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     whole = files.rename(hidden / _WHOLE)
-    _WRITTEN.append(place)  # whatever comes now, the files will be there
+    _WRITTEN.append(place)  # From here on the files are complete, even if moving them is interrupted.
     _move(whole, place)
 
 
@@ -220,7 +224,7 @@ def _move(whole: Path, place: Path) -> None:
 
 
 def _is_ours(fault: OSError, hidden: Path) -> bool:
-    """Whether a fault is about the files of a job; one about no file at all is a file's that is written."""
+    """Return True if an error belongs to a file of the job, or has no file name, as errors of writing do."""
     return fault.filename is None or Path(os.fsdecode(fault.filename)).is_relative_to(hidden)
 
 
@@ -260,7 +264,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_table(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
-    """Write rows as CSV, the keys of the first as header; None is an empty cell."""
+    """Write rows as CSV. The keys of the first row are the header. None is an empty cell."""
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
         writer.writeheader()

@@ -5,8 +5,8 @@
 [1, 2, 3]
 
 Processes are forks of this one: they share its memory, so that work may be a closure and nothing is sent to
-them. Only results come back, pickled. Changes of memory in a fork are lost. Work that spends its time where
-the interpreter's lock is free (the C kernel, linear algebra) may run in ``threads``, which start at once.
+them. Only results come back, pickled. Changes of memory in a fork are lost. Work that mostly runs without
+the interpreter's lock (C kernel, linear algebra) may run in ``threads``, which start faster than processes.
 Systems other than Linux cannot fork safely and use threads for everything.
 
 Results do not depend on the number of jobs if work on an item depends on that item alone. Work inside work
@@ -73,12 +73,13 @@ class Pool:
     def map(
         self, work: Callable[[Item], Found], items: Sequence[Item], *, threads: bool = False
     ) -> Generator[Found, None, None]:
-        """Yield ``work(item)`` for each item, in order. Closing the generator ends all work.
+        """Generate ``work(item)`` for each item, in order. Closing the generator ends all work.
 
         Parameters
         ----------
         work : any function, closures included; the result of a fork must be possible to pickle
-        threads : the work releases the interpreter's lock, and shares nothing that it changes
+        threads : True: use threads. ``work`` must release the interpreter's lock, and must not change
+            shared objects
 
         Raises
         ------

@@ -1,7 +1,7 @@
-"""How far a job is: one type for all jobs, given to the caller's ``on_progress``.
+"""Progress of a job: one type for all jobs, which each job passes to the callback ``on_progress``.
 
-A job reports as often as it likes; who shows or stores progress decides how often that is. A callback that
-raises ends the job.
+A job may report progress at any rate. The callback limits the rate at which progress is shown or stored. If
+the callback raises an exception, the job ends.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class ProgressUpdate:
     Attributes
     ----------
     done : finished units of work (runs, tasks, iterations, rows), at least 0
-    total : units of work in all, at least ``done``; None while that is not known
+    total : total number of units of work, at least ``done``; None while the number is unknown
     text : name of the unit that was finished last, or a short sentence; may be empty
     detail : additional state with a type of the job, such as the state of a search; usually None
     """
@@ -29,7 +29,7 @@ class ProgressUpdate:
 
     @property
     def fraction(self) -> float | None:
-        """Finished share of the work, 0 to 1; None while the total is not known."""
+        """Finished fraction of the work, 0 to 1; None while the total is unknown."""
         if self.total is None:
             return None
         return min(self.done / self.total, 1.0) if self.total > 0 else 1.0

@@ -4,8 +4,8 @@ SIGTERM comes from a cluster's scheduler, ``timeout`` or a stopped service, SIGH
 signal that was disabled when the program started stays disabled (``nohup``). Programs that use this package
 as a library keep their own handling.
 
-A fit that is interrupted returns the best result so far. That is right for the fit of a card, and wrong for
-the fits that only judge it, because their results would be compared with complete ones.
+A fit that is interrupted returns the best result so far. This is useful for the fit of a card, but not for
+fits that only assess the card, because their results would be compared with the results of complete fits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in s
 
 
 class Interrupted(BaseException):
-    """An interrupt where no partial result may be kept; no fit catches it."""
+    """An interrupt after which no partial result is kept. Fits do not catch this exception."""
 
 
 def heed_interrupts() -> None:

@@ -2,12 +2,13 @@
 
 The map has the axes ambient temperature, air speed and duration. One reduced model serves the whole map: its
 basis contains the responses at the corners of the map. Only heat-transfer coefficients and ambient differ
-between cells. Each cell simulates some fractions of the requested quantity and interpolates the hottest
-points monotonically. The result is the fraction at which the first part reaches its limit.
+between cells. For each cell, some fractions of the requested quantity are simulated, and the temperatures of
+the hottest points are interpolated monotonically. The result is the fraction at which the first part reaches
+its limit.
 
-The interval follows from the uncertainty of geometry and card (``ModelUncertainty``), which gives factors of
-the temperature rise for every air speed and duration. With these factors the limit is reached at other
-fractions.
+The 90 % interval follows from the uncertainty of geometry and card (``ModelUncertainty``). For every air
+speed and duration, the temperature rise is multiplied by the factors for the two ends of its interval. With
+each factor, the limit is reached at another fraction.
 """
 
 from __future__ import annotations
@@ -40,13 +41,13 @@ Quantity = Literal["current", "stroke", "duty"]
 
 FRACTIONS = np.linspace(0.0, 1.0, 5)
 JOINT_ORDER = 24  # Unknowns of the reduced model of the map.
-STEADY_TIME_S = 4.0 * 3600.0  # Time to the steady state for the interval.
+STEADY_TIME_S = 4.0 * 3600.0  # The interval of the steady state is the interval after this time.
 _LONGEST_STEP_S, _FIRST_STEP_S = 120.0, 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The axes of a map with rising values."""
+    """The axes of a derating map, each with rising values."""
 
     ambient: FloatArray  # [K], shape (a,)
     air: FloatArray  # [m/s], shape (w,)
@@ -63,7 +64,7 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Derating:
-    """The largest fraction of a quantity, each shape (d, w, a). NaN: even zero exceeds a limit."""
+    """The largest permissible fraction of a quantity, shape (d, w, a). NaN: even zero exceeds a limit."""
 
     quantity: Quantity
     conditions: Conditions
@@ -77,7 +78,9 @@ class Derating:
 def derate_damper(
     damper: Damper, drawing: DamperDrawing, duty: Duty, conditions: Conditions, quantity: Quantity
 ) -> Derating:
-    """Return the permissible fraction of a load cycle. Several segments are replaced by their mean.
+    """Return the permissible fraction of the current, the stroke or the duty cycle of a load cycle.
+
+    Several segments are replaced by one segment with their mean power.
 
     Raises
     ------
@@ -113,7 +116,7 @@ def derate_damper(
 
 
 def _mean_load(damper: Damper, drawing: DamperDrawing, duty: Duty, quantity: Quantity, share: float) -> Load:
-    """Return the mean load with a fraction of the quantity."""
+    """Return the mean load of a load cycle whose quantity is reduced to the fraction ``share``."""
     motion = share if quantity == "stroke" else 1.0
     command = share if quantity == "current" else 1.0
     segments = tuple(_scaled(each, motion, command) for each in duty.segments)
@@ -178,7 +181,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the factors of the rise at both ends of its 90 % interval, shape (d, 2)."""
+    """Return the factors on the temperature rise for the ends of its 90 % interval, shape (d, 2)."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, STEADY_TIME_S)
@@ -189,12 +192,12 @@ def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Co
 def _largest(
     rise: FloatArray, limits: Sequence[Limit], ambient: float, factors: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return the largest fraction, its low and high end, and the limit that is reached first.
+    """Return the largest permissible fraction, the ends of its interval, and the index of the first limit.
 
     Parameters
     ----------
     rise : rise of the hottest points at all fractions [K], shape (k, limits)
-    factors : factors of the rise of a cool and of a hot damper
+    factors : factors on the rise for the low and the high end of its interval
     """
     known = np.isfinite(rise).all(axis=1)
     shares = FRACTIONS[known]

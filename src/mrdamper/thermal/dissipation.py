@@ -1,9 +1,9 @@
-"""Mechanical power of a damper as a function of temperature, from the loop of the card.
+"""Mechanical power of a damper as a function of temperature, from loops simulated with the card.
 
-Loops are simulated at some temperatures and their work is averaged over whole cycles. Between these
-temperatures, power and peak force are interpolated monotonically (Fritsch and Carlson). The thermal model
-then needs no simulation. Averaging is valid because the fluid temperature changes by less than 0.1 K in a
-cycle.
+Force-displacement loops are simulated at some temperatures and their work is averaged over whole cycles.
+Between these temperatures, power and peak force are interpolated monotonically (Fritsch and Carlson). The
+thermal model then needs no simulation of the damper. Averaging is valid because the fluid temperature changes
+by less than 0.1 K in a cycle.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.duty import Segment
 
-TEMPERATURE_SPAN_K = (273.15, 423.15)  # Loops are simulated in this range or in that of the card.
+TEMPERATURE_SPAN_K = (273.15, 423.15)  # Loops are simulated in the part of this range that the card covers.
 TEMPERATURE_COUNT = 11
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopWork:
-    """Mean power and peak force of a motion at one command against temperature; constant beyond the ends."""
+    """Mean power and peak force of a motion at one command versus temperature; constant beyond the ends."""
 
     temperature: FloatArray  # [K], shape (k,), rising
     power: FloatArray  # mean mechanical power [W], shape (k,)
@@ -43,11 +43,11 @@ class LoopWork:
         return len(self.temperature) == 1
 
     def power_at(self, temperature_K: ArrayLike) -> FloatArray:
-        """Return the mean power [W] at temperatures [K], in their shape."""
+        """Return the mean power [W] at temperatures [K] of any shape; the result has the same shape."""
         return self._interpolate(self.power, temperature_K)
 
     def peak_at(self, temperature_K: ArrayLike) -> FloatArray:
-        """Return the peak force [N] at temperatures [K], in their shape."""
+        """Return the peak force [N] at temperatures [K] of any shape; the result has the same shape."""
         return self._interpolate(self.peak, temperature_K)
 
     def _interpolate(self, values: FloatArray, temperature_K: ArrayLike) -> FloatArray:
@@ -59,7 +59,7 @@ class LoopWork:
 
 
 def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray | None = None) -> LoopWork:
-    """Return the work of a damper in a segment of a load cycle.
+    """Return mean power and peak force versus temperature of a damper in a segment of a load cycle.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ class Piston:
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """The rod; with ``through`` it leaves the body at both ends."""
+    """The rod. If ``through`` is True, the rod leaves the body at both ends."""
 
     diameter: Annotated[float, length_option("diameter_mm")]
     """Diameter of the rod."""
@@ -175,7 +175,7 @@ Multiplier = Annotated[float, Option("Factor of the value in the geometry file."
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Multipliers of the heat capacity (except the fins') and of the bare body's convection."""
+    """Multipliers of the heat capacity without fins, and of the convection of the bare body."""
 
     heat_capacity: Multiplier = 1.0
     film: Multiplier = 1.0
@@ -238,7 +238,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return the heat capacity of a part divided by its mean, against temperature; None: constant."""
+        """Return a part's heat capacity divided by its mean, versus temperature; None: constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -266,7 +266,7 @@ class DamperDrawing:
 
     @property
     def fluid_heat(self) -> FluidHeat:
-        """Return the effective conduction of the fluid, from the stroke unless the filling states it."""
+        """Return the effective conductivities of the fluid: from the filling, otherwise from the stroke."""
         body, piston, rod, filling = self.body, self.piston, self.rod, self.filling
         channel = Channel(
             gap=self.gap,
@@ -395,7 +395,7 @@ def _check_inside(drawing: DamperDrawing) -> None:
 
 
 def _check_limits(drawing: DamperDrawing) -> None:
-    """Refuse limits that the damper has reached before anything heats it."""
+    """Raise InputError if a temperature limit is at or below the ambient temperature."""
     ambient, coil, seals = drawing.surroundings.ambient, drawing.coil, drawing.seals
     held = {
         "fluid": drawing.filling.valid_K[1],

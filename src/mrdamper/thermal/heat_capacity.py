@@ -39,7 +39,7 @@ class CapacityCurve:
         return float(polynomial.polyval(x, self.coefficients))
 
     def integral(self, kelvin: FloatArray) -> FloatArray:
-        """Return the integral from the low end to temperatures [K], in their shape."""
+        """Return the integral from the low end to temperatures [K] of any shape, with the same shape."""
         x, width = np.asarray(kelvin, dtype=np.float64) - self.low, self.high - self.low
         inside = polynomial.polyval(np.clip(x, 0.0, width), polynomial.polyint(self.coefficients))
         below, above = (

@@ -29,7 +29,7 @@ def length_option(key: str, default_help: str = "") -> Option:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manufacture:
-    """Manufacturing limits of a sink, and narrowing of its gaps in use; lengths in metres."""
+    """Manufacturing limits of a heat sink, and fouling that narrows its fin gaps; lengths in metres."""
 
     least_thickness: Annotated[float, length_option("least_thickness_mm")] = 1e-3
     """Smallest thickness of a fin."""
@@ -45,7 +45,7 @@ class Manufacture:
 
     @property
     def closing(self) -> float:
-        """Return the narrowing of a gap by tolerance and dirt [m]."""
+        """Return the reduction of a gap by tolerance and fouling [m]."""
         return self.tolerance + 2.0 * self.fouling
 
 

@@ -55,7 +55,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class FluidHeat:
-    """Effective conductivities of gap and chambers [W/(m K)], and exchange of the gap with each [W/K]."""
+    """Effective conductivities of gap and chambers [W/(m K)]; exchange of gap and each chamber [W/K]."""
 
     gap: float
     chamber: float
@@ -63,7 +63,7 @@ class FluidHeat:
 
 
 def conduct_fluid(channel: Channel, stroke: Stroke) -> FluidHeat:
-    """Return the effective conduction of the fluid for a stroke."""
+    """Return the effective conductivities and the heat exchange of the moving fluid for a stroke."""
     k, heat = channel.conductivity, channel.volumetric_heat
     swept = 2.0 * stroke.amplitude * channel.piston_area  # [m^3]
     speed = 2.0 * stroke.frequency * swept / channel.gap_area

@@ -1,8 +1,9 @@
 """Temperature rise: temperatures, loss of force, heat paths and energy balance from card, geometry and load.
 
-The mechanical power is that of the loop of the card at the present temperature (``dissipation``). The coil
-heat follows its resistance. The thermal model distributes both (``reduced``, ``network``, ``lumped``). A card
-without temperature model has a constant force, and the result states that. Limits apply to the hottest point
+The mechanical power is computed from the loops of the card at the present fluid temperature
+(``dissipation``). The coil heat grows with the coil resistance. The thermal model (``reduced``, ``network``
+or ``lumped``) distributes mechanical power and coil heat. A card without temperature model has a constant
+force, and the result states that. Limits apply to the hottest point
 of each part. The curve ends when the mean fluid temperature reaches its limit because the force is known up
 to there.
 """
@@ -134,9 +135,9 @@ def simulate_rise(
 
     Parameters
     ----------
-    works : from the loop of the card (``works_of``), one for each segment of the load cycle
-    model : ``reduced`` (22 unknowns of the finite elements), ``network`` (three axial zones, no hot spots),
-            ``lumped`` (Eq. (8) of the paper)
+    works : mean power and peak force versus temperature (``works_of``), for each segment of the load cycle
+    model : ``reduced`` (reduced-order finite-element model with 22 unknowns), ``network`` (three axial zones,
+            no hot spots), ``lumped`` (Eq. (8) of the paper)
     start_K : uniform temperature at the start; None: ambient
     stop_at_limit : True: end the curve when the mean fluid temperature reaches its limit; False: only note it
     longest_step : maximum time step [s]
@@ -201,7 +202,7 @@ def _simulator(
 
 
 def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
-    """Return the work of a damper in each segment of a load cycle.
+    """Return mean power and peak force versus temperature of a damper in each segment of a load cycle.
 
     Raises
     ------
@@ -253,7 +254,7 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
 
 
 def build_network(drawing: DamperDrawing, model: Model = "network") -> ThermalNetwork:
-    """Return the network of a geometry. The zone network replaces the reduced finite elements."""
+    """Return the network of a geometry; for ``reduced``, this is the zone network."""
     return lumped_network(drawing) if model == "lumped" else zone_network(drawing)
 
 

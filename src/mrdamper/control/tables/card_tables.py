@@ -105,7 +105,7 @@ class DamperTables:
         )
 
     def law(self, *, substeps: int) -> Law:
-        """Return the law of the kernel's configuration. Series valve and chain use ``substeps``."""
+        """Return the law in the kernel's configuration. Only series valve and chain need ``substeps``."""
         return Law(
             series=self.series is not None and not self.series.is_chain,
             chain=self.series is not None and self.series.is_chain,
@@ -117,7 +117,7 @@ class DamperTables:
 
     @property
     def levels(self) -> int:
-        """Return the number of terms without a column."""
+        """Return the number of levels: terms that do not depend on current and have no column."""
         return len(self.rows) - int(self.column.shape[1])
 
     @property
@@ -128,7 +128,7 @@ class DamperTables:
 
     @property
     def quarters(self) -> tuple[int, ...]:
-        """Return the indices of the quarters of the largest current, which are the currents of the bank."""
+        """Return the indices of 0, 1/4, 1/2, 3/4 and 1 times the largest current, used by the model bank."""
         wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
 
@@ -170,8 +170,8 @@ def tabulate(
     Raises
     ------
     InputError
-        If the law has no such tables, its curve shape depends on current or temperature, or it is not well
-        posed at a point of the grid.
+        If the law has no such tables, its curve shape depends on current or temperature, or the law is not
+        well posed at a point of the grid.
     """
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(
@@ -283,10 +283,10 @@ def _scales(rows: FloatArray) -> FloatArray:
 def _current_fractions(
     rows: FloatArray, scale: FloatArray, tolerance: float = CURRENT_TOLERANCE
 ) -> FloatArray:
-    """Return fractions of the largest current between which straight lines are within the tolerance.
+    """Return grid points, as fractions of the largest current, for linear interpolation within a tolerance.
 
-    The result contains the eighths. Between them, each line is as long as the tolerance permits. If there are
-    too many currents, the tolerance is doubled.
+    The grid contains the multiples of 1/8. Between them, each interval is as long as the tolerance permits.
+    If the grid has too many points, the tolerance is doubled.
     """
     count = rows.shape[2] - 1
     there = scale > 0.0

@@ -33,7 +33,9 @@ _Function = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookupTable:
-    """A function of a size u >= 0 as cubics, shape (cells, 4), of the position 0 to 1 in each cell.
+    """A piecewise cubic function of u >= 0, with coefficients of shape (cells, 4) in the position in a cell.
+
+    The position in a cell is 0 to 1.
 
     The interval [2^k, 2^(k+1)) of u + ``offset`` has 2^``bits`` cells. Above ``top`` the last value is used.
     """
@@ -69,10 +71,10 @@ def tabulate_lookup(
     bits: int = 4,
     rising: bool = False,
 ) -> LookupTable:
-    """Return a function from 0 to ``end`` as cubics through values and slopes at the ends of the cells.
+    """Return the table of a function from 0 to ``end`` by piecewise cubic Hermite interpolation.
 
-    Below the size ``fine`` all cells have the same width. With ``rising`` no slope exceeds three times the
-    slope of the chord, so that the cubics are monotone (Fritsch & Carlson).
+    For arguments below ``fine``, all cells have the same width. If ``rising`` is True, slopes are limited to
+    three times the secant slope of the cell, which keeps the table monotone (Fritsch & Carlson).
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
@@ -102,7 +104,8 @@ def fit_lookup(
 ) -> LookupTable:
     """Return the smallest table whose error is at most ``error``.
 
-    ``weight`` is the weight of an error at a size. If no table is sufficient, the finest one is returned.
+    ``weight`` returns the weight of the error at each argument. If no table is sufficient, the finest table
+    is returned.
     """
     best: LookupTable | None = None
     for bits in range(CELL_BITS_MAX + 1):
@@ -134,9 +137,9 @@ def _error(table: LookupTable, value: _Function, weight: _Function, end: float, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveTables:
-    """The universal curve against the travel from w = 0, for the loading and the unloading branch.
+    """Tables of the universal hysteresis curve w(travel) from w = 0, for the loading and unloading branches.
 
-    A reversal at w starts at -w on the other branch. The maps contain absolute values of positions.
+    A reversal at w continues at -w on the other branch. The maps contain absolute values of positions.
     """
 
     unloaded: float  # unloading travel from w = -1 to 0
@@ -154,7 +157,7 @@ def no_curve() -> CurveTables:
 
 @lru_cache(maxsize=16)  # Controllers, model and plant of one card have the same curve.
 def universal_curve(kappa: float, n: float) -> CurveTables:
-    """Return the tables of u' = 1 - k u^n from zero; k = 1 for loading, k = kappa for unloading."""
+    """Return the tables of the solution of u' = 1 - k u^n, u(0) = 0: loading k = 1, unloading k = kappa."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))

@@ -4,8 +4,8 @@ The tables are: yield force on an even grid of commands and temperatures, other 
 temperature, powers of speed, and two functions that are the same for all dampers: tanh u and exp(-u^2).
 
 The inverse of the series valve is explicit because only its yield force depends on the command. In the chain,
-shear thinning, bristles and memory can depend on it, too (``PLANES``). The exponents are constant. All other
-coefficients can depend on temperature.
+shear thinning, bristles and memory can also depend on the command (``PLANES``). The exponents are constant.
+All other coefficients can depend on temperature.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ CELL_BITS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Power:
-    """A power of a size: cubics for one octave, shape (2^bits, 4), and a factor for each octave."""
+    """The power function of u >= 0: cubics for one octave, shape (2^bits, 4), and a factor per octave."""
 
     exponent: float
     least: float

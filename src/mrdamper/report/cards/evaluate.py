@@ -80,7 +80,7 @@ def _interval_sentences(result: EvaluateResult) -> Iterator[str]:
 
 
 def _stated_errors(result: EvaluateResult) -> Iterator[str]:
-    """Yield the errors that the card states, for comparison with the errors of these runs."""
+    """Generate sentences on the errors that the card states, for comparison with the errors of these runs."""
     for split, errors in result.promised.items():
         if errors["runs"]:
             yield (

@@ -83,7 +83,7 @@ _STYLE: dict[str, object] = {
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Yield the context in which every figure is drawn. The browser supplies letters that the font lacks."""
+    """Set the style of all figures for a block. The browser supplies letters that the font lacks."""
     with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type]  # stubs list every key
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)
         yield

@@ -101,7 +101,7 @@ def _terminal_table(errors: Sequence[RunError], title: str) -> RichTable:
 
 
 def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
-    """Yield a line for each split: median and worst errors."""
+    """Generate a line for each split: median and worst errors."""
     for split, values in by_split(errors).items():
         text = ", ".join(
             f"{word} {percent(values[name])}"

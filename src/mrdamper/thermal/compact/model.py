@@ -2,9 +2,10 @@
 
     C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
 
-The states z are modes of conduction inside the damper. The first is the uniform temperature, so that the
-model conserves heat. Their space maximises the joint Gramian of heat sources, kinds of surface and outputs.
-For this symmetric system, this is balanced truncation by Galerkin's method. It is passive for all
+The inputs are the mechanical power P and the current I in the coil of resistance R. The states z are modes of
+conduction inside the damper. The first is the uniform temperature, so that the model conserves heat. The
+space of the states maximises the joint Gramian of heat sources, kinds of surface and outputs. For this
+symmetric system, this is balanced truncation by Galerkin's method. The reduced model is passive for all
 heat-transfer coefficients. The truncated part responds at once, with its steady response to the sources
 (``feedthrough``).
 
@@ -58,7 +59,11 @@ class FilmTable:
     film: FloatArray
 
     def interpolate(self, law: int, above: float, ambient: float, speed: float) -> float:
-        """Return a coefficient: parabola over ambient, linear over the rest, constant beyond the ends."""
+        """Return a convective heat-transfer coefficient [W/(m^2 K)] by interpolation in the table.
+
+        The interpolation is quadratic in ambient temperature, linear in air speed and temperature difference,
+        and constant outside the table.
+        """
         width = self.ambient[1] - self.ambient[0]
         x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)
         weight = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
@@ -106,7 +111,7 @@ class CompactModel:
 
 
 def compact_model(drawing: DamperDrawing) -> CompactModel:
-    """Return the compact model of a geometry. Its surroundings are inputs of a step."""
+    """Return the compact model of a geometry. Ambient temperature and air speed are inputs of each step."""
     reduced, others = _reduced(drawing)
     equation, kinds = reduced.equation, np.unique(reduced.full.surface)
     section = section_of(drawing)
@@ -197,7 +202,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
 def _feedthrough(
     equation: HeatEquation, film: FloatArray, basis: FloatArray, sources: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Return the steady response of each row to each source that the states lack, shape (rows, sources)."""
+    """Return the steady responses of rows to sources that the states do not contain, (rows, sources)."""
     matrix = equation.stiffness + film
     whole = np.linalg.solve(matrix, sources)
     kept = basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ sources)

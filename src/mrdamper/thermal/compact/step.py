@@ -2,7 +2,7 @@
 
 The step equals that of ``thermal.c`` (core/kernel), which runs on a target; an export compares both. The
 gains are those of a steady-state Kalman filter at a typical temperature, for the states and for the missing
-heat of the model, which is a random walk.
+heat. The missing heat is the heat flow that the model does not contain; it is modelled as a random walk.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from mrdamper.thermal.materials import COPPER_PER_K
 UPDATE_S = 0.5
 """Duration of one step [s]."""
 
-# Typical power: the rise without losses in this time.
+# The typical power causes this temperature rise in this time, without losses.
 _USUAL_K, _USUAL_S = 100.0, 1800.0
 TYPICAL_RISE_K = 60.0  # Rise above ambient at which the model is linearised for the gains.
-# Relative error of the power, random walk of the missing heat, errors of fluid and coil readings, with their
-# times.
+# Noise of the Kalman filter: standard deviations and correlation times of the relative power error, the
+# relative missing heat, and the fluid and coil readings.
 _POWER_SHARE, _POWER_S = 0.15, 60.0
 _EXCESS_SHARE, _EXCESS_S = 0.15, 1800.0
 _FLUID_K, _COIL_K, _SENSOR_S = 0.5, 3.0, 10.0
@@ -90,9 +90,10 @@ def typical_power(model: CompactModel) -> float:
 
 
 def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
-    """Return the correction of states and missing heat [W] per kelvin of a reading, shape (2, n + 1).
+    """Return the Kalman gains of states and missing heat [W] per kelvin of innovation, shape (2, n + 1).
 
-    The readings are fluid thermometer and coil resistance. Each gain assumes that it is the only reading.
+    Row 0 is for the fluid thermometer, row 1 for the coil temperature from its resistance. Each row is
+    computed as if the other sensor were absent.
     """
     n, power = model.states, typical_power(model)
     matrix = np.diag(model.capacity / step + model.conductance)

@@ -36,7 +36,7 @@ STEP_MAX_S = 20.0
 FACTOR_MIN, FACTOR_MAX = 0.05, 20.0  # A factor outside means that curve and load cycle do not match.
 START_RANGE_K = 50.0  # The start is searched within this distance of the first readings.
 NOISE_MIN_K, NOISE_MAX_K = 0.02, 2.0
-RESIDUAL_MAX_RATIO = 0.03  # A residual above this fraction of the curve's range is another damper's curve.
+RESIDUAL_MAX_RATIO = 0.03  # Of the curve's range. A larger residual indicates the curve of another damper.
 NEIGHBOUR_CORRELATION_MAX = 0.999
 REFERENCE_EXCESS_K = 40.0  # Losses are compared at this excess over ambient.
 GRID_MARGIN_K = 100.0  # A trial of the search stops this far below the end of the tables of losses.
@@ -46,7 +46,8 @@ GRID_MARGIN_K = 100.0  # A trial of the search stops this far below the end of t
 class ModelUncertainty:
     """Relative standard deviations of a geometry file and a card without any measurement.
 
-    They are priors of the calibration, so that a short curve does not move what it cannot determine.
+    They are priors of the calibration. A short curve therefore does not change factors that it does not
+    determine.
     """
 
     power: float = 0.10
@@ -61,7 +62,7 @@ PRIOR = ModelUncertainty()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedDrawing:
-    """A geometry whose heating follows a measured curve, and how well the curve determines it."""
+    """A geometry calibrated to a measured heating curve, with the uncertainty of the calibration."""
 
     drawing: DamperDrawing  # with the factors
     start_K: float  # uniform temperature at time 0
@@ -157,7 +158,7 @@ def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> Damper
 
 
 def residual_variance(residual: FloatArray, parameters: int) -> float:
-    """Return the variance of residuals, raised for the correlation r of neighbours by (1 + r) / (1 - r).
+    """Return the variance of residuals times (1 + r) / (1 - r), with the correlation r of neighbours.
 
     The factor is that of a first-order autoregression. It covers part of the model error.
     """
@@ -174,7 +175,7 @@ class _NetworkFit:
         self, curve: HeatingCurve, drawing: DamperDrawing, loads: Sequence[Load], model: Model
     ) -> None:
         self._curve, self._drawing, self._loads, self._model = curve, drawing, loads, model
-        # An error of the power appears in capacity and losses alike.
+        # An error of the power changes capacity and losses by the same factor.
         covariance = np.diag([PRIOR.capacity**2, PRIOR.loss**2]) + PRIOR.power**2
         self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         self._as_drawn = self._logarithms(self._network(np.zeros(3)))
@@ -186,7 +187,7 @@ class _NetworkFit:
         point = np.array([float(np.median(measured[:5])), 0.0, 0.0])
         low = np.array([point[0] - START_RANGE_K, *[math.log(FACTOR_MIN)] * 2])
         high = np.array([point[0] + START_RANGE_K, *[math.log(FACTOR_MAX)] * 2])
-        for _ in range(2):  # The second time with the residual's deviation, which weighs the priors.
+        for _ in range(2):  # The second fit uses the first residual as noise, which weights the priors.
 
             def residuals(at: FloatArray, noise: float = noise) -> FloatArray:
                 network = self._network(at)

@@ -1,9 +1,10 @@
 """Intervals of a heating curve, and of the times to its limits.
 
-Each source of uncertainty is changed up and down by the 1.645 standard deviations that hold 90 % of a
-normal distribution, and the zone network is run with it. The effects of the sources are added in squares,
-separately above and below the curve. Without a measured curve the sources are those of
-``ModelUncertainty``. With one they are the principal axes of the calibration's covariance.
+The zone network is run with each uncertain quantity changed up and down by 1.645 standard deviations, which
+contain 90 % of a normal distribution. The root sum of squares of the temperature changes is computed
+separately above and below the curve. Without a measured curve, the uncertain quantities are the fields of
+``ModelUncertainty``. With a measured curve, the changes are the principal axes of the calibration's
+covariance.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ MISFIT_RATIO = 0.004  # Remaining error of a calibrated network, as a fraction o
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """The interval of the time at which a temperature is reached; infinity: after the end."""
+    """The interval of the time at which a temperature is reached; infinity: not in the simulated time."""
 
     low_s: float
     high_s: float
@@ -71,12 +72,12 @@ def predict_interval(
     calibrated: CalibratedDrawing | None = None,
     start_K: float | None = None,
 ) -> PredictionInterval:
-    """Return the interval around a predicted rise.
+    """Return the 90 % interval of a predicted heating curve and of the times to its limits.
 
     Parameters
     ----------
     works : one for each segment of the duty
-    calibrated : the calibration that gave the geometry; None: nothing was measured
+    calibrated : calibration from which the geometry results; None: the geometry was not calibrated
     start_K : uniform temperature at the start; None: the fitted one, otherwise ambient
     """
     loads = loads_of(works, drawing, duty)
@@ -92,7 +93,7 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else MISFIT_RATIO
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a curve [K] at all times, and its ends. After its last time the network continues it."""
+        """Return a curve [K], continued by the network after its end, and the ends of its interval."""
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
         more = DEVIATION_COUNT * misfit * np.abs(middle - middle[0])
@@ -109,9 +110,9 @@ def predict_interval(
 
 
 def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArray:
-    """Return the ends of the interval of a rise, as factors of the rise, at times [s]; shape (len(at), 2).
+    """Return the ends of the 90 % interval of a rise, divided by the rise, at times [s]; (len(at), 2).
 
-    It is the rise above ambient of the node that receives the mechanical power.
+    The rise is the temperature above ambient of the node that receives the mechanical power.
     """
     ambient = drawing.surroundings.ambient
     runs = _runs(drawing, [load], _prior_changes(), None, ambient + 250.0, "network")

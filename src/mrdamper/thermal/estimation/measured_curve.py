@@ -27,7 +27,7 @@ BAD_READINGS_MAX_RATIO = 0.2  # More bad readings mean a broken sensor.
 READINGS_MIN_COUNT = 8
 SPIKE_MIN_DEVIATIONS = 8.0
 SPIKE_MIN_K = 0.5
-SPIKE_MIN_SPREADS = 4.0  # Distance from the neighbours, divided by the distance between the neighbours.
+SPIKE_MIN_SPREADS = 4.0  # Minimum deviation of a spike from its neighbours, divided by their range.
 SPIKE_NEIGHBOURS = (-3, -2, -1, 1, 2, 3)
 NORMAL_PER_MAD = 1.4826  # standard deviation divided by median absolute deviation
 
@@ -79,9 +79,9 @@ def clean_curve(
 ) -> HeatingCurve:
     """Return a curve without bad readings of a logger; its notes report them.
 
-    It removes samples that are not finite or not plausible, later rows with equal time, and spikes. A spike
-    is a single sample that is above or below both neighbours by 8 noise deviations and 4 times the range of
-    the six samples around. Steps and slopes remain.
+    The function removes samples that are not finite or not plausible, later rows with equal time, and spikes.
+    A spike is a single sample that is above or below the neighbours on both sides by 8 noise deviations and
+    4 times the range of the three neighbours on a side. Steps and slopes remain.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def _temperature_unit(name: str) -> str | None:
 
 
 def _spikes(temperature: FloatArray) -> NDArray[np.bool_]:
-    """Return the single samples that deviate from both neighbours; the end samples have one neighbour."""
+    """Return a mask of single samples that deviate from the neighbours on both sides; never an end sample."""
     y, n = temperature, len(temperature)
     if n < READINGS_MIN_COUNT:
         return np.zeros(n, dtype=bool)

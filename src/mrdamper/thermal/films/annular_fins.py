@@ -33,7 +33,7 @@ _FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 1.2, 1.18, 5.0  # floor coefficient; fit
 
 
 def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> FloatArray:
-    r"""Return the Nusselt number on the gap of annular fins on a horizontal tube: sides and floor together.
+    r"""Return the mean Nusselt number, based on the gap, of annular fins and the horizontal tube.
 
     .. math:: Nu_S = \frac{\varphi Ra}{12\pi}\Bigl\{2 - e^{-b} - e^{-\beta b}\Bigr\},\qquad
               b = \frac{1}{\varphi}\Bigl(\frac{C}{Ra}\Bigr)^{3/4}
@@ -44,7 +44,7 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
     Parameters
     ----------
     rayleigh_gap : g beta dT S^3 / (nu a) times S / D [-], zero or more; S is the gap, D the outer diameter
-    diameter_ratio : x = D / d of fins over tube [-], 1.05 to 5; best known for 1.67 to 3
+    diameter_ratio : x = D / d of fins over tube [-], 1.05 to 5; most accurate for 1.67 to 3
 
     Raises
     ------
@@ -55,9 +55,9 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
     -----
     For phi = 1 it is the correlation of Tsubouchi and Masuda (1970) for long fins, quoted by Raithby and
     Hollands (handbook chapter). We could not read either source. For Ra -> 0 it becomes Ra / (6 pi), which is
-    developed flow between discs without a tube. With a tube, phi is the fraction of this heat for potential
-    flow in the ring, without pressure at the rim and without flow into the tube. For thin layers (Ra ->
-    infinity), phi has no effect.
+    developed flow between discs without a tube. With a tube, phi is the ratio of the heat flow to this heat
+    flow, for potential flow in the annulus with zero pressure at the rim and no flow through the tube wall.
+    For thin layers (Ra -> infinity), phi has no effect.
     """
     number = np.asarray(rayleigh_gap, dtype=np.float64)
     if not (np.isfinite(number) & (number >= 0.0)).all():
@@ -71,7 +71,7 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
 
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
-    """Return the coefficient of the fin rim in still air, divided by a cylinder's of the outer diameter [-].
+    """Return the coefficient of the fin rim in still air, relative to a cylinder of the outer diameter [-].
 
     It is 2.5 at 1 mm, as computed for one fin. For thick rims it approaches 1, depending on the thickness of
     the cylinder's warm layer. The interpolation between both is an assumption.
@@ -79,7 +79,7 @@ def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
     Parameters
     ----------
     thickness : thickness of a fin [m]
-    layer : layer of the cylinder, its diameter divided by its Nusselt number [m], any shape
+    layer : thickness of the cylinder's warm layer: diameter divided by Nusselt number [m], any shape
     """
     warm = np.asarray(layer, dtype=np.float64)
     return np.asarray(1.0 + (_RIM_THIN - 1.0) * (_RIM_THICKNESS + warm) / (thickness + warm))
@@ -189,7 +189,7 @@ def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
 
 
 def _passed(ratio: float) -> float:
-    """Return the fraction of a narrow flow between discs that passes a tube [-]."""
+    """Return phi of ``nusselt_annular_fins``: the effect of the tube on the flow in a narrow gap [-]."""
     return ratio**2 / (1.0 + ratio**2)
 
 

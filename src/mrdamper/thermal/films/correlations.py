@@ -30,7 +30,7 @@ def nusselt_horizontal_cylinder(rayleigh: ArrayLike, prandtl: ArrayLike) -> Floa
 
     Parameters
     ----------
-    rayleigh : Rayleigh number on the diameter [-], up to 1e12 (below 1e-5 the limit 0.36 is approached)
+    rayleigh : Rayleigh number based on the diameter [-], up to 1e12 (below 1e-5, Nu approaches 0.36)
     prandtl : Prandtl number at film temperature [-], positive
 
     Raises
@@ -53,7 +53,7 @@ def nusselt_vertical_plate(rayleigh: ArrayLike, prandtl: ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    rayleigh : Rayleigh number on the height [-], up to 1e12
+    rayleigh : Rayleigh number based on the height [-], up to 1e12
     prandtl : Prandtl number at film temperature [-], positive
 
     Notes
@@ -68,7 +68,7 @@ def nusselt_vertical_plate(rayleigh: ArrayLike, prandtl: ArrayLike) -> FloatArra
 def nusselt_slender_vertical_cylinder(
     grashof: ArrayLike, prandtl: ArrayLike, height_over_diameter: float
 ) -> FloatArray:
-    r"""Return the mean Nusselt number on the height of an isothermal slender vertical cylinder.
+    r"""Return the mean Nusselt number, based on the height, of an isothermal slender vertical cylinder.
 
     .. math:: Nu_L = Nu_{plate}\,\{1 + B\,[\sqrt{32}\,Gr_L^{-1/4} L/D]^C\}
 
@@ -76,14 +76,14 @@ def nusselt_slender_vertical_cylinder(
 
     Parameters
     ----------
-    grashof : Grashof number on the height [-], positive (a zero is taken for 1, where little heat flows)
+    grashof : Grashof number based on the height [-], positive (0 is replaced by 1; the heat flow is small)
     prandtl : Prandtl number at film temperature [-], 0.01 to 100
     height_over_diameter : L / D [-], positive
 
     Notes
     -----
     Source: Popiel, Wojtkowiak & Bober, Exp. Thermal Fluid Sci. 32 (2007) 607-613, on the plate of Churchill &
-    Chu; as in ``ht``, where ten methods for this case differ by a factor of four: name the one you used.
+    Chu; as in ``ht``. The ten methods of ``ht`` for this case differ by a factor of four.
     """
     number = np.maximum(_check_range("Gr_L of a vertical cylinder", grashof, 0.0, 1e14), 1.0)
     pr = _check_range("Pr of the fluid", prandtl, 0.01, 100.0)
@@ -95,7 +95,7 @@ def nusselt_slender_vertical_cylinder(
 
 
 def nusselt_fin_disc(rayleigh: ArrayLike) -> FloatArray:
-    """Return the mean Nusselt number of both faces of a horizontal disc, hot or cold, far from any other.
+    """Return the mean Nusselt number of both faces of a single horizontal disc, hot or cold.
 
     The mean of 0.54 Ra^(1/4) (0.15 Ra^(1/3) above 1e7) on one face and 0.27 Ra^(1/4) on the other: fins on a
     vertical damper. The length is open area over open perimeter.
@@ -118,14 +118,14 @@ def nusselt_fin_disc(rayleigh: ArrayLike) -> FloatArray:
 
 
 def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
-    r"""Return the mean Nusselt number on the diameter of a cylinder in cross-flow.
+    r"""Return the mean Nusselt number, based on the diameter, of a cylinder in cross-flow.
 
     .. math:: Nu_D = 0.3 + \frac{0.62\,Re^{1/2}Pr^{1/3}}{[1 + (0.4/Pr)^{2/3}]^{1/4}}
               \Bigl[1 + (Re/282000)^{5/8}\Bigr]^{4/5}
 
     Parameters
     ----------
-    reynolds : Reynolds number on the diameter [-], Re Pr >= 0.2, up to 1e7
+    reynolds : Reynolds number based on the diameter [-], Re Pr >= 0.2, up to 1e7
     prandtl : Prandtl number at film temperature [-], positive
 
     Notes
@@ -139,14 +139,14 @@ def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
 
 
 def mixed_nusselt(natural: ArrayLike, forced: ArrayLike) -> FloatArray:
-    """Return the Nusselt number where both kinds of convection act across each other, on one length.
+    """Return the Nusselt number of mixed convection with transverse natural and forced flow.
 
     .. math:: Nu^3 = Nu_{natural}^3 + Nu_{forced}^3
 
     Notes
     -----
-    Known as Churchill's blending, with the exponent 3 for transverse flow. It holds for film coefficients as
-    well as for Nusselt numbers.
+    Known as Churchill's blending, with the exponent 3 for transverse flow. The equation holds for
+    heat-transfer coefficients and for Nusselt numbers based on the same length.
     """
     return np.cbrt(np.asarray(natural, dtype=np.float64) ** 3 + np.asarray(forced, dtype=np.float64) ** 3)
 
@@ -203,8 +203,8 @@ def annular_fin_efficiency(
               \frac{K_1(mr_1)I_1(mr_2) - I_1(mr_1)K_1(mr_2)}{I_0(mr_1)K_1(mr_2) + K_0(mr_1)I_1(mr_2)},
               \qquad m = \sqrt{2h/(kt)}
 
-    An open tip is taken into account by the corrected radius r2 + t/2 (the caller's business), with which the
-    two faces have the area of faces and tip together, to first order in t / r2.
+    For an open tip, the caller passes the corrected radius r2 + t/2. The two faces then have the area of
+    faces and tip together, to first order in t / r2.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def annular_fin_efficiency(
     Notes
     -----
     Source: exact, Kern & Kraus, Extended Surface Heat Transfer (1972); as in ``ht``. Exponentially scaled
-    Bessel functions keep it finite for any m.
+    Bessel functions keep the result finite for any m.
     """
     from scipy.special import i0e, i1e, k0e, k1e
 

@@ -162,7 +162,7 @@ def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 class _Local:
-    """Integrals over each triangle rotated about the axis, for pairs of its nodes, with unit material."""
+    """Integrals over each triangle rotated about the axis, for pairs of nodes and a unit material."""
 
     def __init__(self, mesh: SectionMesh) -> None:
         corners = mesh.corners[mesh.triangles]  # (t, 3, 2)
@@ -207,7 +207,7 @@ def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> N
 def _surface_points(
     mesh: SectionMesh, elements: IntArray, size: int
 ) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-    """Return Gauss points on the facets: values, areas, and the surface of each."""
+    """Return interpolation matrix, areas [m^2] and surface indices of the Gauss points on the facets."""
     ends = np.sort(
         np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [0, 2]]])
     )

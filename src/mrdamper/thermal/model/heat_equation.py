@@ -120,7 +120,7 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Rows that give the candidate points for the hottest point from the unknowns, shape (m, n) each."""
+    """Matrices from the unknowns to the temperatures at the candidate hot spots, shape (m, n) each."""
 
     gap: Matrix
     coil: Matrix
@@ -129,7 +129,7 @@ class HotSpots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredHeat:
-    """A part with temperature-dependent heat capacity: its part of the mass, and the factor on it."""
+    """A temperature-dependent heat capacity: the part's mass matrix at mean capacity, and its factor."""
 
     mass: Matrix  # [J/K], shape (n, n)
     curve: CapacityCurve
@@ -144,7 +144,7 @@ class HeatEquation:
     stiffness: Matrix  # [W/K], shape (n, n)
     mechanical: FloatArray  # load of 1 W, shape (n,)
     electrical: FloatArray  # load of 1 W, shape (n,)
-    warming: Matrix  # rise of 1 W coil heat at 20 degC with the local temperature [1/K], shape (n, n)
+    warming: Matrix  # increase of a coil heat of 1 W at 20 degC with local temperature [1/K], shape (n, n)
     surface: Matrix  # values at the surface points, shape (p, n)
     area: FloatArray  # area of the points [m^2], shape (p,)
     cooling: Cooling

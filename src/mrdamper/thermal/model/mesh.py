@@ -201,8 +201,8 @@ def _corners(region: IntArray) -> list[int]:
 def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) -> FloatArray:
     """Return the sides, merged within the tolerance, and grid lines between them.
 
-    Cells grow from the sides towards the middle of each interval. The size of the first is limited to a
-    fraction of the interval, which ``share_at`` returns for its middle.
+    Cells grow from the sides towards the middle of each interval. The size of the first cell is limited to a
+    fraction of the interval, which ``share_at`` returns for the middle of the interval.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > SIDE_TOLERANCE_M])]

@@ -39,7 +39,7 @@ FIN_RISE_K = 60.0  # Rise at which the conductance of the fins is computed; it h
 
 @dataclass(frozen=True, slots=True)
 class NodeFactors:
-    """Factors of conductances that adapt the few nodes to the finite elements.
+    """Factors on conductances that fit the network with few nodes to the finite-element model.
 
     They were fitted to 16 random bodies (even seeds of ``tests/thermal/bodies``). The heat flow converges at
     the root of a fin, and the fluid at the wall is cooler than its mean.
@@ -395,7 +395,10 @@ def _from_mean(inner: float, outer: float) -> float:
 
 
 def _to_inner_from_mean(inner: float, outer: float) -> float:
-    """Return the same resistance to the inner surface if the outer one is insulated."""
+    """Return 2 pi k L times the resistance from the mean of an annulus to its inner surface.
+
+    The outer surface is insulated.
+    """
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
     # Mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4.

@@ -1,4 +1,4 @@
-"""Reduced models of the finite elements with about twenty unknowns, by a rational Krylov space.
+"""Reduced-order finite-element models with about twenty unknowns, by projection onto a rational Krylov space.
 
 The space contains the uniform field, so that heat is conserved, and the responses of the linear problem to
 mechanical power, coil heat and each kind of surface at a few frequencies: solutions of (K + h + s M) x = b, h
@@ -36,12 +36,12 @@ _MECHANICAL_W, _COIL_W, _SURFACE_K = (
     100.0,
     20.0,
     20.0,
-)  # by which the responses are weighed against each other
+)  # weights of the responses to mechanical power, coil heat and surfaces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedModel:
-    """A reduced heat equation with the map to the nodes: ``basis @ state`` is the field above ambient."""
+    """A reduced-order heat equation; ``basis @ state`` is the temperature of the nodes above ambient."""
 
     full: FieldModel
     basis: FloatArray  # shape (n, r)
@@ -60,7 +60,7 @@ class ReducedModel:
 def reduce_field(
     model: FieldModel, *, order: int = REDUCED_ORDER, elsewhere: Sequence[Cooling] = ()
 ) -> ReducedModel:
-    """Return the reduced model of a finite-element model.
+    """Return the reduced-order model of a finite-element model.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class Load:
     coil_W: float = 0.0
 
     def scaled(self, factor: float) -> Load:
-        """Return the load with its mechanical power multiplied."""
+        """Return the load with its mechanical power multiplied by a factor."""
         return replace(self, power=lambda kelvin: np.asarray(factor * self.power(kelvin)))
 
 
@@ -91,7 +91,7 @@ class System(Protocol):
 
 
 def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArray:
-    r"""Return the state after a step [s] by ROS2, in the state's shape.
+    r"""Return the state after a time step [s] by the Rosenbrock method ROS2; the shape is unchanged.
 
     .. math::
         (M - \gamma h J) k_1 &= f(y), \quad (M - \gamma h J) k_2 = f(y + h k_1) - 2 M k_1 \\

@@ -170,7 +170,7 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
 
 
 def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins in use [m]; for a single fin the outer diameter."""
+    """Return the gap between fins after tolerance and fouling [m]; for a single fin the outer diameter."""
     return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 

@@ -76,7 +76,7 @@ class SinkLimits:
         return 1 + int((self.span - thickness) * (1.0 + ROUNDING_RATIO) / (thickness + self.least_gap))
 
     def widest_pitch(self, fins: int, width: float, thickness: float) -> float:
-        """Return the largest pitch of two or more fins [m] within the span whose gap is a groove."""
+        """Return the largest pitch of two or more fins [m] that is within the limits of span and gap."""
         return min((self.span - thickness) / (fins - 1), thickness + GAP_MAX_WIDTHS * width)
 
     def allow(self, sink: HeatSink, body_diameter: float) -> bool:
@@ -106,7 +106,7 @@ class SinkDesign:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatedDamper:
-    """A damper with loads for the evaluation of heat sinks; ``pattern`` has the fixed properties."""
+    """A damper and its loads for the evaluation of heat sinks; ``pattern`` has their fixed properties."""
 
     drawing: DamperDrawing
     loads: tuple[Load, ...]
@@ -159,7 +159,7 @@ def limits_of(
     mass: float | None = None,
     materials: Sequence[Material] = (),
 ) -> SinkLimits:
-    """Return limits in [m] and [kg]. The sink and [manufacture] of the geometry file replace None.
+    """Return limits in [m] and [kg]; None selects the value of the sink in the geometry file.
 
     Without a sink in the file, the limits are length and radius of the body, and any mass. The smallest gap
     is increased by tolerance and dirt.
@@ -284,7 +284,7 @@ def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | 
 def confirm(
     damper: HeatedDamper, designs: Sequence[SinkDesign], *, on_progress: Progress = silent
 ) -> tuple[SinkDesign, ...]:
-    """Return designs with temperatures of the reduced finite elements."""
+    """Return the designs with temperatures recomputed by the reduced-order finite-element model."""
     confirmed = []
     for number, design in enumerate(designs):
         on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))

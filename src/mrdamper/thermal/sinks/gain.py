@@ -37,7 +37,7 @@ class GainBand:
 
 
 def gain_band(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink, gain: float) -> GainBand:
-    """Return the interval of a gain, by the zone network.
+    """Return the 90 % interval of the temperature difference between two heat sinks, by the zone network.
 
     Parameters
     ----------
