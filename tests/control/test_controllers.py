@@ -65,7 +65,7 @@ def test_card_of_one_temperature_gives_same_current(damper):
 
 
 @pytest.mark.parametrize("law", DAMPERS)
-def test_solved_current_gives_wanted_force(law):
+def test_inverse_current_gives_target_force(law):
     """Without lags, the law's own simulation has the wanted force: 1 N RMS, 5 N at 99 %.
 
     The lag of the motion filter and the straight lines between the currents of the table remain.
@@ -107,7 +107,7 @@ def test_step_matches_python_without_tables(kelvin):
     [("double-bouc-wen", "recommended"), ("double-bouc-wen", "paper"), ("series-valve", "recommended")],
 )
 @pytest.mark.parametrize("speed", [0.03, -0.03])
-def test_current_rises_with_wanted_force(law, name, speed):
+def test_current_rises_with_target_force(law, name, speed):
     made = OF[law][name]
     state = at_speed(made, speed)
     wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 3500.0, 81)
@@ -125,7 +125,7 @@ def test_force_along_motion_gets_no_current(name, speed):
     assert answer(made, at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
 
 
-def test_bank_equals_inverse_at_its_models():
+def test_model_bank_agrees_with_steady_inverse():
     """In steady motion, the bank of models and the inverse agree at the current of a model."""
     exact = controllers_for(at_once(DOUBLE), preview_s=0.0)["recommended"]
     exact = changed(exact, inverse__margin=-1.0, inverse__compensation=0.0)
@@ -205,7 +205,7 @@ def test_instruction_sets_give_same_bits():
     assert len(found) == 1
 
 
-def test_other_bytes_are_no_state():
+def test_invalid_state_bytes_are_rejected():
     with pytest.raises(ValueError, match="not a controller's state"):
         RECOMMENDED.step(b"no state", Reference(0.0), Measurement(0.0, ROOM))
 

@@ -76,7 +76,7 @@ def test_frozen_reading_is_flagged_after_5_kelvin(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_detects_as_the_model():
+def test_controller_and_model_detect_frozen_sensor_equally():
     """A controller counts one term of the force at a time, which over a minute is the work of the force."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))

@@ -263,7 +263,7 @@ def test_sliding_bristles_follow_the_stribeck_curve(speed):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_follow_share_at_rest_is_the_fraction(share):
+def test_force_at_rest_follows_yield_force_partly(share):
     """At standstill the force follows the yield force by this fraction. Sliding restores the level."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)

@@ -108,7 +108,7 @@ def named(role: str, **columns: object) -> str:
     ],
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])
-def test_words_select_among_columns_of_unit(role, wins, loses, first):
+def test_header_words_select_column_of_same_unit(role, wins, loses, first):
     """A measured one before its set point, a word before a symbol, the fluid before the air; in any order."""
     order = (wins, loses) if first == "wins" else (loses, wins)
     others = {} if role == "force" else {"force__N": np.ones(50)}

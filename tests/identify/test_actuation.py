@@ -176,7 +176,7 @@ def test_response_time_solves_closed_form():
         assert time_s == pytest.approx(expected_s, abs=2e-5)
 
 
-def test_own_lag_of_damper_is_removed():
+def test_lag_of_law_is_counted_once():
     """The lag inside the law is not counted twice."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]))
     lagged = fit(run, damper=replace(LAW, command_lag_s=0.02))

@@ -106,7 +106,7 @@ def test_response_size_is_distance_between_levels():
         assert response.law_after_N - response.law_before_N == pytest.approx(after - before)
 
 
-def test_model_time_of_measured_force_is_measured():
+def test_response_time_from_measured_force_is_reproduced():
     """A model with the measured force has the measured times; one without lags takes no time."""
     run, _ = blended_run()
     stepped = measure(run)

@@ -43,7 +43,7 @@ def test_nested_work_stays_in_its_process():
 
 
 @pytest.mark.parametrize("threads", [False, True])
-def test_error_is_raised_in_its_turn(*, threads: bool):
+def test_pool_raises_error_after_earlier_results(*, threads: bool):
     """Results before the error are kept, and the error keeps its parts."""
 
     def work(k: int) -> int:
@@ -79,7 +79,7 @@ def test_interrupt_ends_all_processes():
 
 
 @FORKS
-def test_death_of_a_process_is_an_error():
+def test_death_of_worker_process_raises_error():
     """A process may be killed if memory is short."""
 
     def work(_: int) -> None:

@@ -84,7 +84,7 @@ def test_errors_and_correlation_match_repeated_fits():
 
 
 @pytest.mark.nightly
-def test_reduced_model_follows_the_curve_it_made():
+def test_reduced_model_recovers_factors_of_own_curve():
     """A curve of the reduced finite elements gives their factors, although the network is fitted."""
     own = BARE.calibration
     truth = replace(
@@ -113,7 +113,7 @@ def test_calibrated_geometry_predicts_another_duty():
 
 
 @pytest.mark.system
-def test_power_error_scales_both_factors():
+def test_power_error_scales_heat_capacity_and_losses():
     """A card with 10 % more power gives 10 % more heat capacity and losses, and the same temperatures."""
     around = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
     alone = replace(BARE, surroundings=around, coil=replace(BARE.coil, resistance=0.0))

@@ -81,7 +81,7 @@ def test_thinned_front_keeps_ends_and_order(tried, most):
 
 
 @given(tried=designs, fluid=st.floats(300.0, 400.0))
-def test_lightest_as_cool_is_first_cool_member(tried, fluid):
+def test_lightest_sink_below_temperature_is_found(tried, fluid):
     chosen = lightest_as_cool(front_of(tried), fluid)
     cool = [each.mass for each in tried if each.fluid <= fluid]
     assert (chosen is None) == (not cool)
@@ -125,7 +125,7 @@ def test_freefem_confirms_the_gain(found, tool, tmp_path):
     assert ends[0] - ends[1] >= 8.0  # Zone network and finite elements agree.
 
 
-def test_found_sinks_are_within_the_limits(found):
+def test_designed_sinks_are_within_the_limits(found):
     for each in found.designs:
         assert each.sink is not None
         assert PAPER_LIMITS.allow(each.sink, DAMPER.diameter)
@@ -146,7 +146,7 @@ def test_evaluation_agrees_with_the_network(reference):
     assert reference.mass == SINK.mass(DAMPER.diameter)
 
 
-def test_body_gives_limits_without_sink():
+def test_search_limits_default_to_the_body():
     limits = limits_of(DRAWING.with_sink(None))
     assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
 

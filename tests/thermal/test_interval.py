@@ -102,7 +102,7 @@ def test_interval_contains_the_rise_and_its_time():
     assert len(found.to_limits) == len(rise.limits)
 
 
-def test_rise_that_ended_at_its_limit_is_continued():
+def test_interval_continues_curve_stopped_at_limit():
     """A rise that stops at the fluid limit has the same interval as a longer one up to there."""
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     stopped = simulate_rise([WORK], BARE, hour, model="network")
@@ -141,7 +141,7 @@ def test_first_minutes_depend_on_power_and_capacity():
     assert width / gained == pytest.approx(2.0 * 1.645 * np.hypot(PRIOR.power, PRIOR.capacity), rel=0.35)
 
 
-def test_rise_factors_are_those_of_the_interval():
+def test_rise_factors_match_the_temperature_interval():
     load = Load(1800.0, power, 4.0 * OHM)
     ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))

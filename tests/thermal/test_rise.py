@@ -103,7 +103,7 @@ def test_dashpot_power_is_half_the_product():
     assert work.peak[0] == pytest.approx(3000.0 * speed, rel=1e-6)
 
 
-def test_spring_takes_no_power():
+def test_spring_dissipates_no_power():
     work = tabulate_work(dry_and_viscous(stiffness=Constant(1e4)), segment_of(Sine(0.015, 1.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.0, abs=1e-3)
 

@@ -13,7 +13,7 @@ from mrdamper.thermal.model.surfaces import body_film
 BARE = read_drawing("paper").with_sink(None)
 
 
-def test_thin_air_cools_less():
+def test_low_air_density_reduces_cooling():
     """Half the density halves Re and quarters Ra: the film falls by less than the density does."""
     high = replace(BARE, surroundings=replace(BARE.surroundings, altitude=5500.0))
     share = float(body_film(high, 350.0) / body_film(BARE, 350.0))
