@@ -126,7 +126,7 @@ def test_force_along_motion_gets_no_current(name, speed):
 
 
 def test_model_bank_agrees_with_steady_inverse():
-    """In steady motion, the bank of models and the inverse agree at the current of a model."""
+    """In steady motion, the model bank and the model inverse agree at the currents of the models."""
     exact = controllers_for(at_once(DOUBLE), preview_s=0.0)["recommended"]
     exact = changed(exact, inverse__margin=-1.0, inverse__compensation=0.0)
     wanted = np.linspace(200.0, 1800.0, 400)

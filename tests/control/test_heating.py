@@ -77,7 +77,7 @@ def test_frozen_reading_is_flagged_after_5_kelvin(single):
 
 
 def test_controller_and_model_detect_frozen_sensor_equally():
-    """A controller counts one term of the force at a time, which over a minute is the work of the force."""
+    """The controller adds one term of the force per step, which sums to the work of the force in a minute."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
     told = np.full((len(t), 5), np.nan)

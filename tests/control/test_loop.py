@@ -28,7 +28,7 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 
 
 def test_exact_inverse_has_only_the_hold_error():
-    """A command held for a period P misses a target of largest slope 2 pi f A by at most that times P."""
+    """If a command is held for a period P, the error is at most P times the largest slope 2 pi f A."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3

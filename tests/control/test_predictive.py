@@ -71,7 +71,7 @@ def feasible_rms(
 )
 @pytest.mark.parametrize("rate", [500, 5000])
 def test_tabulated_chain_force_matches_kernel_law(model: Damper, rate: int) -> None:
-    """Same steps with tables instead of powers: 0.05 % RMS, 0.4 % at most, of the force's RMS.
+    """Tables instead of powers change the force by 0.05 % RMS and at most 0.4 % of its RMS value.
 
     A cavity closes within a millisecond, a few microseconds earlier or later: 2.5 % at most.
     """
@@ -172,7 +172,7 @@ def test_implicit_laws_have_no_paper_controller(model: Damper) -> None:
 
 
 def test_chain_tables_contain_all_coefficients_of_model() -> None:
-    """A coefficient that only the kernel's law has would be ignored on a target."""
+    """A coefficient that is missing in the tables would be ignored in exported code."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
     assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 

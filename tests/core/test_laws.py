@@ -264,7 +264,7 @@ def test_sliding_bristles_follow_the_stribeck_curve(speed):
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 def test_force_at_rest_follows_yield_force_partly(share):
-    """At standstill the force follows the yield force by this fraction. Sliding restores the level."""
+    """At standstill the force follows a change of the yield force by this fraction. Sliding adds the rest."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
     v = np.where((time < 1.0) | (time > 2.0), 0.01, 0.0)

@@ -734,7 +734,7 @@ def test_two_frequencies_separate_delay_from_compliance(delay):
 
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
 def test_correct_signals_have_no_early_force_finding(spring_N_m, friction_N):
-    """The channels have no delay: bristle of 400 N/mm, shear-thinning viscous force, gas spring."""
+    """Force: a bristle of 400 N/mm, a shear-thinning viscous force and a gas spring, without delay."""
     runs = []
     for amplitude, frequency in itertools.product((0.005, 0.010), (0.5, 1.0, 2.0)):
         time = np.arange(0.0, 4.0 / frequency, 1e-4 / frequency)

@@ -301,7 +301,7 @@ def test_measured_temperature_has_priority(tmp_path):
 
 
 def test_ambiguous_log_dates_are_matched_to_runs(tmp_path):
-    """A date of two readings matches the date of the other file in one of them."""
+    """An ambiguous date is read in the order that matches the date of the other file."""
     moved = datetime(2024, 6, 5) - datetime(2024, 3, 14)
     texts(lambda start: f"Start: {start + moved:%Y-%m-%d %H:%M:%S.%f}\n{SECONDS}")(tmp_path)
     lines = [f"{t + moved:%d/%m/%Y %H:%M:%S},{v:.3f}\n" for t, v in logged()]

@@ -289,7 +289,7 @@ def test_unseen_layout_is_read(tmp_path, layout):
 
 
 def test_settings_file_gives_current_of_run(tmp_path):
-    """A JSON file of the run's name, or a text in a folder with one run, states the current."""
+    """The current is in a JSON file with the name of the run, or in a text in a folder with one run."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         write(tmp_path, f"a/run_{k}.csv", BARE + table(*columns(run)[:3]))
         write(tmp_path, f"a/run_{k}.json", json.dumps({"damper": "D7", "current_A": current}))
@@ -307,7 +307,7 @@ def test_contradictory_run_list_requires_an_answer(tmp_path):
 
 
 def test_ambiguous_scale_factor_requires_an_answer(tmp_path):
-    """Samples with decimals may be raw or scaled: only an answer decides."""
+    """Samples with decimals may be raw or already scaled, so the user must answer."""
     run = RUNS[1]
     head = "Channel name;Time;Stroke;Load;Coil\nUnit;s;mm;N;A\nScale factor;1;0.5;1;1\n"
     _, x, f, i = columns(run)
@@ -323,7 +323,7 @@ def test_ambiguous_scale_factor_requires_an_answer(tmp_path):
 
 
 def test_min_max_sample_pairs_are_rejected(tmp_path):
-    """An oscilloscope's min and max at one time are no record of twice the rate."""
+    """Pairs of min and max of an oscilloscope at one time are not samples at twice the rate."""
     run = RUNS[1]
     rows = [
         row for t, x, f, i in zip(*columns(run), strict=True) for row in ((t, x, f - 1, i), (t, x, f + 1, i))

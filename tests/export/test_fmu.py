@@ -232,7 +232,7 @@ def test_model_has_the_bits_of_python(made, precision):
 
 
 def test_combined_fmu_matches_controller_and_model(loaded):
-    """The model's command through a period is the controller's at the beginning of the period."""
+    """In each period the model receives the command that the controller returned at its beginning."""
     target, library = loaded("both")
     table = controller_inputs()
     current, _ = commands(target, table)

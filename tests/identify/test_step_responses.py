@@ -107,7 +107,7 @@ def test_response_size_is_distance_between_levels():
 
 
 def test_response_time_from_measured_force_is_reproduced():
-    """A model with the measured force has the measured times; one without lags takes no time."""
+    """A model with the measured force has the measured times. A model without lags has the time 0."""
     run, _ = blended_run()
     stepped = measure(run)
     same = model_times([stepped, stepped], [run.force] * 2, SETTINGS)

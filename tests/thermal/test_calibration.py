@@ -85,7 +85,7 @@ def test_errors_and_correlation_match_repeated_fits():
 
 @pytest.mark.nightly
 def test_reduced_model_recovers_factors_of_own_curve():
-    """A curve of the reduced finite elements gives their factors, although the network is fitted."""
+    """A curve of the reduced finite-element model gives its factors, although the network is fitted."""
     own = BARE.calibration
     truth = replace(
         BARE, calibration=replace(own, heat_capacity=1.1 * own.heat_capacity, film=0.9 * own.film)

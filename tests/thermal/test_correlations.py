@@ -102,7 +102,7 @@ def test_radiation_follows_stefan_boltzmann(emissivity, surface, ambient):
 def test_groove_emissivity_exceeds_emissivity_of_walls(emissivity, ratio):
     apparent = groove_emissivity(emissivity, ratio, 1.0)
     assert emissivity * (1 - 1e-12) <= apparent <= 1.0
-    # all that it radiates comes from its walls
+    # The groove cannot radiate more than its walls emit.
     assert apparent * ratio <= emissivity * (1 + 1e-12)
 
 

@@ -103,7 +103,7 @@ def test_interval_contains_the_rise_and_its_time():
 
 
 def test_interval_continues_curve_stopped_at_limit():
-    """A rise that stops at the fluid limit has the same interval as a longer one up to there."""
+    """The interval of the time to the limit is the same if the curve stops at the fluid limit."""
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     stopped = simulate_rise([WORK], BARE, hour, model="network")
     whole = predict_interval([WORK], BARE, hour, rise_of(BARE, duty=hour.text))
