@@ -157,7 +157,7 @@ def test_coarse_thermometer_is_not_accused(fins, step_K):
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
 def test_wrong_loss_does_not_accuse_in_balance(wrong):
-    """A quarter of an hour of one reading at the temperature of balance."""
+    """The reading is constant for a quarter of an hour in thermal balance."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))
     assert first(made.run(made.start(), rows(900.0, current=1.0, kelvin=kelvin))[2]) == math.inf

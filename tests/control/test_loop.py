@@ -234,7 +234,7 @@ def test_loop_in_c_equals_loop_in_python(preset, disturbed):
 
 @pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
 def test_batched_loops_match_single_loops(preset):
-    """Seven controllers, one of them in Python, with and without delays."""
+    """The comparison has seven controllers (one in Python), with and without delays."""
     scenario = Scenario(duration_s=0.3, unscored_s=0.1, temperature_degC=60.0)
     late = replace(scenario, seed=7, sensors=_FAULTS, disturbance=Disturbance(command_delay_s=3.7e-3))
     plant, made = Plant(PRESETS[preset]), controllers_for(DOUBLE)

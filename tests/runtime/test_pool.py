@@ -32,7 +32,7 @@ def test_results_keep_the_order_of_items(jobs: int, *, threads: bool):
 
 @FORKS
 def test_nested_work_stays_in_its_process():
-    """Work runs in other processes, and work inside work in the same one."""
+    """Work runs in child processes. Nested work runs in the same child process."""
 
     def process(_: int) -> tuple[int, ...]:
         return os.getpid(), *Pool(2).map(lambda _: os.getpid(), range(2))
@@ -60,7 +60,7 @@ def test_pool_raises_error_after_earlier_results(*, threads: bool):
 
 @FORKS
 def test_interrupt_ends_all_processes():
-    """The caller waits for no work that is under way."""
+    """The caller does not wait for running work."""
     pids: list[int] = []
 
     def work(k: int) -> int:

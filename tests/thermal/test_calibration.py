@@ -72,7 +72,7 @@ def test_factors_of_a_clean_curve_are_exact():
 
 @pytest.mark.nightly
 def test_errors_and_correlation_match_repeated_fits():
-    """The scatter of 60 fits of noisy curves is known to 9 %: three of that."""
+    """The scatter of 60 fits is known to 9 %. The limit is three times this error."""
     rise = heated(BARE)
     fits = [calibrate_drawing(measured(rise, seed, noise=0.3), BARE, [work()], DUTY) for seed in range(60)]
     found = np.array([[each.heat_capacity, each.film] for each in fits])
@@ -100,7 +100,7 @@ def test_reduced_model_recovers_factors_of_own_curve():
 
 
 def test_calibrated_geometry_predicts_another_duty():
-    """Calibrated on 15 minutes of heating, half the power for an hour is predicted within 1 K."""
+    """A calibration with 15 min of heating predicts an hour at half the power within 1 K."""
     assert DRAWING.sink is not None
     finned = replace(DRAWING.sink, film_multiplier=1.3)
     truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=0.7), sink=finned)

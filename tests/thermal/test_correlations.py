@@ -137,7 +137,7 @@ def test_still_air_conducts_without_temperature_difference():
 
 @pytest.mark.parametrize(("metres", "pascal"), [(0.0, 101325.0), (1000.0, 89874.6), (5000.0, 54019.9)])
 def test_air_density_follows_standard_atmosphere(metres: float, pascal: float):
-    """Its pressures as printed; dry air of 28.9647 g/mol as an ideal gas."""
+    """Pressures are those of the printed table. Dry air of 28.9647 g/mol is an ideal gas."""
     low, high = air_at(300.0), air_at(300.0, metres)
     ratio = float(low.kinematic_viscosity / high.kinematic_viscosity)
     assert ratio == pytest.approx(pascal / 101325.0, rel=2e-5)

@@ -92,7 +92,7 @@ def test_lightest_sink_below_temperature_is_found(tried, fluid):
 
 @pytest.mark.system
 def test_paper_sink_is_beaten_by_eight_kelvin(found, reference):
-    """84 mm of span, 23 mm of width, no more mass: at least 8 K cooler after 30 minutes."""
+    """With 84 mm of length, 23 mm of width and no more mass, the fluid is at least 8 K cooler in 30 min."""
     best = found.best
     assert best.sink is not None
     assert best.sink.span <= 0.084 * (1.0 + 1e-9)
@@ -139,7 +139,7 @@ def test_mass_limit_cuts_the_front(found):
 
 
 def test_evaluation_agrees_with_the_network(reference):
-    """Within the 10 mK that longer steps cost."""
+    """Longer time steps cause differences of up to 10 mK."""
     exact = simulate_network(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
     assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
     assert reference.coil == pytest.approx(exact.coil[-1], abs=0.02)
@@ -171,7 +171,7 @@ def test_limits_below_the_lightest_sink_are_rejected():
 
 
 def test_gain_interval_contains_the_gain(reference):
-    """The same sink gains nothing for any heat transfer and power; more fins gain something."""
+    """The gain of a sink compared with itself is zero for any heat transfer. More fins have a gain."""
     none = gain_band(DAMPER, SINK, SINK, 0.0)
     assert (none.low, none.high, none.better) == (0.0, 0.0, False)
     more = replace(SINK, fins=8, pitch=0.011)

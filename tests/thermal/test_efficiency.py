@@ -30,7 +30,7 @@ def sweeps():
 
 
 def test_efficiency_follows_both_trends_of_paper(sweeps):
-    """The maxima are at 23 mm and four fins, although the temperature falls monotonically."""
+    """The efficiency has its maxima at 23 mm and four fins, although the temperature falls monotonically."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]
     assert [effect.sink.fins for effect in fins.effects] == [3, 4, 5]

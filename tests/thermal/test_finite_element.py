@@ -278,7 +278,7 @@ def test_minute_steps_err_below_50_millikelvin():
 
 @pytest.mark.nightly
 def test_field_steps_converge_with_second_order():
-    """Equal steps from a smooth start are halved twice, at a time of transient temperatures."""
+    """Equal time steps from a smooth start are halved twice, while the temperatures still change."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
     ends = [
@@ -296,7 +296,7 @@ def test_field_steps_converge_with_second_order():
 
 @pytest.mark.system
 def test_network_is_near_the_elements():
-    """Two models of one drawing: the network has ten nodes, the finite elements thousands."""
+    """The network has ten nodes, the finite elements have thousands, for the same geometry."""
     course = heat_field(DRAWING, [DUTY])[1]
     network = simulate_network(zone_network(DRAWING), [DUTY])
     assert np.abs(course.fluid - np.interp(course.time, network.time, network.fluid)).max() < 3.0

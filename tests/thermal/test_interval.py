@@ -116,7 +116,7 @@ def test_interval_continues_curve_stopped_at_limit():
 @pytest.mark.nightly
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 def test_ten_minutes_predict_perturbed_dampers(base):
-    """Six dampers off their geometry in every way: 2 K at 30 min, and the intervals hold for most."""
+    """For six dampers with wrong geometry values, the error at 30 min is 2 K and most intervals hold."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
     assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
@@ -134,7 +134,7 @@ def test_hundred_perturbed_dampers_are_predicted(base, minutes, most, place):
 
 
 def test_first_minutes_depend_on_power_and_capacity():
-    """Before losses and conduction matter, the deviations of power and heat capacity add in squares."""
+    """At first only power and heat capacity matter, and the squares of their deviations add."""
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
     gained = np.interp(60.0, found.time, found.median) - found.median[0]
     width = np.interp(60.0, found.time, found.high - found.low)

@@ -251,7 +251,7 @@ def test_network_energy_closes_for_any_design(fins, width, air, step, start, mod
 
 
 def test_network_steps_converge_with_second_order():
-    """Halve the step, and the error falls by about four: order 1.9 or more, observed."""
+    """If the step is halved, the error falls by about four (observed order 1.9 or more)."""
     network = zone_network(DRAWING)
     warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
         -1
