@@ -87,7 +87,7 @@ def test_heat_sink_example_saves_mass(card):
 
 
 @pytest.mark.nightly
-def test_controller_example_gains_when_hot(card):
+def test_recommended_controller_of_example_is_best_hot(card):
     said = said_by("controller_comparison.py", card)
     hot = {
         name: number(rf"100 degC {name} +RMS +([\d.]+) N", said)

@@ -45,7 +45,7 @@ def structured(given):
     "frame",
     [pd.DataFrame, pl.DataFrame, dict, structured, lambda given: pd.DataFrame(given).set_index("time_ms")],
 )
-def test_frame_of_any_kind_is_read(frame, runs):
+def test_data_frame_of_every_library_is_read(frame, runs):
     (read,) = mrdamper.read(frame(columns(runs[0])))
     for channel in ("time", "displacement", "force", "command"):
         np.testing.assert_allclose(getattr(read, channel), getattr(runs[0], channel), rtol=1e-9, atol=1e-12)

@@ -54,11 +54,11 @@ def lines_with(pattern: re.Pattern[str], files: list[Path]) -> list[str]:
     ]
 
 
-def test_no_file_names_a_registry_host(files):
+def test_no_file_contains_a_registry_host(files):
     assert lines_with(REGISTRY_HOSTS, files) == []
 
 
-def test_no_file_names_a_path_of_one_machine(files):
+def test_no_file_contains_a_local_path(files):
     assert lines_with(MACHINE_PATHS, files) == []
 
 

@@ -94,7 +94,7 @@ def test_source_executes_no_foreign_code():
     assert found == set(ALLOWED)
 
 
-def test_only_these_modules_can_open_a_connection():
+def test_only_listed_modules_can_open_connections():
     found = {
         name
         for name, nodes in sources().items()

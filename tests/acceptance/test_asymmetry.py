@@ -15,7 +15,7 @@ from mrdamper.data.records import Dataset, RigRun
 pytestmark = pytest.mark.nightly
 
 RATE_Hz, STEPS = 500.0, 40
-YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44  # The extension force is 2.2 and 2.6 times as large.
+YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44  # Extension / compression: 2.2 (yield), 2.6 (flow).
 SPEEDS = np.concatenate([-np.logspace(0.5, -9.0, 4000), [0.0], np.logspace(-9.0, 0.5, 4000)])
 
 

@@ -65,7 +65,7 @@ KNOWN_FAILURES = {
         ("test_run_in_two_halves_hardly_changes_model", name)
         for name in ("selected", "nominal", "hard", "utfsm")
     ),
-    *(("test_second_half_of_samples_is_redundant", name) for name in ("nominal", "hard")),
+    *(("test_every_second_sample_is_sufficient", name) for name in ("nominal", "hard")),
     *(("test_predicted_run_hardly_changes_model", name) for name in ("nominal", "hard")),
 }
 
@@ -171,14 +171,14 @@ def halves(run: RigRun) -> Iterator[RigRun]:
 # Bit-identical results
 
 
-def test_order_of_files_changes_no_bit(case: Case, fitted: FitResult) -> None:
+def test_file_order_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
     """The reverse and a random order of the files give the same parameters."""
     runs = list(case.runs)
     np.random.default_rng(1).shuffle(runs)
     assert_equal(fitted, case.fit(Dataset(tuple(runs))))
 
 
-def test_duplicate_file_changes_no_bit(case: Case, fitted: FitResult) -> None:
+def test_duplicate_file_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
     """A second file with the data of another one is ignored, and a note reports it."""
     first = next(iter(case.runs))
     repeated = case.fit(Dataset((*case.runs, replace(first, name="copy"))))
@@ -187,7 +187,7 @@ def test_duplicate_file_changes_no_bit(case: Case, fitted: FitResult) -> None:
 
 
 @pytest.mark.system
-def test_worker_count_changes_no_bit(case: Case, fitted: FitResult) -> None:
+def test_worker_count_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
     assert_equal(fitted, case.fit(jobs=2))
 
 
@@ -238,7 +238,7 @@ def test_mirrored_symmetric_damper_gives_mirrored_model() -> None:
 # Similar information
 
 
-def test_second_half_of_samples_is_redundant(case: Case, fitted: FitResult) -> None:
+def test_every_second_sample_is_sufficient(case: Case, fitted: FitResult) -> None:
     """Every second sample is sufficient because the motions are slow."""
     coarse = map_runs(case.runs, every_second_sample)
     assert_close(fitted, case.fit(coarse), error_percent=1.0, parameter_percent=5.0)

@@ -147,7 +147,7 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
 
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_unaware_model_is_worse_when_hot(preset, known, times):
+def test_model_without_temperature_fails_when_hot(preset, known, times):
     """The error of each motion is at least 4 times as large after a fit at 20 degC, and 2 times if pooled."""
     aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
@@ -155,14 +155,14 @@ def test_unaware_model_is_worse_when_hot(preset, known, times):
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_unaware_model_is_good_when_cold(preset):
+def test_model_without_temperature_is_accurate_when_cold(preset):
     """The comparison is valid because the same law with the same terms is accurate at 20 degC."""
     aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, "20 degC")
     assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_method_of_paper_is_less_accurate(preset):
+def test_fit_method_of_paper_is_less_accurate(preset):
     """The paper uses the plain law with polynomials, a genetic algorithm and one sine."""
     training, _ = default_campaign(preset).split(Campaign().hold_out)
     sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]

@@ -169,7 +169,7 @@ def test_paper_controller_gives_paper_values():
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_stiff_damper_is_tracked_as_well(target):
+def test_stiff_damper_errors_do_not_exceed_paper(target):
     ours, paper = score_of("stiff", target), score_of("stiff", target, "paper")
     assert ours.max_N <= paper.max_N
     assert greatest(ours) <= greatest(paper)
@@ -185,14 +185,14 @@ def added(controller: ForceController, scenario: Scenario) -> float:
 
 
 @pytest.mark.parametrize("off_K", [-5.0, 5.0])
-def test_thermocouple_is_5_kelvin_off(off_K):
+def test_thermocouple_error_of_5_kelvin(off_K):
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, sensors=replace(scenario.sensors, temperature_offset_K=off_K))
     assert added(controllers_of("nominal")["recommended"], scenario) <= 25.0
 
 
 @pytest.mark.parametrize("gain", [0.9, 1.1])
-def test_damper_is_a_tenth_off(gain):
+def test_damper_gain_error_of_10_percent(gain):
     """A controller without a force sensor cannot detect a gain. 10 % of the target is 68 N RMS.
 
     The limit is 60 N more than the undisturbed error. A weaker damper does not meet it: it adds 65.1 N. A

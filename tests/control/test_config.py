@@ -18,13 +18,13 @@ KERNEL = Path(core.__file__).parent / "kernel"
 RECOMMENDED = controllers_for(DOUBLE)["recommended"]
 
 
-def test_flags_equal_the_kernel():
+def test_python_flags_equal_flags_of_kernel():
     header = (KERNEL / "controller.h").read_text(encoding="utf-8")
     kernel = {name: int(value) for name, value in re.findall(r"\bMRD_(\w+) = (\d+)", header)}
     assert {name: int(flag) for name, flag in Flag.__members__.items()} == kernel
 
 
-def test_parts_and_values_equal_the_kernel():
+def test_configuration_has_same_fields_as_kernel():
     """The header is written by hand, so names and order are compared with the dataclasses."""
     header = (KERNEL / "controller_config.h").read_text(encoding="utf-8")
     structs = re.findall(r"typedef struct \{\n(.*?)\} mrd_config_(\w+);", header, re.DOTALL)
@@ -40,7 +40,7 @@ def test_parts_and_values_equal_the_kernel():
         (CHAIN, "recommended", (0, 1, 1)),
     ],
 )
-def test_code_contains_only_what_is_used(damper, name, expected):
+def test_compile_options_exclude_unused_parts(damper, name, expected):
     options = compile_options(controllers_for(damper)[name].config)
     assert tuple(options.values()) == expected
 

@@ -50,7 +50,7 @@ forces = st.floats(-2000.0, 2000.0) | anything
 
 @pytest.mark.parametrize("damper", [DOUBLE, SERIES, CHAIN], ids=lambda damper: damper.law.name)
 def test_card_of_one_temperature_gives_same_current(damper):
-    """Without its temperature factors, a damper needs the same current at 20 degC as with them."""
+    """At 20 degC a damper needs the same current with and without temperature factors."""
     forms = {
         name: form.form if isinstance(form, TemperatureDependent) else form
         for name, form in damper.coefficients.items()
@@ -65,7 +65,7 @@ def test_card_of_one_temperature_gives_same_current(damper):
 
 
 @pytest.mark.parametrize("law", DAMPERS)
-def test_solved_current_gives_wanted_force(law):
+def test_inverse_current_gives_target_force(law):
     """Without lags, the law's own simulation has the wanted force: 1 N RMS, 5 N at 99 %.
 
     The lag of the motion filter and the straight lines between the currents of the table remain.
@@ -107,7 +107,7 @@ def test_step_matches_python_without_tables(kelvin):
     [("double-bouc-wen", "recommended"), ("double-bouc-wen", "paper"), ("series-valve", "recommended")],
 )
 @pytest.mark.parametrize("speed", [0.03, -0.03])
-def test_current_rises_with_wanted_force(law, name, speed):
+def test_current_rises_with_target_force(law, name, speed):
     made = OF[law][name]
     state = at_speed(made, speed)
     wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 3500.0, 81)
@@ -125,8 +125,8 @@ def test_force_along_motion_gets_no_current(name, speed):
     assert answer(made, at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
 
 
-def test_bank_equals_inverse_at_its_models():
-    """In steady motion, the bank of models and the inverse agree at the current of a model."""
+def test_model_bank_agrees_with_steady_inverse():
+    """In steady motion, the model bank and the model inverse agree at the currents of the models."""
     exact = controllers_for(at_once(DOUBLE), preview_s=0.0)["recommended"]
     exact = changed(exact, inverse__margin=-1.0, inverse__compensation=0.0)
     wanted = np.linspace(200.0, 1800.0, 400)
@@ -155,7 +155,7 @@ def test_reversal_clamp_limits_the_command():
 
 @every_controller
 def test_single_steps_equal_one_run(law, name):
-    """A step does not change the state that it is given, and the same arguments give the same answer."""
+    """A step does not change its input state, and the same arguments give the same result."""
     made = OF[law][name]
     rows = told(made, 0.2)
     rows[:, 4] = 50.0
@@ -183,7 +183,7 @@ def test_pickled_controller_gives_same_bits(single):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_single_precision_gives_same_command(name):
-    """Within 2 mA over 5 s; a prediction deviates at the kinks of its six steps, in 1 % of the samples."""
+    """The limit is 2 mA for 5 s. A prediction deviates at the kinks of its six steps, in 1 % of samples."""
     made = ALL[name]
     rows = told(made, 5.0)
     rows[:, 4] = 0.8 * rows[:, 0]
@@ -205,7 +205,7 @@ def test_instruction_sets_give_same_bits():
     assert len(found) == 1
 
 
-def test_other_bytes_are_no_state():
+def test_invalid_state_bytes_are_rejected():
     with pytest.raises(ValueError, match="not a controller's state"):
         RECOMMENDED.step(b"no state", Reference(0.0), Measurement(0.0, ROOM))
 
@@ -269,7 +269,7 @@ def test_tracking_recovers_from_invalid_readings(law, rows):
 
 
 def test_non_finite_state_is_reset_with_flag():
-    """A state that contains NaN gives the same step as a new one, and the flag."""
+    """A state that contains NaN gives the result of a new state, with a flag."""
     rows = told(RECOMMENDED, 0.2)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
     damaged = np.frombuffer(state, dtype=np.float64).copy()
@@ -342,7 +342,7 @@ def test_missing_displacement_leads_to_fall_back(value):
 
 
 def test_frozen_displacement_is_detected_in_motion():
-    """A damper at rest may read one displacement for ever."""
+    """A constant displacement of a damper at rest is not a fault."""
     frozen = told(RECOMMENDED, 1.0)[500, 2]
     _, flags, _ = faulted(2, float(frozen))
     assert (flags[525:] & Flag.FROZEN).all()
@@ -365,7 +365,7 @@ def test_missing_force_disables_the_feedback(name):
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 5e-3])
 def test_preview_covers_the_response_time(period):
-    """An additional delay lengthens the preview by as much."""
+    """An additional delay lengthens the preview by the same time."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
     expected = LAGS.response_time(PREVIEW_RATIO) + 0.5 * period
     assert made["recommended"].preview_s == pytest.approx(expected)

@@ -76,8 +76,8 @@ def test_frozen_reading_is_flagged_after_5_kelvin(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_detects_as_the_model():
-    """A controller counts one term of the force at a time, which over a minute is the work of the force."""
+def test_controller_and_model_detect_frozen_sensor_equally():
+    """The controller adds one term of the force per step, which sums to the work of the force in a minute."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
     told = np.full((len(t), 5), np.nan)
@@ -157,7 +157,7 @@ def test_coarse_thermometer_is_not_accused(fins, step_K):
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
 def test_wrong_loss_does_not_accuse_in_balance(wrong):
-    """A quarter of an hour of one reading at the temperature of balance."""
+    """The reading is constant for a quarter of an hour in thermal balance."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))
     assert first(made.run(made.start(), rows(900.0, current=1.0, kelvin=kelvin))[2]) == math.inf

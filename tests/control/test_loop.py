@@ -27,8 +27,8 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 # --- Hold and delays --------------------------------------------------------------------------------------
 
 
-def test_error_of_exact_inverse_is_the_hold():
-    """A command held for a period P misses a target of largest slope 2 pi f A by at most that times P."""
+def test_exact_inverse_has_only_the_hold_error():
+    """If a command is held for a period P, the error is at most P times the largest slope 2 pi f A."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3
@@ -113,7 +113,7 @@ def test_quiet_sensors_read_the_true_values():
     assert [s.force for s in seen] == [0.0, *run.force[9:-1:10]]
 
 
-def test_noise_has_the_stated_deviation():
+def test_noise_has_the_specified_standard_deviation():
     """The standard error of a deviation from n values is deviation / sqrt(2 n), of a mean it is / sqrt(n)."""
     scenario = replace(SHORT, sensors=Sensing(temperature_offset_K=5.0, lost_share=0.0), duration_s=4.0)
     run_loop(Ideal(), Recording(), scenario)
@@ -181,7 +181,7 @@ def test_gain_of_damper_scales_force_and_reading():
 # --- Plants and the loop in C -----------------------------------------------------------------------------
 
 
-def test_seed_decides_the_run_and_plant_stays():
+def test_same_seed_repeats_run_without_changing_plant():
     """The same seed gives the same bits, another seed another run. The given plant does not change."""
     plant = Plant(PRESETS["nominal"])
     before, noisy = plant.state, replace(SHORT, sensors=Sensing())
@@ -234,7 +234,7 @@ def test_loop_in_c_equals_loop_in_python(preset, disturbed):
 
 @pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
 def test_batched_loops_match_single_loops(preset):
-    """Seven controllers, one of them in Python, with and without delays."""
+    """The comparison has seven controllers (one in Python), with and without delays."""
     scenario = Scenario(duration_s=0.3, unscored_s=0.1, temperature_degC=60.0)
     late = replace(scenario, seed=7, sensors=_FAULTS, disturbance=Disturbance(command_delay_s=3.7e-3))
     plant, made = Plant(PRESETS[preset]), controllers_for(DOUBLE)

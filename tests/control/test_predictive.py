@@ -70,8 +70,8 @@ def feasible_rms(
     ],
 )
 @pytest.mark.parametrize("rate", [500, 5000])
-def test_chain_on_target_equals_kernel_law(model: Damper, rate: int) -> None:
-    """Same steps with tables instead of powers: 0.05 % RMS, 0.4 % at most, of the force's RMS.
+def test_tabulated_chain_force_matches_kernel_law(model: Damper, rate: int) -> None:
+    """Tables instead of powers change the force by 0.05 % RMS and at most 0.4 % of its RMS value.
 
     A cavity closes within a millisecond, a few microseconds earlier or later: 2.5 % at most.
     """
@@ -165,14 +165,14 @@ def test_jump_of_target_saturates_the_command(model: Damper) -> None:
 
 
 @pytest.mark.parametrize("model", [CHAIN, SERIES], ids=lambda d: d.law.name)
-def test_implicit_laws_have_no_bank(model: Damper) -> None:
+def test_implicit_laws_have_no_paper_controller(model: Damper) -> None:
     assert set(controllers_for(model)) == set(names_for(model.law.name))
     with pytest.raises(InputError, match="'paper' is a bank of Bouc-Wen models"):
         check_name("paper", model.law.name)
 
 
-def test_tables_hold_every_chain_coefficient() -> None:
-    """A coefficient that only the kernel's law has would be ignored on a target."""
+def test_chain_tables_contain_all_coefficients_of_model() -> None:
+    """A coefficient that is missing in the tables would be ignored in exported code."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
     assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 

@@ -84,7 +84,7 @@ def test_scores_scale_and_ignore_the_sign(offset, factor):
 
 
 def test_worst_takes_the_highest_errors():
-    """Of several runs: the highest of each error, the lowest feasible share."""
+    """The result has the largest errors and the smallest feasible fraction of several runs."""
     one = Score(
         max_N=5.0, rmse_N=1.0, max_feasible_N=None, rmse_feasible_N=None, p99_feasible_N=None,
         feasible_share=0.0, rmse_over_range_percent=2.0, coil_power_W=3.0, chatter_A_per_s=1.0,

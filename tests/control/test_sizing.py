@@ -31,7 +31,7 @@ def test_targets_scale_with_the_damper(size):
 
 
 def test_velocity_target_bends_with_the_motion():
-    """Twice the stroke at the same frequency doubles the velocity at which the target bends."""
+    """A doubled stroke at the same frequency doubles the velocity at the knee of the target."""
     one, two = (
         size_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
         for motion in ("sine5mm1Hz", "sine:10mm:1Hz")
@@ -40,7 +40,7 @@ def test_velocity_target_bends_with_the_motion():
 
 
 def test_motions_fill_stroke_and_speed():
-    """A motion uses four fifths of the nearer limit. Without room around zero there is none."""
+    """A motion uses 80 % of the nearer limit. If the range does not include zero, there is no motion."""
     slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
     assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")
     time = np.linspace(0.0, 10.0, 20_001)

@@ -140,7 +140,7 @@ def test_curve_tables_equal_the_kernel(kappa, n):
 
 
 def test_cubics_are_of_fourth_order():
-    """A hundredth of the error needs about three times the cells."""
+    """An error of one hundredth needs about three times as many cells."""
     cells = [len(fit_lookup(np.sin, np.cos, 3.0, error).cell) for error in (1e-3, 1e-5, 1e-7)]
     assert cells[0] < cells[1] < cells[2] < 150
     made = fit_lookup(np.sin, np.cos, 3.0, 1e-5)
@@ -160,12 +160,12 @@ def test_rising_table_never_falls():
 
 
 @pytest.mark.parametrize("largest", [0.0, float("nan")])
-def test_largest_command_must_be_positive(largest):
+def test_table_needs_positive_largest_command(largest):
     with pytest.raises(InputError, match="largest command is"):
         tabulate(DOUBLE, largest)
 
 
-def test_quarters_are_currents_of_the_table():
+def test_table_contains_quarters_of_largest_current():
     tables = tabulate(DOUBLE, 3.3)
     np.testing.assert_allclose(tables.currents[list(tables.quarters)], 3.3 * np.arange(5) / 4, rtol=1e-15)
 

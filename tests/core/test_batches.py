@@ -23,7 +23,7 @@ def values_of(name: str) -> np.ndarray:
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("size", [2, 7, 300])
 def test_batches_match_whole_run(name, size):
-    """The force does not depend on the borders of the batches, to the last bit."""
+    """The borders of the batches do not change the force by a single bit."""
     path, law, values = replace(random_drive(5), dead_band=1e-5), LAWS[name].kernel or 0, values_of(name)
     motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
     columns = (path.displacement, path.velocity, path.acceleration)

@@ -263,8 +263,8 @@ def test_sliding_bristles_follow_the_stribeck_curve(speed):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_follow_share_at_rest_is_the_fraction(share):
-    """At standstill the force follows the yield force by this fraction. Sliding restores the level."""
+def test_force_at_rest_follows_yield_force_partly(share):
+    """At standstill the force takes this fraction of a change of the yield force. Sliding adds the rest."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
     v = np.where((time < 1.0) | (time > 2.0), 0.01, 0.0)
@@ -449,7 +449,7 @@ PASSIVE = {
     data=st.data(), motion=sines, viscosity=positive, stiffness=positive, coulomb=positive, breakaway=positive
 )
 def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, coulomb, breakaway):
-    """Whatever the admissible coefficients: the damper never pushes over a cycle.
+    """For all admissible coefficients the damper dissipates energy in a closed cycle.
 
     The trapezium over 400 samples is good to 1e-4 of the loop's box; a loop may be thinner than that.
     """

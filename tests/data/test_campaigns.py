@@ -71,7 +71,7 @@ def test_noisy_sine_keeps_its_frequency():
     assert finding.size == pytest.approx(2.0 / 2.1, rel=5e-3)
 
 
-def test_ambiguous_names_declare_nothing():
+def test_ambiguous_run_names_give_no_finding():
     assert list(find_against_names([run_of("1Hz to 7Hz"), run_of("0.1A 1.9A")])) == []
 
 
@@ -80,7 +80,7 @@ def test_ambiguous_names_declare_nothing():
     [("time_scale", "frequency", 0.015), ("displacement_scale", "stroke_m", 0.04)],
 )
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_odd_run_of_a_motion_is_found(kind, quantity, least, sign):
+def test_deviating_run_of_motion_is_found(kind, quantity, least, sign):
     usual = {"frequency": 2.0, "stroke_m": 0.020}
     others = [run_of(f"{current:g}", current=current) for current in (0.0, 0.5, 1.0)]
 
@@ -135,7 +135,7 @@ def test_two_dampers_are_found_by_force_range(alike):
     assert told(1.1, 1.0 / 1.2) == []
 
 
-def test_held_out_run_of_second_damper_named():
+def test_held_out_run_of_other_damper_reported():
     """The fit does not use the run. A pair of training runs has precedence."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])

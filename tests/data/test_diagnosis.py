@@ -198,7 +198,7 @@ def test_clipped_displacement_is_found():
 
 @pytest.mark.parametrize("role", ["force", "displacement"])
 @pytest.mark.parametrize("first", [0, 1, 2100, 4500, 4501])
-def test_stuck_sensor_has_its_time(role, first):
+def test_stuck_sensor_time_is_reported(role, first):
     """The location has no influence, also at the beginning and end of the run."""
 
     def stick(fields):

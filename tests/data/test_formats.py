@@ -251,7 +251,7 @@ def test_mdf_formula_is_not_executed(tmp_path, monkeypatch, version, nested):
         read_table(written)
 
 
-def test_hdf5_never_leads_to_another_file(tmp_path):
+def test_hdf5_external_links_are_not_followed(tmp_path):
     """External storage, links and virtual data sets are not followed."""
     import h5py
 

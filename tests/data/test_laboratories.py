@@ -547,7 +547,7 @@ def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> 
         ("t [ms];x [mm];F [N];I [A]", "Sample rate: 200 Hz\n", {"time.unit"}),
     ],
 )
-def test_unknown_quantities_give_questions(tmp_path, header, above, asked):
+def test_unknown_quantities_require_an_answer(tmp_path, header, above, asked):
     with pytest.raises(InputError) as fault:
         read_file(one(tmp_path, header, above))
     questions = getattr(fault.value, "questions", ())
@@ -614,7 +614,7 @@ def test_constant_that_contradicts_a_column_is_rejected(tmp_path, name, answers,
     assert np.allclose(recording.command, ramp, atol=1e-4)
 
 
-def test_contradictory_name_gives_question(tmp_path):
+def test_contradictory_file_name_requires_an_answer(tmp_path):
     with pytest.raises(AskingError, match=r"says 2 A, and the current measured is 0\.75 A") as fault:
         read_file(one(tmp_path, COLUMNS, name="sine_2A.csv"))
     assert fault.value.questions[0].candidates == ("2 A", "0.75 A")
@@ -733,8 +733,8 @@ def test_two_frequencies_separate_delay_from_compliance(delay):
 
 
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
-def test_sound_dampers_are_not_early(spring_N_m, friction_N):
-    """The channels have no delay: bristle of 400 N/mm, shear-thinning viscous force, gas spring."""
+def test_correct_signals_have_no_early_force_finding(spring_N_m, friction_N):
+    """Force: a bristle of 400 N/mm, a shear-thinning viscous force and a gas spring, without delay."""
     runs = []
     for amplitude, frequency in itertools.product((0.005, 0.010), (0.5, 1.0, 2.0)):
         time = np.arange(0.0, 4.0 / frequency, 1e-4 / frequency)

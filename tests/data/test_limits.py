@@ -133,5 +133,5 @@ def test_lines_of_words_separate_blocks(lines, blocks, trailer):
         (("a/r/t", "a/r/F", "b/r/t", "b/r/F", "b/s/t", "b/s/F"), ("a", "b")),
     ],
 )
-def test_groups_with_two_equal_names_match(paths, groups):
+def test_nested_paths_are_grouped_into_recordings(paths, groups):
     assert recordings_in([tuple(path.split("/")) for path in paths]) == groups

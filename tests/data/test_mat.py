@@ -145,7 +145,7 @@ def test_hdf5_objects_of_classes_are_skipped(tmp_path):
     assert read.layout.notes == ("skipped: note (string object)",)
 
 
-def test_file_of_objects_alone_names_them(tmp_path):
+def test_error_names_skipped_matlab_objects(tmp_path):
     path = tmp_path / "run.mat"
     savemat(path, {"damper": 7.0})
     path.write_bytes(path.read_bytes() + opaque("force", "timeseries"))

@@ -77,7 +77,7 @@ WRITERS: tuple[Writer, ...] = (
 
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
-def test_list_names_columns_of_matrix(tmp_path, write):
+def test_matrix_columns_are_named_by_list(tmp_path, write):
     for k, run in enumerate(RUNS):
         write(tmp_path / f"run_{k}", np.column_stack(columns(run)))
     assert_read(read_runs(tmp_path))

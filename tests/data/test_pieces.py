@@ -108,8 +108,8 @@ def named(role: str, **columns: object) -> str:
     ],
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])
-def test_words_select_among_columns_of_unit(role, wins, loses, first):
-    """A measured one before its set point, a word before a symbol, the fluid before the air; in any order."""
+def test_header_words_select_column_of_same_unit(role, wins, loses, first):
+    """Measured values precede set points, words symbols, and fluid air, in any order of the columns."""
     order = (wins, loses) if first == "wins" else (loses, wins)
     others = {} if role == "force" else {"force__N": np.ones(50)}
     found = named(role, **MOVED, **dict.fromkeys(order, np.ones(50)), **others)

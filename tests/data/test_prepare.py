@@ -47,7 +47,7 @@ def test_smoothing_keeps_the_motion():
 
 @pytest.mark.system
 @given(start=st.floats(-0.5, 0.5), rest=st.floats(0.1, 1.0))
-def test_reference_is_the_rest_position(start, rest):
+def test_position_zero_is_the_rest_position(start, rest):
     fields = fields_of_run(SINE, rest=rest, duration=2.0, noise=2e-6)
     fields["displacement"] = fields["displacement"] + start
     run = make_run(changed=fields)
@@ -60,7 +60,7 @@ def test_reference_is_the_rest_position(start, rest):
 
 
 @given(rest=st.floats(0.05, 2.0))
-def test_score_begins_after_half_a_period(rest):
+def test_error_ignores_first_half_period(rest):
     prepared = prepare_run(make_run(SINE, rest=rest, duration=3.0))
     left_rest = np.arcsin(0.02 * 0.02 / 0.010) / (2 * np.pi * 2.0)  # 2 % of the range of 20 mm
     expected = rest + left_rest + 0.25
@@ -143,7 +143,7 @@ def test_reversed_force_is_rejected():
 
 
 @given(preload=st.floats(-500.0, 500.0), stiffness=st.floats(-2e4, 2e4))
-def test_neither_preload_nor_spring_decides_the_sign(preload, stiffness):
+def test_force_sign_check_ignores_preload_and_spring(preload, stiffness):
     run = make_run(SINE, duration=2.0)
     prepare_run(
         make_run(SINE, duration=2.0, changed={"force": run.force + preload + stiffness * run.displacement})

@@ -77,7 +77,7 @@ def test_all_text_dialects_give_one_run(tmp_path, text):
 
 
 @pytest.mark.system
-def test_parquet_and_csv_hold_the_same_run(tmp_path):
+def test_parquet_and_csv_give_same_run(tmp_path):
     names = SELF_DESCRIBING.split(",")
     frame = pl.DataFrame(dict(zip(names, map(list, zip(*ROWS, strict=True)), strict=True)))
     frame.with_columns(pl.lit("note").alias("remark")).write_parquet(tmp_path / "run.parquet")
@@ -163,7 +163,7 @@ def test_loggers_text_holds_several_tests(tmp_path):
         assert run.force == pytest.approx(RUN.force, abs=1e-5)
 
 
-def test_events_and_commands_must_be_as_many(tmp_path):
+def test_event_count_must_equal_command_count(tmp_path):
     (tmp_path / "log.txt").write_text(_logger_text(2))
     with pytest.raises(InputError, match=r"'Resume' splits the file into 2 tests, \[segments\] has 3"):
         read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))
@@ -220,7 +220,7 @@ def test_unreadable_file_is_rejected_with_reason(tmp_path, text, message):
     assert "run" in str(error.value)
 
 
-def test_folder_gives_its_files_once(tmp_path):
+def test_folder_files_are_read_once(tmp_path):
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(_text(SELF_DESCRIBING))
     (tmp_path / "notes.md").write_text("not a run")

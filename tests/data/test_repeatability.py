@@ -48,7 +48,7 @@ def test_dry_friction_dissipates_closed_form_energy():
     assert {*found.highest_force_N.tolist(), *(-found.lowest_force_N).tolist()} == {300.0}
 
 
-def test_cycles_follow_on_each_other():
+def test_cycles_are_contiguous():
     found = cycles(_prepared(SINE.velocity, noise=2e-6))
     np.testing.assert_array_equal(found.end[:-1], found.row[1:])
     assert found.row[0] >= 250
@@ -68,7 +68,7 @@ def test_repeatability_is_the_force_noise():
     )
 
 
-def test_what_is_not_periodic_has_no_repeatability():
+def test_aperiodic_run_has_no_repeatability():
     motion = Chirp(0.002, 1.0, 15.0, 10.0)
     assert repeatability(_prepared(motion.velocity, motion)) is None
 

@@ -83,7 +83,7 @@ def test_field_keeps_kind_and_si_value(table, header, raw, unit, field):
     assert found.viscosity is None
 
 
-def test_table_may_hold_both_quantities(table):
+def test_table_may_contain_viscosity_and_yield_stress(table):
     found = table(
         "temperature_degC,viscosity_Pas,field_mT,yield_stress_kPa\n20,0.15,,\n40,0.11,,\n20,,100,4\n40,,100,3.9\n"
     )

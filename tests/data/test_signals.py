@@ -108,7 +108,7 @@ def test_smoothing_keeps_cubics_ends_included(start, slope, bend, spacing):
 
 @pytest.mark.system
 @given(shift=st.floats(-0.1, 0.1), scale=st.floats(0.1, 10.0))
-def test_smoothing_is_linear_and_has_no_direction(shift, scale):
+def test_smoothing_is_linear_and_symmetric_in_time(shift, scale):
     x = np.random.default_rng(4).standard_normal(500)
     once = smooth(x, 1e-3, 60.0)
     moved = smooth(scale * x + shift, 1e-3, 60.0)
@@ -129,7 +129,7 @@ def test_smoothed_derivatives_are_consistent():
 
 
 @pytest.mark.parametrize("spacing", [2, 7, 40])
-def test_splines_are_those_of_scipy(spacing):
+def test_splines_match_scipy(spacing):
     at = np.arange(spacing) / spacing
     knots = np.arange(-5.0, 7.0)
     for j in range(6):

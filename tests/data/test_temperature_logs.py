@@ -247,7 +247,7 @@ def test_clock_without_date_is_listed(tmp_path):
     assert all(run.temperature is None for run in read.runs)
 
 
-def test_runs_without_start_stay_cold(tmp_path):
+def test_runs_without_start_time_get_no_temperature(tmp_path):
     texts(lambda _: SECONDS)(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)
@@ -256,7 +256,7 @@ def test_runs_without_start_stay_cold(tmp_path):
 
 
 @pytest.mark.parametrize(("minutes", "count"), [(13.5, 1), (18.0, 2), (12.75, 0)])
-def test_log_of_part_covers_whole_runs(tmp_path, minutes, count):
+def test_partial_log_is_used_for_covered_runs(tmp_path, minutes, count):
     HEADERS(tmp_path)
     iso_log(tmp_path, logged(minutes=minutes))
     read = read_each(tmp_path)
@@ -300,8 +300,8 @@ def test_measured_temperature_has_priority(tmp_path):
     assert all(run.temperature is not None and np.allclose(run.temperature, 333.15) for run in read.runs)
 
 
-def test_ambiguous_dates_of_equal_form_match(tmp_path):
-    """A date of two readings matches the date of the other file in one of them."""
+def test_ambiguous_log_dates_are_matched_to_runs(tmp_path):
+    """An ambiguous date is read in the order that matches the date of the other file."""
     moved = datetime(2024, 6, 5) - datetime(2024, 3, 14)
     texts(lambda start: f"Start: {start + moved:%Y-%m-%d %H:%M:%S.%f}\n{SECONDS}")(tmp_path)
     lines = [f"{t + moved:%d/%m/%Y %H:%M:%S},{v:.3f}\n" for t, v in logged()]
@@ -309,7 +309,7 @@ def test_ambiguous_dates_of_equal_form_match(tmp_path):
     assert_warm(read_each(tmp_path))
 
 
-def test_full_folder_still_reads(tmp_path):
+def test_folder_with_temperature_log_is_read(tmp_path):
     for k, run in enumerate(RUNS):
         write(tmp_path, f"run_{k}.csv", FULL + table(*columns(run)))
     iso_log(tmp_path)

@@ -74,7 +74,7 @@ def test_blocks_join_where_they_were_cut(form, size):
 @pytest.mark.parametrize(
     "cell", ["", "12", "10:15", "25:00:00", "10:61:00", "10:15:02 o'clock", "2026-02-30 1:00:00"]
 )
-def test_invalid_time_is_not_a_number(cell):
+def test_invalid_time_becomes_nan(cell):
     assert np.isnan(seconds(cell)).all()
 
 
@@ -84,7 +84,7 @@ def test_ambiguous_changing_date_is_invalid():
     assert np.isnan(seconds("11/12/2026 23:59:59", "12/12/2026 00:00:00")).tolist() == [False, True]
 
 
-def test_noon_and_midnight_of_twelve_hours():
+def test_noon_and_midnight_in_12_hour_clock():
     assert np.array_equal(seconds("12:00:00 AM", "12:00:00 PM", "1:00:00 pm"), [0.0, 43200.0, 46800.0])
 
 

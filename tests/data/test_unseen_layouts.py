@@ -288,8 +288,8 @@ def test_unseen_layout_is_read(tmp_path, layout):
     assert_read(read_runs(tmp_path))
 
 
-def test_settings_state_each_run(tmp_path):
-    """A JSON file of the run's name, or a text in a folder with one run, states the current."""
+def test_settings_file_gives_current_of_run(tmp_path):
+    """The current is in a JSON file with the name of the run, or in a text in a folder with one run."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         write(tmp_path, f"a/run_{k}.csv", BARE + table(*columns(run)[:3]))
         write(tmp_path, f"a/run_{k}.json", json.dumps({"damper": "D7", "current_A": current}))
@@ -299,15 +299,15 @@ def test_settings_state_each_run(tmp_path):
     assert sorted(float(run.command[0]) for run in runs) == [i for i in CURRENTS for _ in range(2)]
 
 
-def test_contradictory_document_gives_question(tmp_path):
+def test_contradictory_run_list_requires_an_answer(tmp_path):
     write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
     write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
     with pytest.raises(AskingError, match=r"0\.5 A and 1\.5 A"):
         read_runs(tmp_path)
 
 
-def test_ambiguous_factor_gives_question(tmp_path):
-    """Samples with decimals may be raw or scaled: only an answer decides."""
+def test_ambiguous_scale_factor_requires_an_answer(tmp_path):
+    """Samples with decimals may be raw or already scaled, so the user must answer."""
     run = RUNS[1]
     head = "Channel name;Time;Stroke;Load;Coil\nUnit;s;mm;N;A\nScale factor;1;0.5;1;1\n"
     _, x, f, i = columns(run)
@@ -322,8 +322,8 @@ def test_ambiguous_factor_gives_question(tmp_path):
     assert np.allclose(read.displacement, run.displacement, atol=2e-9)
 
 
-def test_pairs_of_samples_are_a_fault(tmp_path):
-    """An oscilloscope's min and max at one time are no record of twice the rate."""
+def test_min_max_sample_pairs_are_rejected(tmp_path):
+    """Pairs of min and max of an oscilloscope at one time are not samples at twice the rate."""
     run = RUNS[1]
     rows = [
         row for t, x, f, i in zip(*columns(run), strict=True) for row in ((t, x, f - 1, i), (t, x, f + 1, i))
@@ -333,7 +333,7 @@ def test_pairs_of_samples_are_a_fault(tmp_path):
         read_runs(tmp_path)
 
 
-def test_source_in_archive_names_archive(tmp_path):
+def test_archived_run_states_archive_and_file(tmp_path):
     archive(tmp_path)
     assert all("day.zip/tests/run_0" in run.source for run in read_runs(tmp_path))
     (tmp_path / "day.zip").write_bytes((tmp_path / "day.zip").read_bytes()[:5000])

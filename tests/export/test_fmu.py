@@ -231,8 +231,8 @@ def test_model_has_the_bits_of_python(made, precision):
     assert np.abs(expected).max() > 500.0
 
 
-def test_controller_drives_the_model_in_both(loaded):
-    """The model's command through a period is the controller's at the beginning of the period."""
+def test_combined_fmu_matches_controller_and_model(loaded):
+    """In each period the model receives the command that the controller returned at its beginning."""
     target, library = loaded("both")
     table = controller_inputs()
     current, _ = commands(target, table)
@@ -348,7 +348,7 @@ def test_instance_starts_with_values_of_the_xml(loaded, content):
         ({"held_temperature": 301.0}, {"thermometer__fixed": 301.0}),
     ],
 )
-def test_parameter_changes_the_kernels_number(loaded, parameter, config):
+def test_fmu_parameter_changes_value_in_kernel(loaded, parameter, config):
     target, library = loaded("controller", "double")
     table = controller_inputs(1200)
     table["displacement"][1000:1150] = np.nan  # The fall-back command acts here.
@@ -361,7 +361,7 @@ def test_parameter_changes_the_kernels_number(loaded, parameter, config):
 
 
 @pytest.mark.parametrize("name", ["yield_gain", "viscous_gain", "friction_gain"])
-def test_gain_scales_a_part_of_the_force(loaded, name):
+def test_fmu_gain_scales_part_of_force(loaded, name):
     target, library = loaded("controller", "double")
     table = controller_inputs(1200)
     with library.slave() as slave:
@@ -427,7 +427,7 @@ def stepped_forces(library, lengths, motion=SINE, **switches):
 @pytest.mark.parametrize(
     "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
 )
-def test_coarse_steps_give_the_fine_force(loaded, lengths, use_velocity):
+def test_coarse_and_fine_steps_give_similar_force(loaded, lengths, use_velocity):
     """The force at the end of a step is within 1 % of the peak of the force at steps of one period."""
     _, library = loaded("model")
     _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
@@ -546,7 +546,7 @@ int main(void)
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
-def test_sanitizers_report_nothing_in_2000_lives(tmp_path, card, tool, precision):
+def test_sanitizers_report_nothing_in_2000_instances(tmp_path, card, tool, precision):
     """There is no leak, no access outside and no undefined conversion for any input."""
     write_sources(target_of(card, precision=precision), tmp_path)
     (tmp_path / "lives.c").write_text(LIVES, encoding="ascii")
@@ -560,7 +560,7 @@ def test_sanitizers_report_nothing_in_2000_lives(tmp_path, card, tool, precision
 # ------------------------------------------------------------------------------------------ verification
 
 
-def test_unverified_sources_become_no_fmu(tmp_path, card):
+def test_fmu_requires_verified_sources(tmp_path, card):
     target = target_of(card, content="controller")
     failed = replace(passed_verification(target), passed=False, problems=("current is not finite",))
     with pytest.raises(InputError, match=r"\(current is not finite\)"):

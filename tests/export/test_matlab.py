@@ -64,8 +64,8 @@ def test_octave_reads_the_card_and_its_map(card, tmp_path, tool):
     np.testing.assert_array_equal(np.loadtxt(tmp_path / "numbers.txt"), [*chosen.damper.parameters.values()])
 
 
-def test_text_holds_the_map_under_its_breakpoints():
-    """As Modelica reads it: name and size, commands in the first row, velocities in the first column."""
+def test_modelica_text_contains_map_and_breakpoints():
+    """The Modelica table has name and size, commands in its first row, velocities in its first column."""
     table = force_map(card_of(DAMPERS["bouc-wen"]))
     first, _, head, *rows = tables_text(table).splitlines()
     assert first == "#1"

@@ -70,14 +70,14 @@ def test_branches_are_those_of_the_fastest_sine(made, i, j):
         assert np.abs(branch[i, j] - expected).max() < 2e-3 * peak
 
 
-def test_two_hysteresis_branches_meet_at_ends(made):
+def test_hysteresis_branches_meet_at_end_of_loop(made):
     assert np.allclose(made.rising[..., -1], made.falling[..., -1], rtol=1e-6)
     assert np.allclose(made.rising[..., 0], made.falling[..., 0], rtol=1e-6)
     inside = slice(6, -6)
     assert (made.falling[..., inside] - made.rising[..., inside]).max() > 100.0
 
 
-def test_damper_without_memory_has_one():
+def test_damper_without_hysteresis_has_equal_branches():
     """The force of Bingham's law without stiffness, mass and friction depends only on velocity."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": Constant(1500.0),
@@ -92,7 +92,7 @@ def test_damper_without_memory_has_one():
     assert made.temperature.tolist() == [293.15]
 
 
-def test_more_current_gives_more_force_and_warmth_less(made):
+def test_force_rises_with_current_falls_with_temperature(made):
     fast = made.pick[..., -1]
     assert (np.diff(fast, axis=1) > 0.0).all()
     assert (np.diff(fast, axis=0) < 0.0).all()

@@ -69,7 +69,7 @@ def test_step_instruction_count_is_limited(boards, shown):
 @pytest.mark.release
 @pytest.mark.parametrize("shown", BARRED, ids=_name)
 @pytest.mark.parametrize("board", BOARDS)
-def test_over_100_000_steps_too(boards, shown, board):
+def test_target_results_agree_for_100_000_steps(boards, shown, board):
     there, here = replayed(shown, board, 100_000)
     meets_its_bars(shown, there)
     assert there.hash == here
@@ -77,8 +77,8 @@ def test_over_100_000_steps_too(boards, shown, board):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("shown", SHOWN, ids=_name)
-def test_commands_and_flags_match_single_precision(boards, shown):
-    """On x86-64 compiled alone, on an M7, and with the extension: three compilers' choices, one result."""
+def test_target_and_host_agree_in_single_precision(boards, shown):
+    """x86-64, Cortex-M7 and the Python extension return the same bits."""
     there, here = replayed(shown, "M7", 3000)
     told = readings(shown.made(), 3000)
     assert there.hash == here == on_host(shown.made(), told, flags=("-O1",)).hash
@@ -99,7 +99,7 @@ def test_code_and_tables_fit(boards, shown):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
-def test_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
+def test_static_checker_finds_only_listed_deviations(tool, tmp_path, single):
     """Each of the list is found, too: the list is no longer than it must be."""
     text = files("mrdamper.codegen").joinpath("misra.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))

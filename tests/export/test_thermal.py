@@ -146,8 +146,8 @@ def test_thermometers_correct_a_wrong_power(folder, model):
     assert np.abs(helped[-1, 1:4] - truth.hot[-1]).max() < 1.5
 
 
-def test_frozen_thermometer_is_flagged_a_good_one_not(folder, model):
-    """Warmed, then at rest: one thermometer is good, one freezes while it cools, one from the start."""
+def test_only_frozen_thermometer_is_flagged(folder, model):
+    """The damper warms and then rests. One sensor is good, one freezes while cooling, one from the start."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)
     good = truth.fluid + np.random.default_rng(1).normal(0.0, 0.1, 3600)

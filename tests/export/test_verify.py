@@ -77,12 +77,12 @@ def test_controller_in_c_has_the_bits_of_python(controller):
     [{"period_s": 5e-3}, {"period_s": 1e-4}, {"content": "model", "precision": "double"}],
     ids=["slow", "fast", "double"],
 )
-def test_periods_and_double_have_the_bits_too(target):
+def test_periods_and_double_precision_match_python(target):
     assert_same_bits(a_target(**target))
 
 
 @pytest.mark.nightly
-def test_command_in_volts_has_the_bits_too():
+def test_command_in_volts_matches_python_bits():
     assert_same_bits(target_of(card_of(replace(DOUBLE, command_unit="V"))))
 
 
@@ -110,7 +110,7 @@ SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined,float-cast-overflow", "-f
 
 
 @pytest.mark.parametrize("flags", one_by_day([("-O3",), ("-O0",), SANITIZE]))
-def test_compiler_flags_change_no_bit(flags, tool, tmp_path):
+def test_compiler_flags_do_not_change_results(flags, tool, tmp_path):
     """The sanitizers also report no invalid access and no undefined operation."""
     target = a_target()
     write(target, tmp_path)
@@ -189,7 +189,7 @@ def test_seed_determines_the_rows():
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False, min_value=-(2.0**100), max_value=2.0**100))
-def test_neighbouring_floats_differ_by_one_unit(value):
+def test_adjacent_floats_differ_by_one_ulp(value):
     above = np.nextafter(np.float32(value), np.float32(np.inf))
     columns = (np.array([1.0, value]), np.array([1.0, float(above)]))
     assert difference(*columns, single=True).ulp == 1

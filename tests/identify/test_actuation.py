@@ -176,8 +176,8 @@ def test_response_time_solves_closed_form():
         assert time_s == pytest.approx(expected_s, abs=2e-5)
 
 
-def test_own_lag_of_damper_is_removed():
-    """The lag inside the law is not counted twice."""
+def test_law_lag_does_not_change_identified_lags():
+    """A lag inside the law does not change the identified lags, so no lag is counted twice."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]))
     lagged = fit(run, damper=replace(LAW, command_lag_s=0.02))
     assert lags_of(lagged.actuation) == pytest.approx(lags_of(fit_known("slow rise").actuation))

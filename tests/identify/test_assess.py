@@ -153,7 +153,7 @@ def said(result: SearchResult, problem: FitProblem, word: str) -> list[str]:
     return [each for each in remarks(result, problem.runs) if word in each]
 
 
-def test_passive_and_interrupted_fits_are_reported(truth) -> None:
+def test_interrupted_and_active_fits_are_reported(truth) -> None:
     problem, result = truth
     assert said(result, problem, "not passive") == said(result, problem, "interrupted") == []
     assert len(said(replace(result, cancelled=True), problem, "The fit was interrupted")) == 1

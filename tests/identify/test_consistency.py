@@ -196,7 +196,7 @@ def test_training_error_above_cross_validation_error(noisy, percent, kinds):
     assert kinds_of("held_out") == []
 
 
-def test_held_out_copy_is_reported(noisy):
+def test_duplicate_of_held_out_run_is_reported(noisy):
     copy = replace(noisy[3], run=replace(noisy[3].run, name="copy"))
 
     def effect(training, held_out):

@@ -55,7 +55,7 @@ def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult
     return problem, fit_variable_projection(problem, starts=1)
 
 
-def test_correct_model_expects_error_of_noise() -> None:
+def test_expected_error_of_correct_model_is_noise() -> None:
     problem, result = fitted("dahl", "dahl", noise=0.02)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -113,7 +113,7 @@ def test_band_widens_with_distance_from_motions() -> None:
     assert card_from_json(card_to_json(card(force_band=band))).force_band == band
 
 
-def test_fit_to_all_motions_expects_less_error() -> None:
+def test_fit_to_all_motions_predicts_smaller_error() -> None:
     """Each motion requires other parameters if the law is wrong. A correct law gains nothing."""
     shares = {}
     for law in ("bingham", "dahl"):

@@ -33,7 +33,7 @@ def identify(law: str, seed: int) -> SearchResult:
             free,
             runs,
             settings=FitSettings(rate_Hz=500.0 if law == "chain" else 200.0, samples_per_period=1e9),
-        ),  # The step size of the fit.
+        ),  # The fit uses this sampling rate.
         starts=3 if law in ("series-valve", "chain") else 1,
     )
 

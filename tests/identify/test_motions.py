@@ -27,7 +27,7 @@ def test_folds_of_one_motion_interpolate_current() -> None:
     assert sorted(held_out) == levels[1:-1]
 
 
-def test_blocks_of_time_partition_windows() -> None:
+def test_every_window_is_in_one_time_block() -> None:
     """One run is divided into blocks. Each window is held out by one fold and trains all others."""
     runs = RUNS[:1]
     folds = folds_of(runs)

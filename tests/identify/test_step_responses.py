@@ -106,8 +106,8 @@ def test_response_size_is_distance_between_levels():
         assert response.law_after_N - response.law_before_N == pytest.approx(after - before)
 
 
-def test_model_time_of_measured_force_is_measured():
-    """A model with the measured force has the measured times; one without lags takes no time."""
+def test_response_time_from_measured_force_is_reproduced():
+    """A model with the measured force has the measured times. A model without lags has the time 0."""
     run, _ = blended_run()
     stepped = measure(run)
     same = model_times([stepped, stepped], [run.force] * 2, SETTINGS)

@@ -84,7 +84,7 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
 
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("kind", [kind for kind in get_args(Temperature) if kind != "none"])
-def test_every_law_has_temperature_template(name, kind):
+def test_every_law_has_a_temperature_dependent_start(name, kind):
     """The free parameters belong to the damper and are within their bounds. All factors are free."""
     damper, free = template(name, CAMPAIGN, temperature=kind)
     assert damper.temperature_dependent
@@ -99,7 +99,7 @@ def test_every_law_has_temperature_template(name, kind):
         assert np.isfinite(simulate(damper, run.trajectory)).all()
 
 
-def test_paper_kind_is_separable_polynomial():
+def test_paper_temperature_dependence_is_separable_polynomial():
     """Eq. (12) as reconstructed: each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
     for name in ("viscosity", "yield_force"):

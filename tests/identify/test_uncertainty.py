@@ -177,7 +177,7 @@ def validated(squares: FloatArray) -> ValidatedCandidate:
     return ValidatedCandidate(fitted, (), squares, np.full(len(folds), 1.0 / len(folds)), folds, folds, 0.0)
 
 
-def test_gain_is_paired_t_test_of_folds():
+def test_term_gain_is_tested_with_paired_t():
     """The statistic is Student's t of the differences of squared errors, computed with SciPy."""
     first, second = np.random.default_rng(0).uniform(1.0, 4.0, (2, 6))
     gain, statistic = validated(first).gain_relative_to(validated(second))

@@ -45,7 +45,7 @@ def test_every_set_is_pinned_and_licensed():
         assert (Path(__file__).parents[2] / "examples" / known.channels).is_file()
 
 
-def test_files_come_from_the_mirror(small_set, tmp_path):
+def test_files_are_copied_from_the_mirror(small_set, tmp_path):
     target = fetch("small", folder=tmp_path / "kept")
     assert (target / "a.csv").read_bytes() == CONTENT
     assert (target / "b.csv").read_bytes() == CONTENT * 2
@@ -59,7 +59,7 @@ def test_file_with_other_hash_is_rejected(small_set, tmp_path):
     assert not (tmp_path / "kept" / "a.csv").exists()
 
 
-def test_a_download_is_held_to_its_hash(small_set, tmp_path, monkeypatch):
+def test_download_with_wrong_hash_is_rejected(small_set, tmp_path, monkeypatch):
     asked = []
 
     def forge(url, timeout):

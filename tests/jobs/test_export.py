@@ -198,7 +198,7 @@ def test_wheel_contains_kernel_and_templates():
 
 
 @pytest.mark.parametrize(("lag", "knows_temperature"), [(True, False), (False, True)])
-def test_notes_name_parts_a_card_lacks(lag, knows_temperature, tmp_path, monkeypatch):
+def test_export_notes_list_missing_parts_of_card(lag, knows_temperature, tmp_path, monkeypatch):
     monkeypatch.setattr("mrdamper.jobs.export.verify_c", lambda _: SimpleNamespace(passed=True))
     damper = rig_damper(lag=RIG_LAG if lag else None, temperature_dependent=knows_temperature)
     card = read_card(write_card_of(tmp_path / "card.json", damper))

@@ -115,7 +115,7 @@ def test_tracking_interval_equals_extreme_dampers(folder: Path):
     assert np.allclose([error.low_N[scored], error.high_N[scored]], ends, atol=1.0)
 
 
-def test_samples_of_another_card_are_rejected(folder: Path, tmp_path: Path):
+def test_parameter_samples_of_another_card_are_rejected(folder: Path, tmp_path: Path):
     def refused(card: Any, *words: str) -> None:
         with pytest.raises(InputError) as fault:
             mrdamper.simulate(card, MOTION, posterior=5)

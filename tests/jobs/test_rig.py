@@ -85,7 +85,7 @@ def test_channel_map_sets_only_the_session(answer, folder):
     assert {run.session for run in mapped} == {"virtual rig hard"}
 
 
-def test_truth_folder_holds_damper_campaign_and_forces(answer, folder):
+def test_truth_folder_contains_damper_campaign_and_forces(answer, folder):
     truth = folder / "runs.truth"
     assert answer["truth"] == str(truth)
     assert read_damper(truth / "hard.damper.toml") == PRESETS["hard"]
@@ -102,7 +102,7 @@ def test_preset_may_be_a_file(run_rig, tmp_path):
     assert read_damper(tmp_path / "out.truth" / "mine.damper.toml").friction_N == 0.0
 
 
-def test_draw_randomises_the_preset(run_rig, tmp_path):
+def test_draw_option_randomises_the_preset(run_rig, tmp_path):
     """A second campaign in the same folder is noted."""
     assert run_rig(tmp_path / "out", "stiff", draw=6)["damper"] == "stiff-6"
     assert read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml") == draw_variant(PRESETS["stiff"], 6)

@@ -117,7 +117,7 @@ def test_killed_sweep_is_resumed(card: Path, tmp_path: Path, reference: bytes):
 
 
 @pytest.mark.nightly
-def test_torn_line_is_computed_again(card: Path, tmp_path: Path, reference: bytes):
+def test_incomplete_result_line_is_computed_again(card: Path, tmp_path: Path, reference: bytes):
     """An incomplete line is computed again. Complete lines are used."""
     out = tmp_path / "torn"
     out.mkdir()

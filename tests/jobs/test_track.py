@@ -76,14 +76,14 @@ def test_unknown_temperature_costs_when_hot(run, name):
     assert cold_unaware.rmse_feasible_N == pytest.approx(cold.rmse_feasible_N, rel=0.1)
 
 
-def test_summary_is_the_worst_temperature(run):
+def test_summary_contains_largest_errors_of_all_temperatures(run):
     for row in run.max_error_rows:
         each = [r.score for r in run.rows if r.controller == row.controller]
         assert row.score.max_N == max(s.max_N for s in each)
         assert row.score.rmse_feasible_N == max(s.rmse_feasible_N for s in each)
 
 
-def test_card_on_itself_has_no_model_error(folder):
+def test_tracking_own_model_has_no_model_error(folder):
     """Lag and noise remain. The same controller has a larger error on the virtual damper."""
     options = TrackOptions(controllers=("recommended",))
     itself = track(folder / "card.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
@@ -92,7 +92,7 @@ def test_card_on_itself_has_no_model_error(folder):
     assert itself.rows[0].score.rmse_feasible_N < 0.5 * real.rows[0].score.rmse_feasible_N
 
 
-def test_seed_decides_the_rows(folder):
+def test_same_seed_gives_same_tracking_errors(folder):
     options = TrackOptions(controllers=("recommended",))
     rows = [
         track(folder / "card.json", replace(options, seed=seed), targets=[folder / "short.toml"]).rows
@@ -102,7 +102,7 @@ def test_seed_decides_the_rows(folder):
     assert rows[0] != rows[2]
 
 
-def test_number_of_jobs_changes_no_bit(folder):
+def test_parallel_job_count_does_not_change_results(folder):
     found = [
         track(
             folder / "card.json",
@@ -162,7 +162,7 @@ def test_terminal_shows_a_table(folder):
     assert "clipped-on-off" in done.stdout
 
 
-def test_notes_name_what_the_card_lacks(folder):
+def test_notes_list_missing_parts_of_card(folder):
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.02, 0.02), (293.15, 313.15))
     narrow = write_card_of(folder / "narrow.json", envelope=envelope)
     options = TrackOptions(controllers=("paper",))

@@ -96,8 +96,8 @@ def test_rise_and_fall_have_own_times(rise, fall):
 
 
 @given(rise=times, fall=times, second=times, delay=times)
-def test_missing_area_is_sum_of_times(rise, fall, second, delay):
-    """The integral of command - applied is the step times all its lags and delays, up and down."""
+def test_area_above_step_response_is_total_lag(rise, fall, second, delay):
+    """The integral of command - applied is the step times the sum of lags and delay, up and down."""
     both = Actuation(rise, fall, second, delay)
     step = (rise + fall + second + delay) / 500.0
     up = a_step(15_000)

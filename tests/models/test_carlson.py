@@ -43,8 +43,8 @@ def test_fluid_with_32_percent_iron_saturates():
     assert float(Carlson(saturation_stress(0.32)).stress(1e7)) == pytest.approx(47.9e3, rel=2e-3)
 
 
-def test_papers_fields_are_these_field_strengths():
-    """100, 200, 400 and 600 mT at 32 % iron, worked by hand: 12.7, 27.5, 66.8, 129.6 kA/m."""
+def test_flux_densities_of_paper_give_field_strengths():
+    """Computed by hand for 32 % iron: 100, 200, 400, 600 mT are 12.7, 27.5, 66.8, 129.6 kA/m."""
     strengths = field_strength([0.1, 0.2, 0.4, 0.6], 0.32)
     np.testing.assert_allclose(strengths, [12.7e3, 27.5e3, 66.8e3, 129.6e3], rtol=4e-3)
 
@@ -106,7 +106,7 @@ def test_invalid_fraction_is_rejected(fraction):
         (lambda: Carlson(4e4, -1.0), "field_scale_A_m is -1.0"),
     ],
 )
-def test_yield_stress_law_has_positive_numbers(make, said):
+def test_yield_stress_law_rejects_invalid_values(make, said):
     with pytest.raises(InputError, match=said):
         make()
 

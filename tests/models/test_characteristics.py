@@ -95,7 +95,7 @@ def test_settled_cycle_is_closed():
 # Peak velocity
 
 
-def test_viscous_pick_is_a_line_at_any_stroke():
+def test_viscous_peak_force_is_proportional_to_speed():
     damper = bingham(yield_force=Constant(0.0), viscosity=Constant(1200.0))
     for amplitude in (1e-3, 0.02):
         curve = peak_velocity_pick(damper, SPEEDS, amplitude=amplitude, command=0.0)
@@ -116,7 +116,7 @@ def test_gas_force_shifts_both_branches_equally():
 
 
 @pytest.mark.parametrize(("speeds", "amplitude"), [([0.1, 0.0], 0.01), ([0.1], math.nan)])
-def test_pick_without_motion_is_rejected(speeds, amplitude):
+def test_peak_force_without_motion_is_rejected(speeds, amplitude):
     with pytest.raises(InputError, match="expected positive, finite numbers"):
         peak_velocity_pick(bingham(), speeds, amplitude=amplitude, command=0.0)
 
@@ -209,7 +209,7 @@ def test_quadratic_force_rises_later_and_falls_sooner():
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_command_lag_counts_like_an_actuation():
+def test_command_lag_of_law_gives_response_time():
     up, _ = response(replace(bingham(), command_lag_s=0.02))
     assert up.force_t90 == pytest.approx(0.02 * math.log(10.0), rel=2e-3)
 
@@ -224,7 +224,7 @@ def test_response_needs_a_lag_and_a_current():
 # Scope
 
 
-def test_scope_is_round_and_inside_the_envelope():
+def test_default_speeds_are_round_and_inside_envelope():
     scope = default_scope(bingham(), ENVELOPE)
     assert scope.amplitude == 0.02
     assert scope.speeds == (0.02, 0.05, 0.1, 0.2)
@@ -236,7 +236,7 @@ def test_scope_is_round_and_inside_the_envelope():
 
 
 @given(st.floats(243.0, 420.0), st.floats(0.0, 150.0))
-def test_temperatures_are_round_and_inside_the_envelope(low, span):
+def test_default_temperatures_are_round_and_inside_envelope(low, span):
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
     found = default_scope(damper, replace(ENVELOPE, temperature=(low, low + span))).temperatures
     kelvin = np.array(found, dtype=float)
@@ -258,7 +258,7 @@ def test_assumed_temperatures_count_if_one_was_tested():
 
 
 @given(st.integers(0, 12), st.integers(2, 6))
-def test_spread_out_keeps_order_and_ends(count, most):
+def test_evenly_picked_values_keep_order_and_ends(count, most):
     found = pick_evenly(range(count), most)
     assert len(found) == min(count, most)
     assert list(found) == sorted(set(found))

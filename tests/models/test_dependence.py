@@ -215,7 +215,7 @@ SOME: list[ParameterLaw] = [
 @pytest.mark.parametrize("law", SOME, ids=lambda law: f"{type(law).__name__} {law.kind}")
 @pytest.mark.parametrize("shape", [(), (1,), (7,), (2, 3)])
 @pytest.mark.parametrize("kelvin", [None, 330.0, "each"])
-def test_shapes_follow_the_command(law, shape, kelvin):
+def test_results_have_the_shape_of_command(law, shape, kelvin):
     command = np.linspace(0.0, 2.0, int(np.prod(shape))).reshape(shape)
     warm = 300.0 + 40.0 * command if kelvin == "each" else kelvin
     assert law.value(command, warm).shape == shape

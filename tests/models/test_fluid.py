@@ -119,7 +119,7 @@ def test_fluid_warns_once_outside_its_range(celsius, said):
     assert np.isfinite(values).all()
 
 
-def test_fluid_is_silent_inside_its_range():
+def test_fluid_inside_its_range_gives_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         PAPER.viscosity(np.linspace(293.15, 403.15, 5))
@@ -209,7 +209,7 @@ def test_preset_in_a_file_is_found_by_path(name, tmp_path):
     assert find_fluid(str(path)) == find_fluid(name)
 
 
-def test_omitted_parts_are_those_of_like():
+def test_omitted_values_are_taken_from_like_fluid():
     fluid = fluid_from_toml(
         'name = "ours"\nlike = "paper"\n[viscosity]\nlaw = "reynolds"\nat_20degC_Pa_s = 0.2\n'
         "temperature_rate = 0.02\n[properties]\ndensity_kg_m3 = 2800\n"

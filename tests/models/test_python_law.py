@@ -22,7 +22,7 @@ def test_cubic_turns_at_slope_sign_change(first, second, steepness):
     assert turns == pytest.approx(expected, abs=1e-12)
 
 
-def test_turn_survives_rounding_of_straight_slope():
+def test_reversal_of_nearly_quadratic_motion_is_found():
     assert turns_of((0.0, -1.0, 1.0, 1e-18)) == pytest.approx([0.5])
     assert turns_of((0.0, -1.0, 1.0, 0.0)) == [0.5]
     assert turns_of((0.0, -1e-20, 1.0, -1.0)) == pytest.approx([0.5e-20, 2.0 / 3.0])

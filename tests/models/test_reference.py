@@ -156,7 +156,7 @@ def test_pause_keeps_the_state():
 
 
 def test_varying_command_follows_the_same_curve():
-    """On a monotone stroke w = Y(integral of rho dx), whatever rho does on the way."""
+    """On a monotone stroke w = Y(integral of rho dx) for any course of rho."""
     t = np.arange(0, 0.2001, 1e-3)
     x, v = 0.02 * t + 0.05 * t**2, 0.02 + 0.1 * t
     command = np.where(t < 0.05, 0.0, np.where(t < 0.1, 1.0, 0.3))
@@ -223,7 +223,7 @@ def test_linear_chain_is_maxwell_element():
 
 
 def test_free_play_leaves_the_leak_only():
-    """A stroke well inside a wide gap meets the dashpot, whatever the valve could carry."""
+    """During a stroke inside the free play only the dashpot has a force, for any valve force."""
     small = drive(Sine(1e-4, 1.0), duration=1.0, rate_Hz=200.0, command=0.0)
     wide = damper("series-valve", gap=0.05, gap_corner=1e-6, yield_force=1e7, leak_damping=2e3)
     np.testing.assert_allclose(simulate_reference(wide, small), 2e3 * small.velocity, atol=1e-3)

@@ -264,7 +264,7 @@ def test_temperature_beyond_range_is_clipped(name):
     assert relative(simulate(free, run), simulate(held, run)) > 1e-3
 
 
-def test_warming_dashpot_is_closed_form():
+def test_warming_dashpot_matches_closed_form():
     """F = c exp[B (1/T - 1/293.15)] v, sample by sample: a quarter of the force is gone by 40 degC."""
     run = warming(start=293.15, rise=20.0)
     assert run.temperature is not None
@@ -324,7 +324,7 @@ DAILY = {"both"}
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS]
 )
-def test_tangents_equal_central_differences_when_warm(name, kind):
+def test_sensitivities_match_central_differences_with_heating(name, kind):
     """Numbers of forms and factors and the command lag, held at the range's edge for part of the run."""
     run = open_drive(RUNS[kind]())
     damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))

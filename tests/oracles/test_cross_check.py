@@ -57,7 +57,7 @@ def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
 
 
 def test_freefem_sees_a_wrong_film(tool: Tool, tmp_path: Path):
-    """The check can fail: a tenth less heat transfer on one side only."""
+    """A heat-transfer coefficient that is 10 % lower on one side makes the comparison fail."""
     tool("FreeFem++")
     section = section_of(BARE)
     mesh = mesh_section(section, 0.03, levels=0)

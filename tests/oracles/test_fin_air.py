@@ -20,7 +20,7 @@ def folder(tmp_path_factory, tool):
 
 @pytest.mark.release
 def test_bare_tube_in_still_air_is_churchill_chu(folder):
-    """The computation itself against a law that measurements are behind."""
+    """The computed flow agrees with a correlation that is based on measurements."""
     found = compute_fin_air(folder, 2e-3, outer=0.0, thickness=0.0)
     law = float(nusselt_horizontal_cylinder(AIR.rayleigh(TUBE, EXCESS_K), AIR.prandtl)) / TUBE
     assert found.mean == pytest.approx(law, rel=0.05)

@@ -96,5 +96,5 @@ def test_empty_rows_give_no_table():
 
 
 @pytest.mark.parametrize(("value", "cell"), [(None, None), (math.nan, None), (math.inf, "inf"), (0.0, "0.0")])
-def test_unknown_cell_is_none(value, cell):
+def test_unknown_table_cell_is_none(value, cell):
     assert Column("x", lambda row: row, form=".1f").cell(value) == cell

@@ -135,7 +135,7 @@ def test_part_of_a_campaign_has_the_same_bytes(small):
             assert getattr(run, channel).tobytes() == getattr(whole[run.name], channel).tobytes()
 
 
-def test_seed_changes_noise_and_not_truth(small):
+def test_seed_changes_only_the_noise(small):
     run, truth = small[0]
     other, again = next(measure(NOMINAL, SMALL, seed=4))
     assert np.array_equal(truth.force, again.force)
@@ -144,7 +144,7 @@ def test_seed_changes_noise_and_not_truth(small):
     assert abs(np.corrcoef(*residues)[0, 1]) < 4.0 / np.sqrt(len(run))
 
 
-def test_sensors_are_the_only_difference_to_truth(small):
+def test_measured_and_true_runs_differ_by_sensors(small):
     for run, truth in small:
         n = len(run)
         for channel, size in (("force", 5.0), ("displacement", 10e-6)):

@@ -90,7 +90,7 @@ def test_interrupted_sweep_ends_its_workers(nursery: Nursery, tmp_path: Path, nu
 
 
 def test_disabled_signal_stays_disabled():
-    """SIGHUP is ignored under nohup."""
+    """If nohup has disabled SIGHUP, the signal has no effect."""
     code = (
         "import signal\n"
         "from mrdamper.runtime.signals import heed_interrupts, on_interrupt\n"
@@ -130,7 +130,7 @@ def test_innermost_block_handles_interrupt():
 
 @pytest.mark.usefixtures("heeded")
 def test_interrupt_while_moving_files_moves_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A mixture of old and new files is no result."""
+    """An interrupt must not leave a mixture of old and new files."""
     replace, moves = Path.replace, list[Path]()
 
     def interrupted(self: Path, target: Path) -> Path:

@@ -82,7 +82,7 @@ def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
 
 
 def test_read_only_folder_is_one_message(nursery: Nursery, tmp_path: Path):
-    """Permissions do not stop the superuser, a read-only disk does."""
+    """The test uses a read-only disk because permissions do not stop the superuser."""
     if os.geteuid() == 0:
         with disk(tmp_path / "disk", "-o", "ro") as closed:
             assert run(nursery, "evaluate", closed / "out") == 3

@@ -32,7 +32,7 @@ def test_results_keep_the_order_of_items(jobs: int, *, threads: bool):
 
 @FORKS
 def test_nested_work_stays_in_its_process():
-    """Work runs in other processes, and work inside work in the same one."""
+    """Work runs in child processes. Nested work runs in the same child process."""
 
     def process(_: int) -> tuple[int, ...]:
         return os.getpid(), *Pool(2).map(lambda _: os.getpid(), range(2))
@@ -43,7 +43,7 @@ def test_nested_work_stays_in_its_process():
 
 
 @pytest.mark.parametrize("threads", [False, True])
-def test_error_is_raised_in_its_turn(*, threads: bool):
+def test_pool_raises_error_after_earlier_results(*, threads: bool):
     """Results before the error are kept, and the error keeps its parts."""
 
     def work(k: int) -> int:
@@ -60,7 +60,7 @@ def test_error_is_raised_in_its_turn(*, threads: bool):
 
 @FORKS
 def test_interrupt_ends_all_processes():
-    """The caller waits for no work that is under way."""
+    """The caller does not wait for running work."""
     pids: list[int] = []
 
     def work(k: int) -> int:
@@ -79,7 +79,7 @@ def test_interrupt_ends_all_processes():
 
 
 @FORKS
-def test_death_of_a_process_is_an_error():
+def test_death_of_worker_process_raises_error():
     """A process may be killed if memory is short."""
 
     def work(_: int) -> None:

@@ -37,7 +37,7 @@ def windy(gap: float, speed: float = 2.0) -> float:
 
 @pytest.mark.parametrize("ratio", [1.2, 2.0, 3.0])
 def test_narrow_gaps_have_developed_flow(ratio):
-    """All air that potential flow takes through the ring leaves as warm as the fins."""
+    """In potential flow, all air that passes through the ring leaves at the temperature of the fins."""
     inner = 1.0 / ratio
     # Pressure p(r) sin(theta), buoyancy sin(theta); the pressure is zero at the rim, the flow at the tube.
     ring = solve_bvp(

@@ -72,7 +72,7 @@ def test_factors_of_a_clean_curve_are_exact():
 
 @pytest.mark.nightly
 def test_errors_and_correlation_match_repeated_fits():
-    """The scatter of 60 fits of noisy curves is known to 9 %: three of that."""
+    """The scatter of 60 fits is known to 9 %. The limit is three times this error."""
     rise = heated(BARE)
     fits = [calibrate_drawing(measured(rise, seed, noise=0.3), BARE, [work()], DUTY) for seed in range(60)]
     found = np.array([[each.heat_capacity, each.film] for each in fits])
@@ -84,8 +84,8 @@ def test_errors_and_correlation_match_repeated_fits():
 
 
 @pytest.mark.nightly
-def test_reduced_model_follows_the_curve_it_made():
-    """A curve of the reduced finite elements gives their factors, although the network is fitted."""
+def test_reduced_model_recovers_factors_of_own_curve():
+    """A curve of the reduced finite-element model gives its factors, although the network is fitted."""
     own = BARE.calibration
     truth = replace(
         BARE, calibration=replace(own, heat_capacity=1.1 * own.heat_capacity, film=0.9 * own.film)
@@ -100,7 +100,7 @@ def test_reduced_model_follows_the_curve_it_made():
 
 
 def test_calibrated_geometry_predicts_another_duty():
-    """Calibrated on 15 minutes of heating, half the power for an hour is predicted within 1 K."""
+    """A calibration with 15 min of heating predicts an hour at half the power within 1 K."""
     assert DRAWING.sink is not None
     finned = replace(DRAWING.sink, film_multiplier=1.3)
     truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=0.7), sink=finned)
@@ -113,7 +113,7 @@ def test_calibrated_geometry_predicts_another_duty():
 
 
 @pytest.mark.system
-def test_power_error_scales_both_factors():
+def test_power_error_scales_heat_capacity_and_losses():
     """A card with 10 % more power gives 10 % more heat capacity and losses, and the same temperatures."""
     around = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
     alone = replace(BARE, surroundings=around, coil=replace(BARE.coil, resistance=0.0))

@@ -134,7 +134,7 @@ def test_compact_energy_is_conserved(model: CompactModel):
     assert (model.mechanical[0], model.electrical[0]) == pytest.approx((1.0, 1.0), rel=1e-9)
 
 
-def test_compact_rises_by_power_without_losses(model: CompactModel):
+def test_insulated_compact_model_rises_by_power(model: CompactModel):
     kinds = len(model.law)
     films = replace(model.films, film=0.0 * model.films.film)
     adiabatic = replace(model, films=films, radiation=np.zeros(kinds), mount=np.zeros(kinds))

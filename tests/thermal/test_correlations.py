@@ -99,14 +99,14 @@ def test_radiation_follows_stefan_boltzmann(emissivity, surface, ambient):
 
 
 @given(emissivity=st.floats(0.01, 1.0), ratio=st.floats(0.01, 1.0))
-def test_groove_is_blacker_than_its_walls(emissivity, ratio):
+def test_groove_emissivity_exceeds_emissivity_of_walls(emissivity, ratio):
     apparent = groove_emissivity(emissivity, ratio, 1.0)
     assert emissivity * (1 - 1e-12) <= apparent <= 1.0
-    # all that it radiates comes from its walls
+    # The groove cannot radiate more than its walls emit.
     assert apparent * ratio <= emissivity * (1 + 1e-12)
 
 
-def test_fin_efficiency_has_its_closed_limits():
+def test_fin_efficiency_has_closed_form_limits():
     assert annular_fin_efficiency(0.0, 0.023, 0.046, 1e-3, 160.0) == pytest.approx(1.0, abs=1e-9)
     film, width, thickness, conductivity = 200.0, 0.03, 1e-3, 160.0
     straight = math.sqrt(2.0 * film / (conductivity * thickness)) * width
@@ -137,7 +137,7 @@ def test_still_air_conducts_without_temperature_difference():
 
 @pytest.mark.parametrize(("metres", "pascal"), [(0.0, 101325.0), (1000.0, 89874.6), (5000.0, 54019.9)])
 def test_air_density_follows_standard_atmosphere(metres: float, pascal: float):
-    """Its pressures as printed; dry air of 28.9647 g/mol as an ideal gas."""
+    """Pressures are those of the printed table. Dry air of 28.9647 g/mol is an ideal gas."""
     low, high = air_at(300.0), air_at(300.0, metres)
     ratio = float(low.kinematic_viscosity / high.kinematic_viscosity)
     assert ratio == pytest.approx(pascal / 101325.0, rel=2e-5)

@@ -130,7 +130,7 @@ def hold_gains(seed: int, draws: int) -> list[bool]:
 
 
 @pytest.mark.release
-def test_intervals_have_their_stated_coverage():
+def test_intervals_cover_their_stated_fraction():
     """The tolerance is the standard error of about 240 samples each."""
     times = [each for seed in odd_bodies(40) for each in hold_times(seed, 6)]
     gains = [each for seed in odd_bodies(20) for each in hold_gains(seed, 20)]

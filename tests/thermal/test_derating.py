@@ -59,7 +59,7 @@ def test_largest_current_reaches_the_limit():
 
 
 @pytest.mark.parametrize("quantity", one_by_day(["current", "stroke", "duty"]))
-def test_worse_conditions_allow_less(quantity: Quantity):
+def test_harder_conditions_lower_permitted_load(quantity: Quantity):
     found = derated(quantity)
     assert (np.diff(found.share, axis=2) <= 1e-6).all()
     assert (np.diff(found.share, axis=1) >= -1e-6).all()

@@ -81,7 +81,7 @@ def test_thinned_front_keeps_ends_and_order(tried, most):
 
 
 @given(tried=designs, fluid=st.floats(300.0, 400.0))
-def test_lightest_as_cool_is_first_cool_member(tried, fluid):
+def test_lightest_sink_below_temperature_is_found(tried, fluid):
     chosen = lightest_as_cool(front_of(tried), fluid)
     cool = [each.mass for each in tried if each.fluid <= fluid]
     assert (chosen is None) == (not cool)
@@ -92,7 +92,7 @@ def test_lightest_as_cool_is_first_cool_member(tried, fluid):
 
 @pytest.mark.system
 def test_paper_sink_is_beaten_by_eight_kelvin(found, reference):
-    """84 mm of span, 23 mm of width, no more mass: at least 8 K cooler after 30 minutes."""
+    """With 84 mm of length, 23 mm of width and no more mass, the fluid is at least 8 K cooler in 30 min."""
     best = found.best
     assert best.sink is not None
     assert best.sink.span <= 0.084 * (1.0 + 1e-9)
@@ -125,7 +125,7 @@ def test_freefem_confirms_the_gain(found, tool, tmp_path):
     assert ends[0] - ends[1] >= 8.0  # Zone network and finite elements agree.
 
 
-def test_found_sinks_are_within_the_limits(found):
+def test_designed_sinks_are_within_the_limits(found):
     for each in found.designs:
         assert each.sink is not None
         assert PAPER_LIMITS.allow(each.sink, DAMPER.diameter)
@@ -139,14 +139,14 @@ def test_mass_limit_cuts_the_front(found):
 
 
 def test_evaluation_agrees_with_the_network(reference):
-    """Within the 10 mK that longer steps cost."""
+    """Longer time steps cause differences of up to 10 mK."""
     exact = simulate_network(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
     assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
     assert reference.coil == pytest.approx(exact.coil[-1], abs=0.02)
     assert reference.mass == SINK.mass(DAMPER.diameter)
 
 
-def test_body_gives_limits_without_sink():
+def test_search_limits_default_to_the_body():
     limits = limits_of(DRAWING.with_sink(None))
     assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
 
@@ -171,7 +171,7 @@ def test_limits_below_the_lightest_sink_are_rejected():
 
 
 def test_gain_interval_contains_the_gain(reference):
-    """The same sink gains nothing for any heat transfer and power; more fins gain something."""
+    """The gain of a sink compared with itself is zero for any heat transfer. More fins have a gain."""
     none = gain_band(DAMPER, SINK, SINK, 0.0)
     assert (none.low, none.high, none.better) == (0.0, 0.0, False)
     more = replace(SINK, fins=8, pitch=0.011)

@@ -121,7 +121,7 @@ def test_impossible_geometry_gives_one_message(pairs, said):
     lines = str(caught.value).splitlines()
     assert all(line.startswith("drawing.toml: ") for line in lines)
     misspelt = any(new in {"wal_mm", "[coyl]"} for _, new in pairs)
-    assert len(lines) == (2 if misspelt else 1)  # the unknown name, and the one that is missing
+    assert len(lines) == (2 if misspelt else 1)  # Misspelt: unknown name and missing name.
 
 
 def test_every_geometry_key_is_documented():

@@ -30,7 +30,7 @@ def sweeps():
 
 
 def test_efficiency_follows_both_trends_of_paper(sweeps):
-    """The maxima are at 23 mm and four fins, although the temperature falls monotonically."""
+    """The efficiency has its maxima at 23 mm and four fins, although the temperature falls monotonically."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]
     assert [effect.sink.fins for effect in fins.effects] == [3, 4, 5]
@@ -44,13 +44,13 @@ def test_rise_reduction_equals_paper_value(sweeps):
     assert 100.0 * sweeps[1].effects[2].rise_reduction == pytest.approx(48.23, abs=2.0)
 
 
-def test_maximum_needs_the_raised_film_coefficient():
+def test_efficiency_without_film_multiplier_has_no_maximum():
     """With the original correlation the efficiency rises monotonically."""
     for sweep in paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS):
         assert (np.diff(sweep.efficiency) > 0.0).all()
 
 
-def test_efficiency_uses_areas_of_the_section():
+def test_efficiency_uses_areas_of_cross_section():
     section = section_of(DRAWING.with_sink(None))
     assert body_area(DRAWING) == pytest.approx(math.fsum(edge.area for edge in section.edges), rel=1e-12)
     effect = judge_sink(DRAWING, SINK, LOADS, bare=400.0)
@@ -69,7 +69,7 @@ def test_better_conductors_make_more_efficient_fins():
     assert found[-1] == pytest.approx(1.0, abs=1e-7)
 
 
-def test_paper_fins_need_a_long_damper():
+def test_paper_fins_do_not_fit_short_damper():
     body, piston = replace(DRAWING.body, length=0.06), replace(DRAWING.piston, length=0.03)
     short = replace(DRAWING.with_sink(None), body=body, piston=piston)
     with pytest.raises(InputError, match="expected fins that fit on the body"):

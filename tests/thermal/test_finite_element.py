@@ -67,7 +67,7 @@ def insulated(section: Section) -> Section:
 # ----------------------------------------------------------------------------------------- closed forms
 
 
-def test_field_rises_by_power_without_losses():
+def test_insulated_field_rises_by_power():
     section = insulated(section_of(DRAWING))
     model = discretise(section, mesh_section(section, 0.016))
     course = simulate_field(model.equation, [Load(600.0, constant(80.0), 0.0)])
@@ -119,7 +119,7 @@ def test_annular_fin_has_exact_efficiency():
     assert found == pytest.approx(exact, rel=2e-6)
 
 
-def test_perfect_conductor_ends_at_power_over_conductance():
+def test_perfect_conductor_rise_is_power_by_conductance():
     section = section_of(BARE)
     section = replace(
         with_constant_films(section, np.array([12.0])),
@@ -278,7 +278,7 @@ def test_minute_steps_err_below_50_millikelvin():
 
 @pytest.mark.nightly
 def test_field_steps_converge_with_second_order():
-    """Equal steps from a smooth start are halved twice, at a time of transient temperatures."""
+    """Equal time steps from a smooth start are halved twice, while the temperatures still change."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
     ends = [
@@ -296,7 +296,7 @@ def test_field_steps_converge_with_second_order():
 
 @pytest.mark.system
 def test_network_is_near_the_elements():
-    """Two models of one drawing: the network has ten nodes, the finite elements thousands."""
+    """The network has ten nodes, the finite elements have thousands, for the same geometry."""
     course = heat_field(DRAWING, [DUTY])[1]
     network = simulate_network(zone_network(DRAWING), [DUTY])
     assert np.abs(course.fluid - np.interp(course.time, network.time, network.fluid)).max() < 3.0
@@ -317,7 +317,7 @@ def test_insulated_damper_has_no_steady_state():
         steady_field(model.equation, Load(1.0, constant(10.0)))
 
 
-def test_mesh_keeps_volumes_at_any_size():
+def test_mesh_volume_is_independent_of_element_size():
     """Volumes of regions and areas of surfaces equal the values of the section, for any mesh."""
     section = section_of(DRAWING)
     counts = []

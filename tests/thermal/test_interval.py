@@ -102,8 +102,8 @@ def test_interval_contains_the_rise_and_its_time():
     assert len(found.to_limits) == len(rise.limits)
 
 
-def test_rise_that_ended_at_its_limit_is_continued():
-    """A rise that stops at the fluid limit has the same interval as a longer one up to there."""
+def test_interval_continues_curve_stopped_at_limit():
+    """The interval of the time to the limit is the same if the curve stops at the fluid limit."""
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     stopped = simulate_rise([WORK], BARE, hour, model="network")
     whole = predict_interval([WORK], BARE, hour, rise_of(BARE, duty=hour.text))
@@ -116,7 +116,7 @@ def test_rise_that_ended_at_its_limit_is_continued():
 @pytest.mark.nightly
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 def test_ten_minutes_predict_perturbed_dampers(base):
-    """Six dampers off their geometry in every way: 2 K at 30 min, and the intervals hold for most."""
+    """For six dampers with wrong geometry values, the error at 30 min is 2 K and most intervals hold."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
     assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
@@ -134,14 +134,14 @@ def test_hundred_perturbed_dampers_are_predicted(base, minutes, most, place):
 
 
 def test_first_minutes_depend_on_power_and_capacity():
-    """Before losses and conduction matter, the deviations of power and heat capacity add in squares."""
+    """At first only power and heat capacity matter, and the squares of their deviations add."""
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
     gained = np.interp(60.0, found.time, found.median) - found.median[0]
     width = np.interp(60.0, found.time, found.high - found.low)
     assert width / gained == pytest.approx(2.0 * 1.645 * np.hypot(PRIOR.power, PRIOR.capacity), rel=0.35)
 
 
-def test_rise_factors_are_those_of_the_interval():
+def test_rise_factors_match_the_temperature_interval():
     load = Load(1800.0, power, 4.0 * OHM)
     ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))

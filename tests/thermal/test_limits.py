@@ -13,8 +13,8 @@ from mrdamper.thermal.limits import first_time, limits_of
 TIME = np.array([0.0, 10.0, 30.0, 60.0, 100.0])
 
 
-def test_first_time_is_the_crossing():
-    """On a straight line exactly, at a sample and between two; on the way up, not on a later one."""
+def test_first_crossing_of_limit_is_returned():
+    """The time is exact on a straight line, at and between samples. A second crossing is ignored."""
     line = 300.0 + 0.5 * TIME
     assert first_time(TIME, line, 307.5) == pytest.approx(15.0)
     assert first_time(TIME, line, 315.0) == pytest.approx(30.0)

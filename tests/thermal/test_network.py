@@ -71,7 +71,7 @@ def without_losses(network: ThermalNetwork) -> ThermalNetwork:
 # ------------------------------------------------------------------------------------------------- limits
 
 
-def test_network_rises_by_power_without_losses():
+def test_insulated_network_rises_by_power():
     """The sum of all nodes agrees to 1e-6."""
     for drawing in (BARE, DRAWING):
         network = without_losses(zone_network(drawing))
@@ -84,7 +84,7 @@ def test_network_rises_by_power_without_losses():
         assert rate == pytest.approx(90.0 / network.total_capacity, rel=1e-6)
 
 
-def test_network_ends_at_power_over_conductance():
+def test_steady_network_rise_is_power_by_conductance():
     ends = steady_state(one_node(), Load(1.0, constant(50.0)))
     assert ends[0] - AMBIENT == pytest.approx(50.0 / 0.5, rel=1e-6)
 
@@ -251,7 +251,7 @@ def test_network_energy_closes_for_any_design(fins, width, air, step, start, mod
 
 
 def test_network_steps_converge_with_second_order():
-    """Halve the step, and the error falls by about four: order 1.9 or more, observed."""
+    """If the step is halved, the error falls by about four (observed order 1.9 or more)."""
     network = zone_network(DRAWING)
     warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
         -1

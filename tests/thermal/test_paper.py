@@ -75,10 +75,10 @@ def test_fluid_limit_is_passed_after_thirty_minutes(work):
     assert bare.time_to_limit_s == pytest.approx(1720.0, abs=30.0)
 
 
-def test_paper_reduction_refers_to_the_rise(work):
-    """48.23 % of the rise above 20 degC; of the Celsius number it would need 148.5 degC at 30 min.
+def test_paper_reduction_is_relative_to_temperature_rise(work):
+    """The 48.23 % refer to the rise above 20 degC. Relative to degC they would need 148.5 degC at 30 min.
 
-    And 148.5 degC after 30 min cannot go with 140 after 35: the curve rises all the way.
+    A temperature of 148.5 degC after 30 min contradicts 140 degC after 35 min, because the curve rises.
     """
     bare, finned = (rise(work, drawing, 30.0).fluid_degC[-1] for drawing in (BARE, FINNED))
     assert 100.0 * (bare - finned) / (bare - 20.0) == pytest.approx(48.23, abs=0.5)
@@ -125,15 +125,15 @@ def test_fin_conduction_does_not_explain_the_optimum(width, least):
     assert least < float(efficiency) < 1.0
 
 
-def test_still_air_does_not_explain_paper_fins(work):
-    """With the correlation as it is, five fins would end 20 K hotter than the paper's."""
+def test_still_air_cools_less_than_paper_states(work):
+    """Without a fitted multiplier, five fins end 20 K hotter than in the paper."""
     sink = FINNED.sink
     assert sink is not None
     plain = rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0)), 30.0)
     assert plain.fluid_degC[-1] == pytest.approx(97.0, abs=1.5)
 
 
-def test_slow_air_would_explain_paper_fins(work):
+def test_slow_air_reproduces_fin_temperature_of_paper(work):
     sink = FINNED.sink
     assert sink is not None
     plain = FINNED.with_sink(replace(sink, film_multiplier=1.0))

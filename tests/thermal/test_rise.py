@@ -103,13 +103,13 @@ def test_dashpot_power_is_half_the_product():
     assert work.peak[0] == pytest.approx(3000.0 * speed, rel=1e-6)
 
 
-def test_spring_takes_no_power():
+def test_spring_dissipates_no_power():
     work = tabulate_work(dry_and_viscous(stiffness=Constant(1e4)), segment_of(Sine(0.015, 1.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_aperiodic_motion_is_averaged():
-    """The tolerance is the effect of half a beat in the time."""
+    """The tolerance is the effect of half a beat."""
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
     exact = sum(0.5 * 3000.0 * (2.0 * math.pi * f * a) ** 2 for a, f in ((0.003, 1.0), (0.002, 1.5)))
@@ -208,7 +208,7 @@ def test_reduced_rise_follows_the_elements():
 
 
 def test_reported_force_belongs_to_its_segment():
-    """Two segments and a rest: each by its own work at the fluid's temperature, none at rest."""
+    """Each of two segments has its own work at the fluid temperature. The rest has no work."""
     kelvin = np.array([293.15, 393.15])
     works = [
         LoopWork(kelvin, np.full(2, 60.0), np.array([1000.0, 800.0])),

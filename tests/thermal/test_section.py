@@ -87,8 +87,8 @@ def test_outline_has_all_cooled_areas(drawing: DamperDrawing):
 
 
 @pytest.mark.parametrize(("width", "layer"), [(0.02, 0.5e-3), (0.003, 0.3e-3)])
-def test_contact_resistance_is_a_thin_foot(width: float, layer: float):
-    """Half a millimetre of the fin, or a tenth of a short one; along the axis it conducts as the fin."""
+def test_contact_resistance_equals_thin_insulating_layer(width: float, layer: float):
+    """The layer is 0.5 mm, or a tenth of the width of a short fin. Axially it conducts like the fin."""
     assert FINNED.sink is not None
     section = section_of(FINNED.with_sink(replace(FINNED.sink, width=width)))
     feet = [each for each in section.blocks if section.regions[each.region].name == "fin feet"]
@@ -98,7 +98,7 @@ def test_contact_resistance_is_a_thin_foot(width: float, layer: float):
     assert (foot.conductivity_z, foot.part, len(feet)) == (k, "fins", 4)
 
 
-def test_full_fins_leave_no_bare_tube():
+def test_fully_finned_body_has_no_bare_surface():
     sink = HeatSink(fins=11, width=0.01, thickness=3e-3, pitch=0.0197)
     section = section_of(PAPER.with_sink(sink))
     assert area_of(section, "bare") == pytest.approx(0.0, abs=1e-12)

@@ -196,7 +196,7 @@ def test_groove_radiation_agrees_with_reflections(finish):
 
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
-def test_moving_fluid_follows_its_three_laws(amplitude, frequency, gap):
+def test_moving_fluid_conductances_match_published_laws(amplitude, frequency, gap):
     """The laws are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)

@@ -13,8 +13,8 @@ from mrdamper.thermal.model.surfaces import body_film
 BARE = read_drawing("paper").with_sink(None)
 
 
-def test_thin_air_cools_less():
-    """Half the density halves Re and quarters Ra: the film falls by less than the density does."""
+def test_low_air_density_reduces_cooling():
+    """Half the density halves Re and quarters Ra. The coefficient falls by less than the density."""
     high = replace(BARE, surroundings=replace(BARE.surroundings, altitude=5500.0))
     share = float(body_film(high, 350.0) / body_film(BARE, 350.0))
     density = float(air_at(320.0).kinematic_viscosity / air_at(320.0, 5500.0).kinematic_viscosity)
