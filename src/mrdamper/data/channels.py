@@ -2,9 +2,9 @@
 
 docs/rig_files.md describes the tables of the file and has an example.
 
-Without a gain, a channel is sign x (raw + offset), raw converted from ``unit`` to SI and the offset in SI.
-With a gain, it is sign x (raw x gain + offset), which must lead from ``unit`` (of the file, V for a
-transducer) to the SI unit of the role. A unit is never guessed.
+Without a gain, the value of a channel is sign x (raw + offset), with raw converted from ``unit`` to SI and
+the offset in SI. With a gain, the value is sign x (raw x gain + offset). The gain then converts from ``unit``
+(of the file, V for a transducer) to the SI unit of the role. A unit is never guessed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _COMMANDS = ("current", "voltage")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelTable:
-    """A table [channel.ROLE]: the column of a role in a file, and its conversion to SI."""
+    """The table [channel.ROLE] of a channel map: the column of a role in a file, and its conversion to SI."""
 
     name: str | None = None
     """Name of the column."""
@@ -50,7 +50,7 @@ class ChannelTable:
 
 @dataclass(frozen=True, slots=True)
 class Channel(ChannelTable):
-    """A role's table with its role."""
+    """A role, with the content of its table in the channel map."""
 
     role: str
 
@@ -81,7 +81,7 @@ class Channel(ChannelTable):
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
-        """Return the position of the channel's column, None if the header determines it."""
+        """Return the index of the channel's column, None if the header determines the column."""
         where = f"{place}: channel.{self.role}"
         if self.index is not None:
             if not 1 <= self.index <= len(names):
@@ -124,7 +124,7 @@ class Channel(ChannelTable):
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Several tests in one file: a test begins if a text column holds ``split``."""
+    """Several tests in one file: a test begins at each row in which a text column contains ``split``."""
 
     split: str
     role: str  # current or voltage

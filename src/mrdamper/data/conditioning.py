@@ -16,9 +16,9 @@ from mrdamper.data.records import RigRun
 from mrdamper.data.signals import Kinematics, differentiate, smooth
 from mrdamper.excitation import Trajectory
 
-# A run with a smaller drift of temperature has one temperature.
+# A run with a smaller temperature drift gets one constant temperature.
 DRIFT_MAX_K = 1.0
-# The means of this number of parts show if a run warms up and cools down again.
+# The means of this number of parts show whether a run warms up and cools down again.
 PART_COUNT = 8
 # Temperatures change slowly because of the heat capacity.
 TEMPERATURE_CUTOFF_Hz = 0.25
@@ -26,7 +26,7 @@ TEMPERATURE_CUTOFF_Hz = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """How a run is conditioned.
+    """Settings for the conditioning of one run.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def even_step(time: FloatArray) -> float | None:
 
 
 def _rounding(time: FloatArray, off: float) -> float:
-    """Return the decimal unit [s], at least ``off``, of rounded timestamps; 0 if not rounded."""
+    """Return the rounding unit [s] of time stamps: a power of ten, at least ``off``; 0 if not rounded."""
     unit = 10.0 ** math.ceil(math.log10(off)) if off > 0.0 else 0.0
     for candidate in (unit, 10.0 * unit):
         if candidate and np.allclose(time / candidate, np.round(time / candidate), rtol=0.0, atol=1e-4):
@@ -81,7 +81,7 @@ def _rounding(time: FloatArray, off: float) -> float:
 
 
 def sample_uniformly(run: RigRun) -> Samples:
-    """Return the channels of a run on a uniform grid, without a change if its time is uniform.
+    """Return the channels of a run on a uniform time grid, unchanged if the time is uniform already.
 
     Otherwise, the grid has the median step. Displacement is resampled by a cubic spline, the other channels
     linearly.
@@ -132,10 +132,10 @@ def condition_run(sampled: Samples, path: Kinematics, rules: Rules) -> Trajector
 def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0.0) -> FloatArray:
     """Return the temperature [K] without noise and lag of the sensor, shape (n,).
 
-    A run has one temperature, its mean, if its linear drift is below 1 K (or three standard errors) and the
-    means of its eighths agree within 1 K (or six standard errors). Other runs are smoothed with a cut-off of
-    0.25 Hz, or by a straight line if they are shorter than 16 s. A first-order lag ``lag_s`` of the sensor is
-    compensated: T + lag dT/dt.
+    The temperature of a run is constant (the mean) if its linear drift is below 1 K (or three standard
+    errors) and the means of its eighths agree within 1 K (or six standard errors). Other runs are smoothed
+    with a cut-off of 0.25 Hz, or by a straight line if they are shorter than 16 s. A first-order lag
+    ``lag_s`` of the sensor is compensated: T + lag dT/dt.
     """
     n = len(temperature)
     time = step * (np.arange(n) - 0.5 * (n - 1))

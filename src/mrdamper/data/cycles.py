@@ -1,4 +1,4 @@
-"""Energy, forces, stiffness and temperature of every cycle of a motion. Nothing is smoothed or resampled."""
+"""Energy, forces, stiffness and temperature of every cycle. The signals are not smoothed or resampled."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.quantities import QUANTITIES
 
-STROKE_MIN_m = 50e-6  # A smaller motion is noise of the displacement sensor.
+STROKE_MIN_m = 50e-6  # A smaller motion is considered noise of the displacement sensor.
 OUTLIERS_PERCENT = 0.1  # Samples at either end that do not count in the range of a record.
 
 
@@ -29,8 +29,9 @@ class CycleFigures:
         energy     W = sum_(a <= k < b) (F_k + F_k+1) / 2 * (x_k+1 - x_k) + (F_a + F_b) / 2 * (x_a - x_b)
         stiffness  K = (F_u - (F_a + F_b) / 2) / (x_u - (x_a + x_b) / 2),   u the upper turning point between
 
-    The energy is the trapezoidal rule, closed by a straight line at the mean of the end forces. The stiffness
-    is the secant through the extremes of displacement. Means are over a <= k < b: no sample counts twice.
+    The energy is the trapezoidal rule, closed by a straight line from b to a at the mean of the end forces.
+    The stiffness is the secant through the extremes of displacement. Means include the samples a <= k < b, so
+    that no sample counts twice.
     """
 
     row: NDArray[np.int64]  # Sample a of the run.
@@ -50,7 +51,7 @@ class CycleFigures:
 
     @property
     def end(self) -> NDArray[np.int64]:
-        """Sample b, which is the first one of the next cycle."""
+        """Sample b: the first sample of the next cycle."""
         return self.row + self.samples
 
     @property
@@ -79,7 +80,7 @@ class CountedRecord:
 
 
 def cycles(prepared: PreparedRun) -> CycleFigures:
-    """Return the cycles of a prepared run after the start of its score.
+    """Return the cycles of a prepared run from the first scored sample on.
 
     A reversal below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
@@ -118,7 +119,7 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
 
 
 def unbroken_segments(run: Recording) -> list[slice]:
-    """Return the rows of each part of a record with only valid rows and without a time gap."""
+    """Return the row indices of each part of a record that has only valid rows and no time gap."""
     valid = np.isfinite(run.time)
     for values, role in (
         (run.displacement, "displacement"),

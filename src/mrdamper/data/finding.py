@@ -1,6 +1,7 @@
-"""A finding: a fault of a run with its location, size, effect on a fit and remedy.
+"""Findings and inferences about runs.
 
-An inference: a value of a run from words instead of a column, with its source.
+A finding is a fault of a run with its location, size, effect on a fit and remedy. An inference is a value of
+a run that was read from words (such as a file name) instead of a column, with its source.
 """
 
 from __future__ import annotations
@@ -68,10 +69,10 @@ class Inference:
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Return the largest finding of each kind, channel and severity with its number of runs, worst first.
+    """Return (finding, number of runs): the largest finding of each kind, channel and severity, worst first.
 
-    A run with several such findings counts once, a copy of another run does not count, and the number is 0 if
-    the findings concern the campaign.
+    The number counts runs with such a finding. Copies of other runs are not counted. The number is 0 if the
+    finding concerns the whole campaign.
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}

@@ -1,8 +1,9 @@
-"""Frames: runs in memory as frames of pandas or Polars, structured arrays, or columns by name.
+"""Runs in memory: data frames of pandas or Polars, structured arrays, or columns by name.
 
-A frame is read like the table of a file (``proposal``): the name of a column has its quantity and unit
-(``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. ``columns`` holds the
-name of a quantity's column, or the column itself: ``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
+A data frame is read like the table of a file (``proposal``): the name of a column states its quantity and
+unit (``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. ``columns``
+holds the name of a quantity's column, or the column itself: ``read(frame, {"force_kN": "Load", "current_A":
+1.0})``.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _REMEDY = (
 
 
 class Columns(Protocol):
-    """A frame of pandas or Polars."""
+    """A data frame of pandas or Polars."""
 
     @property
     def columns(self) -> Any: ...  # noqa: ANN401
@@ -52,7 +53,7 @@ Runs = Dataset | RigRun | FrameLike | str | Path | Sequence[RigRun | FrameLike |
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One frame with its name."""
+    """A data frame with the name of its run."""
 
     name: str
     columns: Mapping[str, Any]
@@ -113,7 +114,7 @@ def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a ser
 
 
 def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return times as seconds from the first, and durations in seconds."""
+    """Return time stamps as seconds from the first, and durations in seconds."""
     start = values[0] if isinstance(values[0], datetime) else timedelta()
     return np.array([(each - start).total_seconds() for each in values], dtype=np.float64), "s"
 
@@ -154,7 +155,7 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames,
 
 
 def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, Polars, NumPy, or a mapping
-    """Return a frame's columns by name, with pandas' index if it has a name or holds times."""
+    """Return the columns of a frame by name, with the index of pandas if it has a name or holds times."""
     if isinstance(frame, Mapping):
         return {str(name): values for name, values in frame.items()}
     if isinstance(frame, np.ndarray):
@@ -178,7 +179,7 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
 
 
 def _name_of(name: object) -> str:
-    """Return a column's name. A second level is added as the unit if it is one."""
+    """Return the name of a column. A second level of the header is added if it is a unit."""
     if not isinstance(name, tuple):
         return str(name)
     words = [str(word) for word in name if str(word)]

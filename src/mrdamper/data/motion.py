@@ -22,7 +22,7 @@ _STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate less from th
 
 @dataclass(frozen=True, slots=True)
 class MotionFound:
-    """Label, period (None: not periodic) and typical time between reversals of a motion."""
+    """Result of the classification: label, period (None: not periodic), and typical half period."""
 
     label: str
     period_s: float | None

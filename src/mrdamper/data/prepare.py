@@ -1,8 +1,8 @@
-"""Preparation: from a measured run to the trajectory for a model's simulation, and its force.
+"""Preparation of a measured run: the trajectory for a simulation, and the measured force.
 
 The displacement is smoothed because its derivative drives the model: 3 um steps at 1 kHz would become +-90 N
-in a dashpot of 3e4 N s/m. The force is not changed. Values that a preparation does not set are chosen from
-the run by the rules of :func:`prepare_run`. ``conditioning`` applies them.
+in a dashpot of 3e4 N s/m. The force is not changed. Settings that a preparation leaves open are chosen
+for each run by the rules of :func:`prepare_run`. The module ``conditioning`` applies the settings.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity chan
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """How runs are prepared; ``None`` means automatic by the rules of ``prepare_run``."""
+    """Settings for the preparation of runs; ``None``: automatic, by the rules of ``prepare_run``."""
 
     cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
     dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
@@ -126,12 +126,11 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 
     *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 
-    *Reference.* "start": zero is the median of the first half of the rest before the motion starts. Zero is
-    the
-    first sample if the run starts slowly without a rest (within three dead bands). Zero is the mean of the
-    run if it begins in motion (above a tenth of the maximum speed or acceleration). A rest of one sample
-    counts as a rest.
-    "mean": the mean over the run. "none": as measured.
+    *Reference.* "start": the zero of displacement is the median of the first half of the rest before the
+    motion starts. A rest of one sample counts as a rest. If the run starts slowly without a rest (within
+    three dead bands), zero is the first sample. If the run begins in motion (above a tenth of the maximum
+    speed or acceleration), zero is the mean of the run. "mean": zero is the mean of the run. "none": as
+    measured.
 
     *Score.* The motion starts if displacement is 2 % of its range away from its first value. Errors count
     from half a period later. Without a period, half a period is the median time between reversals.
@@ -194,7 +193,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 def select_plot_samples(
     prepared: PreparedRun, *, seconds: float | None = None, points: int = 240
 ) -> NDArray[np.intp]:
-    """Return the samples of a run to plot: its second cycle because the start has decayed, decimated.
+    """Return the samples of a run for a plot: the second cycle (without the transient), decimated.
 
     ``seconds`` selects a duration from the start instead of a cycle. Without a period, it is three seconds.
     """
@@ -207,11 +206,11 @@ def select_plot_samples(
 
 
 def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
-    """Return every k-th sample, k the largest whole number that leaves at least ``rate_Hz``.
+    """Return every k-th sample, with the largest k for which the rate is at least ``rate_Hz``.
 
-    Displacement, velocity and acceleration are samples of the smoothed signals, so the kinematics stay exact.
-    The force is not filtered because a filter would remove parts that the model must reproduce. Aliased noise
-    has the same size on each sample.
+    Displacement, velocity and acceleration are samples of the smoothed signals, so they remain consistent.
+    The force is not filtered because a filter would remove parts that the model must reproduce. Aliasing does
+    not change the standard deviation of the noise.
     """
     if not rate_Hz > 0.0:
         raise InputError(place="decimate", found=f"rate is {rate_Hz} Hz", expected="a positive number")

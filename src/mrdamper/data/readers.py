@@ -1,4 +1,4 @@
-"""Readers: from a rig's files to runs in SI and kelvin.
+"""Reading of rig files: the result is runs in SI units and kelvin.
 
 Readers do not guess. Missing information leads to a question, and inferred values are kept with their source.
 """
@@ -31,7 +31,7 @@ _GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})  # Programs write any object 
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """A file that is not readable, with its fault. The fault has questions if only answers are missing."""
+    """A file that is not readable, with the error. The error has questions if only answers are missing."""
 
     path: Path
     fault: InputError
@@ -47,7 +47,7 @@ class UnreadableFile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadFiles:
-    """Unchecked files of runs: the readable and the unreadable ones."""
+    """The result of reading files: unchecked runs, and the unreadable files."""
 
     files: tuple[tuple[Path, RigFile], ...]
     unreadable: tuple[UnreadableFile, ...]

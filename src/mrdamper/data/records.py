@@ -45,8 +45,8 @@ GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step 
 class Recording:
     """The unchecked data of one run in a file, in SI.
 
-    Arrays are read-only float64 with any values. Runs with the same ``session`` share one tare of the load
-    cell. ``source`` is the path of the file.
+    Arrays are read-only float64 with any values. Runs with the same ``session`` were recorded with the same
+    zero of the load cell. ``source`` is the path of the file.
     """
 
     name: str
@@ -152,7 +152,7 @@ class Dataset(Picture):
         return len(self.runs)
 
     def __repr__(self) -> str:
-        """Return the first runs, one line for each."""
+        """Return the text form: one line for each of the first runs."""
         lines = [f"  {run!r}" for run in self.runs[:8]]  # runs in the text form of a data set
         more = len(self) - len(lines)
         return "\n".join(
@@ -196,7 +196,7 @@ class Dataset(Picture):
         return training, held_out
 
     def _part(self, runs: Iterable[RigRun]) -> Dataset:
-        """Return a part of the runs with the findings on them."""
+        """Return some of the runs with the findings about these runs."""
         chosen = tuple(runs)
         names = {run.name for run in chosen}
         return Dataset(
@@ -242,7 +242,7 @@ def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
 
 
 def command_slack(command: float) -> float:
-    """Return the tolerance [A or V] of a constant command: 2 %, but at least 20 mA (mV)."""
+    """Return the tolerance [A or V] of a constant command: 2 %, but at least 20 mA or 20 mV."""
     return max(0.02 * abs(command), 0.02)
 
 
@@ -314,7 +314,7 @@ def channels_of(recording: Recording) -> dict[str, FloatArray]:
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
-    """Yield the channels that contain NaN or infinity."""
+    """Generate findings on channels that contain NaN or infinity."""
     for role, values in channels_of(recording).items():
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -334,7 +334,7 @@ def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
 
 
 def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
-    """Yield channels outside the range of a damper on a rig."""
+    """Generate findings on channels outside the range of a damper on a rig."""
     for role, values in channels_of(recording).items():
         low, high, unit = QUANTITIES[role].low, QUANTITIES[role].high, QUANTITIES[role].unit
         outside = np.flatnonzero(~((values >= low) & (values <= high)))

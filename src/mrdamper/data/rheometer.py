@@ -40,7 +40,7 @@ class RheometerTable:
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    """Names of a quantity in headers (longest first), its units, and proposed headers for messages."""
+    """A quantity: its names in headers (longest first), its units, and example headers for messages."""
 
     words: tuple[str, ...]
     units: Mapping[str, tuple[float, str]]  # Keys have no blanks, dots and slashes. Values: factor, SI unit.
@@ -108,7 +108,7 @@ def read_rheometer(path: str | Path) -> RheometerTable:
     if "viscosity" in columns:
         eta = columns["viscosity"][0]
         in_field = np.isfinite(eta) & (np.nan_to_num(0.0 if field is None else field[0]) != 0.0)
-        if in_field.any():  # The viscosity in a field is another quantity.
+        if in_field.any():  # The viscosity in a magnetic field is a different quantity.
             notes.append(f"{place}: viscosities in a field left out: {int(np.count_nonzero(in_field))}")
         viscosity = _complete_rows("viscosity", place, kelvin, np.where(in_field, np.nan, eta))
     if "yield stress" in columns and field is not None:
@@ -166,7 +166,7 @@ def _factor(what: str, unit: str) -> tuple[float, str] | None:
 
 
 def _to_si(table: Table, header: str, what: str, place: str) -> tuple[FloatArray, str]:
-    """Return a column in SI, and its SI unit."""
+    """Return a column converted to SI, and the SI unit."""
     if header not in table.columns:
         raise InputError(place=place, found=f"column {header!r} holds text", expected="numbers")
     unit = _unit_in(header, what) or ""

@@ -1,4 +1,4 @@
-"""Signals with a uniform step: noise, cut-off, zero-phase smoothing and its derivatives.
+"""Signals with a uniform time step: noise, cut-off, zero-phase smoothing and derivatives.
 
 The functions depend on arrays only. The module ``prepare`` applies them to runs, and the module ``motion``
 labels the motions.
@@ -35,7 +35,7 @@ _GAIN_ON_WHITE_NOISE = float(np.sqrt(np.sum(_CENTRED**2)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectrum:
-    """Sine spectrum of a displacement between its two ends, and its white noise."""
+    """Spectrum of a displacement (discrete sine transform), and its white noise."""
 
     step: float  # [s]
     frequency: FloatArray  # [Hz]
@@ -166,7 +166,7 @@ def differentiate(values: FloatArray, step: float) -> FloatArray:
 
 
 def smallest_step(displacement: FloatArray) -> float:
-    """Return the smallest change of the displacement [m], which is its resolution if it is on a grid."""
+    """Return the smallest change of the displacement [m]: the resolution of a quantised signal."""
     steps = np.abs(np.diff(displacement))
     steps = steps[steps > 1e-9 * np.ptp(displacement)]
     return float(steps.min()) if len(steps) else 0.0
@@ -174,7 +174,7 @@ def smallest_step(displacement: FloatArray) -> float:
 
 @lru_cache(maxsize=64)
 def _spline_basis(spacing: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the six splines that are active between two knots, and their first two derivatives.
+    """Return the six B-splines that are not zero between two knots, and their first two derivatives.
 
     Each array has the shape (6, spacing): one row per spline, one column per sample after a knot. The
     derivatives are per sample and per sample^2.
@@ -182,7 +182,7 @@ def _spline_basis(spacing: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     position = np.arange(spacing) / spacing
 
     def active(degree: int) -> FloatArray:
-        """Return the uniform splines of a degree that are not zero after a knot (Cox-de Boor recursion)."""
+        """Return the uniform B-splines of a degree that are not zero after a knot (Cox-de Boor recursion)."""
         values = np.ones((1, spacing))
         for d in range(1, degree + 1):
             older, newer = np.pad(values, ((1, 0), (0, 0))), np.pad(values, ((0, 1), (0, 0)))
@@ -191,14 +191,14 @@ def _spline_basis(spacing: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         return values
 
     def slope(values: FloatArray) -> FloatArray:
-        """Return the derivative of the splines of the next degree, per sample."""
+        """Return the derivatives of the B-splines of the next higher degree, per sample."""
         return -np.diff(values, axis=0, prepend=0.0, append=0.0) / spacing
 
     return active(_SPLINE_DEGREE), slope(active(_SPLINE_DEGREE - 1)), slope(slope(active(_SPLINE_DEGREE - 2)))
 
 
 def _rounding(displacement: FloatArray) -> float:
-    """Return the standard deviation of rounding [m] if the displacement is on a grid, otherwise 0."""
+    """Return the standard deviation of the rounding error [m] of a quantised displacement, otherwise 0."""
     resolution = smallest_step(displacement)
     if resolution == 0.0:
         return 0.0

@@ -1,4 +1,4 @@
-"""Tables: the columns of numbers in a rig's file, before quantities are assigned to them."""
+"""Tables: the numeric columns of a rig file, before quantities are assigned to the columns."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
 
 
 def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, ...]:
-    """Return the tables in a file: its blocks, sheets and groups, or the one named ``options.part``."""
+    """Return the tables in a file (blocks, sheets or groups), or only the part named ``options.part``."""
     chosen = options or FileOptions()
     first = read_table(path, chosen)
     others = [read_table(path, replace(chosen, part=part)) for part in first.more]
@@ -79,8 +79,8 @@ def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """Return the first table in a file. The content of the file determines its format.
 
-    Raise InputError if the file is not readable or contains no numbers. Columns that are read later can raise
-    it, too.
+    Raise InputError if the file is not readable or contains no numbers. Columns that are read later can also
+    raise InputError.
     """
     with _reading(path):
         known = _recognise_format(path)
@@ -118,7 +118,8 @@ def decoding(path: Path, what: str) -> Iterator[None]:
     """Convert each exception of a library that decodes a binary file into one ``InputError``.
 
     The libraries raise undocumented exceptions on damaged bytes, and a panic of Polars is not a subclass of
-    ``Exception``. Messages and logs of the libraries describe their own code. They do not help the user.
+    ``Exception``. Messages and logs of the libraries describe their own code. Such messages do not help the
+    user.
     """
     loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
     loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]

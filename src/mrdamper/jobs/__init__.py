@@ -1,1 +1,1 @@
-"""The jobs: options in, a result out. One module a job."""
+"""The jobs of the program. Each job is one module that converts inputs and options to a result."""

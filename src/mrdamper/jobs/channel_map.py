@@ -84,7 +84,7 @@ _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
 
 
 def _file_constants(path: Path, file: RigFile) -> list[Inference]:
-    """Return the constants of a file from its name, from the map and from answers."""
+    """Return the constants of a file that come from its name, the channel map or answers."""
     given = [Inference(path.name, role, value, "map") for role, value in file.chosen.constant.items()]
     return [*file.inferred, *given]
 
@@ -101,7 +101,7 @@ def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
 
 
 def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
-    """Return the constants that all names have in common; differences become a comment for each run."""
+    """Return the constants that all runs have in common; other constants become a comment for each run."""
     constant: dict[str, float] = {}
     for role, key in _KEYS.items():
         found = [each for each in inferred if each.role == role]

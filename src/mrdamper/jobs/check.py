@@ -67,7 +67,7 @@ class CheckedFile:
 
 @dataclass(frozen=True, slots=True)
 class CheckedRun:
-    """Values of a run and its findings, worst first; None if a value is not available."""
+    """Values of a run (None if not available), and the findings about the run, worst first."""
 
     name: str
     source: str
@@ -117,7 +117,7 @@ class CheckResult(JobResult):
 
 
 def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Progress = silent) -> CheckResult:
-    """Diagnose runs alone and in comparison; ``deep`` also compares them with one law fitted to all."""
+    """Diagnose runs one by one and in comparison; ``deep`` also compares the runs with a joint fit."""
     together = campaign_findings(files.runs)
     if options.deep:
         together += joint_test(files.runs)
@@ -162,7 +162,7 @@ def findings_of(
     *,
     free: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
-    """Return findings about the runs of a fit: each alone, compared with the others, and with the model.
+    """Return findings about the runs of a fit: of single runs, of comparisons, and against the model.
 
     A finding about a held-out run states no effect on the fit, because the fit does not use the run.
 
@@ -204,7 +204,7 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
 
 
 def _interval_widths(run: Recording) -> FloatArray:
-    """Return samples of the whole run for its picture: displacement [mm] and force [N], shape (n, 2)."""
+    """Return samples of the whole run for a plot: displacement [mm] and force [N], shape (n, 2)."""
     count = min(len(run.displacement), len(run.force))
     chosen = np.unique(
         np.linspace(0, max(count - 1, 0), min(count, _SAMPLE_COUNT_MAX)).round().astype(np.intp)

@@ -22,7 +22,7 @@ GROUP_COUNT_MAX = 2048  # Points of a curve on the page.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSummary:
-    """A value over all cycles; first and last are means of the first and the last group."""
+    """Summary of a value over all cycles; ``first`` and ``last`` are means of the first and last group."""
 
     mean: float
     min: float
@@ -135,7 +135,7 @@ def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
 
 
 def _findings(cycles: CycleFigures, breaks: int, stroke_min_m: float) -> Iterator[Finding]:
-    """Yield findings about gaps of the record, a wrong sign of force, and missing cycles."""
+    """Generate findings about gaps of the record, a wrong sign of force, and missing cycles."""
     if breaks:
         yield Finding(
             kind="breaks",

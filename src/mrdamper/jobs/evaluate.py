@@ -1,4 +1,7 @@
-"""The job ``evaluate``: a card's error on runs. No module for fits is loaded, for a fast start."""
+"""The job ``evaluate``: the error of a model card on runs.
+
+Modules for fits are not loaded, so that the job starts fast.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ _USUAL = EvaluateOptions()
 
 @dataclass(frozen=True, slots=True, repr=False)
 class EvaluateResult(JobResult):
-    """The errors of a model on runs, as a sequence with further results."""
+    """The errors of a model on runs (a sequence), with further results."""
 
     _job = "evaluate"
     law: str

@@ -23,7 +23,7 @@ _USUAL = ExportOptions()
 
 @dataclass(frozen=True, slots=True)
 class CodeExport:
-    """A card's code for a target, and the record of its verification."""
+    """The code of a card for a target, and the record of the verification of this code."""
 
     target: Target
     record: Verification

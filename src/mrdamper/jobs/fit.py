@@ -43,7 +43,7 @@ AUTO = "auto"
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FitResult(JobResult, Identification):
-    """A fit with its assessment: the content of its card and its report."""
+    """A fit with its assessment: the content of the model card and of the report."""
 
     _job = "fit"
     assessment: Assessment
@@ -168,10 +168,10 @@ def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
 
 
 def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
-    """Select a law and its terms by cross-validation; repeat it if the windows do not represent the runs.
+    """Select a law and its terms by cross-validation on windows of the runs.
 
-    Each repetition uses more windows, until their error agrees with the error on all runs or all data are
-    used.
+    If the error on the windows disagrees with the error on all runs, the selection is repeated with more
+    windows, until the errors agree or all data are used.
     """
     settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
     first: Selection | None = None
@@ -214,7 +214,7 @@ def _repetition_note(first: Selection, last: Selection) -> str:
 
 
 def _tracked(damper: Damper) -> bool:
-    """Return True if ``track`` and ``export`` can make a controller from the damper."""
+    """Return True if the jobs ``track`` and ``export`` can make a controller from the damper."""
     return damper.law.name in (*TABULATED, *STEPPED)
 
 

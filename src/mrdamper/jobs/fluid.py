@@ -1,4 +1,4 @@
-"""The job ``fluid``: fit laws to rheometer tables, and make a fluid of them.
+"""The job ``fluid``: fit laws to rheometer tables, and build a fluid from these laws.
 
 Quantities that the tables do not contain are copied from another fluid; a note names them.
 """
@@ -131,7 +131,7 @@ def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place:
 def _valid_range(
     valid_K: tuple[float, float], factor: TemperatureFactor, kelvin: FloatArray
 ) -> tuple[float, float]:
-    """Return the range of the other fluid, or the range of the points if the law is not positive there."""
+    """Return the range of the other fluid, or of the points if the law is not positive in that range."""
     with np.errstate(all="ignore"):
         values = factor.value(np.linspace(*valid_K, 101))
     is_positive = bool((np.isfinite(values) & (values > 0.0)).all())

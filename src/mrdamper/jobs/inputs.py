@@ -26,7 +26,7 @@ def read_dataset(
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
 ) -> Dataset:
-    """Return the runs in files, folders and frames; run objects are used unchanged.
+    """Return the data set of the runs in files, folders and frames; run objects are used unchanged.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def read_files(
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:
-    """Return a card; a user's own law may be required to read it.
+    """Return a model card; a user-defined law may be required to read the card.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """90 % intervals of forces and coefficients, from equally likely dampers (``models.card_draws``).
 
-They describe the uncertainty of the model's force due to its parameters. They exclude the model error of the
+The intervals describe the uncertainty of the force due to the parameters. They exclude the model error of the
 law and the sensor noise; ``models.force_band`` is the expected error of a measured force.
 """
 
@@ -26,7 +26,7 @@ _COMMAND_COUNT = 41  # commands on the curve of a coefficient
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceInterval:
-    """The force of a run during one of its cycles, shape (n,), and the interval of the run's error."""
+    """Interval of the force during one cycle of a run, shape (n,), and interval of the error of the run."""
 
     name: str
     time_s: FloatArray  # time since the first shown sample
@@ -55,7 +55,7 @@ class CoefficientInterval:
 
 
 def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) -> ForceInterval:
-    """Return the force of a damper along a run, and the interval of the forces of the samples."""
+    """Return the force of a damper along a run, and the interval from the posterior samples."""
     if damper.law.kernel is None:
         run = decimate(run, PYTHON_RATE_Hz)
     drive, start = open_drive(run.trajectory), run.scored_from
@@ -79,7 +79,7 @@ def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) 
 def coefficient_intervals(
     damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
 ) -> tuple[CoefficientInterval, ...]:
-    """Return the variable coefficients and the intervals of the samples, versus the command."""
+    """Return the coefficients that vary with the command, with intervals from the posterior samples."""
     command = np.linspace(*commands, _COMMAND_COUNT)
     kelvin = np.full(len(command), REFERENCE_K)
     found = []

@@ -54,7 +54,7 @@ def rig(
     campaign: Campaign | None = None,
     on_progress: Progress = silent,
 ) -> RigResult:
-    """Run a campaign on a virtual damper; the same seed gives the same bits.
+    """Run a campaign on a virtual damper. Equal seeds give bit-identical results.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The job ``simulate``: a card's force along a motion, described in text or measured."""
+"""The job ``simulate``: the force of a card along a motion from a text description or a measurement."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _USUAL = SimulateOptions()
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SimulateResult(JobResult):
-    """A motion with the card's force along it."""
+    """A motion, and the force of the card along this motion."""
 
     _job = "simulate"
     title: str  # title of the card
@@ -48,7 +48,7 @@ class SimulateResult(JobResult):
 def simulate(
     card: ModelCard, motion: str | Path | RigRun | FrameLike | Trajectory, options: SimulateOptions = _USUAL
 ) -> SimulateResult:
-    """Return a card's force along a motion.
+    """Return the force of a model card along a motion.
 
     Parameters
     ----------

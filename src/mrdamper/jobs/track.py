@@ -1,8 +1,9 @@
 """The job ``track``: test controllers made from a card on a damper that differs from the card.
 
-Every controller follows every target at every temperature, with two seeds of sensor noise; a row has the
-larger error of the two. The damper is a preset of the virtual rig, a damper in a TOML file, or the damper of
-another card. Controllers that ignore temperature come from a card identified at one temperature.
+Every controller follows every target at every temperature, with two seeds of sensor noise. A row of the
+result has the larger of the two errors. The damper is a preset of the virtual rig, a damper in a TOML file,
+or the damper of another card. Controllers that ignore temperature come from a card identified at one
+temperature.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from mrdamper.virtual_rig.plant import Plant as RigPlant
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
-_REACHED_FRACTION_MIN = 0.5  # fraction of a target within the damper's reach
+_REACHED_FRACTION_MIN = 0.5  # minimum fraction of the time in which the target force is attainable
 _STROKE_RATIO_MAX = 1.05  # multiple of the card's displacement
 _FORCE_RATIO_MAX = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
@@ -96,7 +97,7 @@ def _read_target(name: str | Path) -> Scenario:
 
 @dataclass(frozen=True, slots=True)
 class _Damper:
-    """The requested plant and its excitation."""
+    """The tracked damper as a plant, and the limits of its excitation."""
 
     name: str
     plant: Plant
@@ -109,14 +110,14 @@ class _Damper:
     sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return the default targets, and True if they have the damper's own size."""
+        """Return the default targets, and True if the targets are scaled to the damper."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
-        """Return True if a target of the rig is within the stroke and, mostly, the force of the damper."""
+        """Return True if the damper can follow a target: within its stroke, and mostly within its force."""
         course = reference_trajectory(target, self.plant.step_s)
         if self.stroke is not None and not _is_within(course.displacement, self.stroke):
             return False
@@ -130,7 +131,7 @@ class _Damper:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The larger errors of two seeds."""
+    """A result row: the larger errors of two noise seeds."""
 
     controller: str
     target: str
@@ -151,7 +152,7 @@ class PosteriorError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traced:
-    """Curves of a target in its hottest test."""
+    """Curves of a target at the highest tested temperature."""
 
     target: str
     temperature_degC: float
@@ -258,7 +259,7 @@ def _run_all(
     pool: Pool,
     on_progress: Progress,
 ) -> tuple[list[Row], list[Traced]]:
-    """Return the rows sorted by target, and each target's hottest test."""
+    """Return the rows sorted by target, and the curves of each target at its highest temperature."""
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
     rows: list[Row] = []
     traced: list[Traced] = []
@@ -289,9 +290,9 @@ def _run_all(
 
 
 def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
-    """Return the intervals of a run's force and errors on other dampers, driven by the same currents.
+    """Return the intervals of force and errors if the currents of a run drive the posterior samples.
 
-    Without a force sensor, the controller commands the same currents for any of these dampers.
+    Without a force sensor, a controller commands the same currents to each of these dampers.
     """
     course, scenario = run.course, run.scenario
     drive = open_drive(_path(course, np.clip(run.current, 0.0, scenario.highest_A), scenario))
@@ -305,7 +306,7 @@ def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
 
 
 def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) -> Trajectory:
-    """Return a scenario's motion with a current [A] at its temperature."""
+    """Return the trajectory of a scenario: its motion and temperature, with the given current [A]."""
     return Trajectory(
         course.step_s,
         course.displacement,
@@ -317,7 +318,7 @@ def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) 
 
 
 class _Tests:
-    """Tests on one damper and their common data."""
+    """Runs the tests on one damper and caches their common data."""
 
     def __init__(self, damper: _Damper, seeds: Sequence[int]) -> None:
         self._damper, self._seeds = damper, seeds
@@ -325,7 +326,7 @@ class _Tests:
         self._reaches: dict[Scenario, AttainableRange] = {}
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
-        """Return course and reach of a scenario; raise InputError if the damper mostly cannot follow it."""
+        """Return course and attainable force of a scenario; raise InputError if mostly infeasible."""
         damper, degrees = self._damper, scenario.temperature_degC
         like = replace(scenario, temperature_degC=0.0)  # The motion is the same at all temperatures.
         if like not in self._courses:
@@ -470,7 +471,7 @@ def _is_within(displacement: FloatArray, stroke: tuple[float, float]) -> bool:
 
 
 def _share_inside(course: ReferenceTrajectory, reach: AttainableRange) -> float:
-    """Return the fraction of the scored time in which the target is within the damper's reach."""
+    """Return the fraction of the scored time in which the target force is attainable."""
     return float(reach.feasible(course.target)[course.scored_from :].mean())
 
 
@@ -525,7 +526,7 @@ def _controllers(
 
 
 def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) -> InputError:
-    """Return the error of a controller that does not exist or does not support the law."""
+    """Return the error for a controller that does not exist or does not support the law."""
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
@@ -534,7 +535,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
 
 
 def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
-    """Raise ``InputError`` if a controller needs the lag of the force and its card has none."""
+    """Raise InputError if a controller needs the lag of the force and its card contains no lag."""
     late: dict[str, list[str]] = {}
     for name, (place, card) in cards.items():
         no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0
@@ -558,7 +559,7 @@ def _build(place: str, card: ModelCard, options: TrackOptions, largest: float) -
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
-    """Return a note if the card's force at the largest current differs much from the force of the damper."""
+    """Return a note if card and damper differ much in the force at the largest current."""
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A
     plant = damper.plant.copy().advance_many(course.displacement, course.velocity, largest, degrees)

@@ -1,1 +1,4 @@
-"""Virtual test rigs: physics that is never the identified law, so that a fit is judged against a truth."""
+"""Virtual test rigs: simulated dampers with known reference values.
+
+Their equations differ from all identified laws, so that a fit has a realistic model error.
+"""

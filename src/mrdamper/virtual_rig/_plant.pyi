@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]  # any contiguous buffer of C doubles will do; NumPy's is what we pass
+FloatArray = NDArray[np.float64]  # The extension accepts any contiguous buffer of C doubles.
 
 PARAMETERS: dict[str, tuple[str, ...]]  # by kind of damper: lumped, hydraulic
 STATE: dict[str, tuple[str, ...]]

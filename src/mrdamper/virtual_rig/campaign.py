@@ -38,7 +38,7 @@ RUN_IN_MIN_S = 1.0  # Minimum run-in before the log; rounded up to whole periods
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """One run of a campaign, before it is run."""
+    """The plan of one run of a campaign."""
 
     name: str
     label: str  # name of the motion
@@ -55,10 +55,10 @@ class Campaign:
     """Test plan: each motion at each current and temperature, and changing currents at each temperature.
 
     Motions have the format of ``motion_from_text``. A motion with a period is logged for whole
-    periods, a chirp to its end, any other for ``duration_s``. Held-out temperatures and motions that are not
-    run are dropped. The lag from current steps applies to the speed of their motion
-    (``identify.actuation``). A random current over a random motion is logged for twice ``duration_s``; both
-    are others at every temperature.
+    periods, a chirp to its end, any other motion for ``duration_s``. Held-out temperatures and motions that
+    are not run are dropped. The lag from current steps applies to the speed of their motion
+    (``identify.actuation``). A run with random current and random motion is logged for twice ``duration_s``;
+    current and motion have a different seed at every temperature.
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
@@ -68,14 +68,14 @@ class Campaign:
         CurrentSteps | None,
         Option(expected="true, false or a table with levels_A and hold_s"),
     ] = CURRENT_STEPS
-    steps_motion: str = "steps"  # under the current steps
+    steps_motion: str = "steps"  # motion during the current steps
     random: Annotated[
         RandomCurrent | None,
         Option(
             expected="true, false or a table with highest_A, shortest_s, longest_s and seed",
         ),
     ] = None
-    random_motion: str = "random:6mm:0.5-4Hz:1"  # under the random current
+    random_motion: str = "random:6mm:0.5-4Hz:1"  # motion during the random current
     duration_s: Annotated[float, Option(unit="s", above=0.0)] = 4.0
     held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
     held_out_motions: tuple[str, ...] = ("chirp3mm",)
@@ -105,12 +105,12 @@ class Campaign:
 
     @property
     def rate_Hz(self) -> float:
-        """Samples per second of the log."""
+        """Sampling rate of the log [Hz]."""
         return self.sensors.rate_Hz
 
     @property
     def hold_out(self) -> tuple[str, ...]:
-        """Patterns of the names of the held-out runs, as ``mrdamper fit --hold-out`` takes them."""
+        """Name patterns of the held-out runs, in the format of ``mrdamper fit --hold-out``."""
         return (
             *(f"*_{_degrees(value)}_*" for value in self.held_out_temperatures_degC),
             *(f"*_{_label(text)}" for text in self.held_out_motions),
@@ -139,8 +139,8 @@ class Campaign:
         return tuple(planned)
 
     def _random_run(self, name: str, current: RandomCurrent, degrees: float, *, held_out: bool) -> PlannedRun:
-        """Return the run of random current, whose draws are the temperature's own."""
-        more = round(10.0 * degrees) + 10_000  # whole and above zero down to -1000 degC
+        """Return the run with random current; its seeds depend on the temperature."""
+        more = round(10.0 * degrees) + 10_000  # an integer, positive down to -1000 degC
         motion = motion_from_text(self.random_motion)
         if isinstance(motion, RandomMotion):
             motion = replace(motion, seed=motion.seed + more)
@@ -154,7 +154,7 @@ class Campaign:
         return {text: motion_from_text(text) for text in self.motions}
 
     def _times(self, motion: Motion) -> tuple[float, float]:
-        """Return how long a motion is logged, and run in before that [s]."""
+        """Return the durations of the log and of the run-in before the log [s]."""
         if isinstance(motion, Sine | Triangle):
             period = motion.period
             logged, run_in = (
@@ -165,9 +165,10 @@ class Campaign:
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
-        """Return the campaign of a TOML document; missing values are those of its ``preset``.
+        """Return the campaign of a TOML document.
 
-        Without one, that is the default campaign, without random currents.
+        Missing values are taken from the campaign of the document's ``preset``. Without a preset, they have
+        the defaults of this class.
         """
         try:
             usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
@@ -198,7 +199,7 @@ class Campaign:
         return cls.from_mapping(read_toml(path, "campaign"), Path(path).name)
 
     def to_toml(self) -> str:
-        """Return the campaign as TOML; ``from_toml`` reads the same one back."""
+        """Return the campaign as TOML, which ``from_toml`` reads back as an equal campaign."""
         none = {"steps": False} if self.steps is None else {}
         return toml_text({**none, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
 
@@ -217,14 +218,14 @@ CAMPAIGNS: Mapping[str, Mapping[str, Any]] = {
 
 
 def find_campaign(name: str | Path) -> Campaign:
-    """Return the campaign of a name, or that in a TOML file."""
+    """Return the campaign with a name, or the campaign in a TOML file."""
     if str(name) in CAMPAIGNS:
         return Campaign.from_mapping(CAMPAIGNS[str(name)], str(name))
     return Campaign.from_toml(name)
 
 
 def _degrees(temperature_degC: float) -> str:
-    """Return a temperature as in the name of a run: three digits, and a tenth if it is not zero."""
+    """Return a temperature as text for run names: three digits, and one decimal if it is not zero."""
     whole = float(temperature_degC).is_integer()
     return f"{temperature_degC:03.0f}C" if whole else f"{temperature_degC:05.1f}C"
 

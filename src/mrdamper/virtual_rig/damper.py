@@ -1,4 +1,4 @@
-"""Virtual dampers of either kind: presets, TOML of one's own, and dampers drawn around one."""
+"""Virtual dampers (lumped or hydraulic): presets, TOML files, and random variants."""
 
 from __future__ import annotations
 
@@ -38,25 +38,29 @@ _VARIANT_SPREAD = 0.3
 
 
 def find_preset(name: object) -> VirtualDamper:
-    """Return a preset; an unknown name is an error that names the nearest ones."""
+    """Return a preset. For an unknown name, raise InputError with the most similar names."""
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown_name(f"{name!r} is not a preset of the virtual rig", str(name), PRESETS)
     return PRESETS[name]
 
 
 def draw_variant(damper: VirtualDamper, seed: int) -> VirtualDamper:
-    """Return another damper of the same kind, its properties drawn within 30 %; its name ends in the seed.
+    """Return a random variant of a damper, with parameters changed by up to 30 %.
 
-    By agreement even seeds are for building laws and choosing constants, odd ones for reporting errors.
+    The name of the variant ends with the seed.
+
+    By convention, even seeds are used to develop laws and choose constants, odd seeds to report errors.
     """
     drawn = damper.draw(np.random.default_rng(seed), _VARIANT_SPREAD)
     return replace(drawn, name=f"{damper.name}-{seed}")
 
 
 def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper") -> VirtualDamper:
-    """Return a preset with some parameters changed: ``preset`` (else nominal), ``name``, parameters.
+    """Return a preset with changed parameters.
 
-    The name is the preset's when nothing is changed and none is given, else ``<preset>-own``.
+    The keys are ``preset`` (default nominal), ``name`` and names of parameters.
+
+    The default name is that of the preset if nothing is changed, else ``<preset>-own``.
     """
     try:
         base = find_preset(given.get("preset", "nominal"))
@@ -73,12 +77,12 @@ def read_damper(path: str | Path) -> VirtualDamper:
 
 
 def find_damper(name: str | Path) -> VirtualDamper:
-    """Return a preset, or the damper in a TOML file."""
+    """Return the preset with a name, or the damper in a TOML file."""
     return read_damper(name) if Path(name).suffix else find_preset(str(name))
 
 
 def damper_to_toml(damper: VirtualDamper) -> str:
-    """Return all parameters as TOML; ``read_damper`` reads the same damper back."""
+    """Return all parameters as TOML, which ``read_damper`` reads back as an equal damper."""
     preset = next(iter(LUMPED if isinstance(damper, LumpedDamper) else HYDRAULIC))  # any of its kind
     return toml_text(
         {"preset": preset, **write_record(damper, defaults=True)}, "a virtual damper, in SI and kelvin"

@@ -43,7 +43,7 @@ class HydraulicDamper:
 
     kind: ClassVar[str] = "hydraulic"  # kind of the native plant
 
-    name: str = "hydraulic-bench"  # the runs' names begin with it
+    name: str = "hydraulic-bench"  # prefix of the run names
     # cylinder, fluid and gas
     bore_m: Positive = 0.040
     rod_m: Positive = 0.016
@@ -51,14 +51,14 @@ class HydraulicDamper:
     chamber_1_m: Positive = 0.045  # length of the rod's chamber at x = 0
     chamber_2_m: Positive = 0.045
     gas_m3: NotNegative = 0.0  # Vg0 at 20 C and x = 0; zero: no gas
-    gas_Pa: NotNegative = 0.0  # pg0, its charge
+    gas_Pa: NotNegative = 0.0  # pg0: gas charge pressure at 20 C and x = 0
     gas_exponent: Annotated[float, Option(least=1.0)] = 1.4
     gas_exchange_s: Positive = 4.0  # taug: time constant of heat between gas and wall
     rest_Pa: NotNegative = 1.2e6  # p00: pressure at rest, without gas
     rest_Pa_K: NotNegative = 8000.0  # kp0: its rise with temperature
-    air: Annotated[float, Option(above=0.0, below=1.0)] = 0.005  # share of bubbles at one atmosphere
+    air: Annotated[float, Option(above=0.0, below=1.0)] = 0.005  # volume fraction of bubbles at 1 atm
     bulk_Pa: Positive = 1.5e9  # El0: bulk modulus of the liquid
-    bulk_per_K: NotNegative = 0.0045  # kE of El0 exp(-kE dT)
+    bulk_per_K: NotNegative = 0.0045  # kE: bulk modulus El0 exp(-kE dT)
     expansion_per_K: NotNegative = 6e-4  # alT
     # valve
     slot_diameter_m: Positive = 0.034  # mean; the slot's width wv is pi times this
@@ -67,7 +67,7 @@ class HydraulicDamper:
     passive_m: Positive = 0.026  # Lp: the rest of the slot
     entrance_loss: NotNegative = 1.5  # zeta
     bypass_m2: NotNegative = 2e-7  # CdAb
-    bypass_Pa: Positive = 2000.0  # dp0: the bypass is laminar below
+    bypass_Pa: Positive = 2000.0  # dp0: the bypass flow is laminar below this pressure difference
     # fluid
     density_kg_m3: Positive = 3000.0  # rho
     carrier_kg_m3: Positive = 900.0  # rhoc
@@ -76,19 +76,19 @@ class HydraulicDamper:
     walther_b: Positive = 1.028887
     viscosity_scale: Positive = 1.0  # factor of the viscosity
     flow_index: Positive = 0.92  # nhb of Herschel and Bulkley
-    flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which it is Bingham's
-    creep: Positive = 300.0  # viscosity before yield over that after it
-    passive_least: NotNegative = 0.8  # cinf: share of the passive slot's viscosity that shear leaves
-    passive_thinning: NotNegative = 1.0  # cv: share that it takes
-    passive_s: NotNegative = 0.002  # lam: at one over this shear rate half of it
-    yield_Pa: NotNegative = 52e3  # ts: saturated
-    yield_A_m: Positive = 90e3  # Ha of 1 - exp(-(H / Ha)^1.5)
-    yield_least_Pa: Positive = 25.0  # t00: without field
-    fade_degC: float = 185.0  # Tm of the yield stress's loss over temperature
+    flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which the stress equals that of a Bingham fluid
+    creep: Positive = 300.0  # viscosity before yield divided by the viscosity after yield
+    passive_least: NotNegative = 0.8  # cinf: viscosity ratio of the passive slot at infinite shear rate
+    passive_thinning: NotNegative = 1.0  # cv: viscosity ratio lost by shear thinning
+    passive_s: NotNegative = 0.002  # lam: half of cv is lost at the shear rate 1 / lam
+    yield_Pa: NotNegative = 52e3  # ts: yield stress at saturation
+    yield_A_m: Positive = 90e3  # Ha: yield stress ts (1 - exp(-(H / Ha)^1.5))
+    yield_least_Pa: Positive = 25.0  # t00: yield stress without field
+    fade_degC: float = 185.0  # Tm: temperature of the decrease of the yield stress
     fade_K: Positive = 33.0  # wm
     fluid_T: Positive = 0.62  # Js: saturation of the fluid's polarisation
     fluid_A_m: Positive = 85e3  # Hsf
-    fluid_lag_s: Positive = 8e-4  # tauf: of the fluid's structure behind the flux
+    fluid_lag_s: Positive = 8e-4  # tauf: lag of the fluid structure behind the flux
     # coil, magnet and driver
     turns: Positive = 190.0  # Nt
     coil_ohm: Positive = 5.0  # R20
@@ -106,15 +106,15 @@ class HydraulicDamper:
     knee_exponent: Positive = 9.0  # ns
     stop_1_T: Positive = 0.05  # r1: half width of the first magnetic stop
     stop_2_T: Positive = 0.35
-    stop_1_A_m: NotNegative = 60.0  # a1: its field
+    stop_1_A_m: NotNegative = 60.0  # a1: field strength of the first stop
     stop_2_A_m: NotNegative = 110.0
     stop_lag_s: Positive = 3e-4  # taum: magnetic viscosity
     driver_V_A: NotNegative = 20.0  # Kp
     driver_V_A_s: NotNegative = 3000.0  # Ki
-    driver_release_1_s: NotNegative = 400.0  # Kaw, of the integral at a limit
-    supply_low_V: Annotated[float, Option(most=0.0)] = -24.0  # Vlo; zero: a driver of one quadrant
+    driver_release_1_s: NotNegative = 400.0  # Kaw: anti-windup rate of the integral at a voltage limit
+    supply_low_V: Annotated[float, Option(most=0.0)] = -24.0  # Vlo; zero: a single-quadrant driver
     supply_V: Positive = 24.0  # Vhi
-    highest_A: Positive = 2.5  # Imax, where the driver cuts the command off
+    highest_A: Positive = 2.5  # Imax: the driver limits the command to this current
     command_lag_s: Positive = 3e-4  # tauc
     # piston, joint and seal
     piston_kg: Positive = 0.45  # ms
@@ -128,9 +128,9 @@ class HydraulicDamper:
     friction_static: Annotated[float, Option(least=1.0)] = 1.5  # sr
     stribeck_m_s: Positive = 0.004  # vs
     friction_1_Pa: NotNegative = 1.5e-7  # kps: rise with the pressure on the seal
-    friction_share: _Share = 0.5  # wps: share of chamber 1 in that pressure
+    friction_share: _Share = 0.5  # wps: weight of chamber 1 in the pressure on the seal
     friction_N_m: Positive = 6e5  # kf
-    friction_N_s_m: Positive = 400.0  # cf: of the viscous sliders
+    friction_N_s_m: Positive = 400.0  # cf: damping of the viscous sliders
     friction_per_K: NotNegative = 0.0015  # fT
 
     def __post_init__(self) -> None:
@@ -141,10 +141,10 @@ class HydraulicDamper:
         return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - REFERENCE_K))
 
     def draw(self, rng: np.random.Generator, spread: float) -> HydraulicDamper:
-        """Return a damper of the same kind: factors log-uniform between 1 / (1 + spread) and 1 + spread.
+        """Return a random variant: factors are log-uniform between 1 / (1 + spread) and 1 + spread.
 
         Bore, rod, gap, lengths of slot, bypass, air, bulk modulus, gas, yield stress, viscosity, turns,
-        resistance, shells, supply, seal, joint and mass are drawn; areas and volumes follow.
+        resistance, shells, supply, seal, joint and mass are varied; areas and volumes follow from these.
         """
         widest = np.log1p(spread)
         factors = np.exp(rng.uniform(-widest, widest, len(_DRAWN))).tolist()
@@ -160,7 +160,7 @@ _BENCH = HydraulicDamper()
 
 _PRESETS = (
     _BENCH,  # a through-rod bench damper
-    # a car's monotube damper with a gas of 28 bar and a driver of one quadrant
+    # a monotube car damper with a gas charge of 28 bar and a single-quadrant driver
     replace(
         _BENCH, name="hydraulic-monotube", bore_m=0.046, rod_m=0.0124, through_rod=False, chamber_1_m=0.100,
         chamber_2_m=0.080, gas_m3=7e-5, gas_Pa=2.8e6, gas_exchange_s=3.0, rest_Pa=0.0, rest_Pa_K=0.0,

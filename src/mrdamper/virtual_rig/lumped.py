@@ -18,12 +18,12 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import NotNegative, Option, Positive, check_ranges, fields_of
 
-_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
-_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
+_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # valid beginning of a file name
+_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # parameters that are equal for all variants
 
 
 def check_parameters(damper: object, name: str) -> None:
-    """Refuse a name that cannot begin a file's name, and parameters outside their ranges."""
+    """Raise InputError if the name cannot begin a file name or a parameter is outside its range."""
     if not _SAFE.fullmatch(name):
         raise InputError(
             f"name is {name!r}",
@@ -37,18 +37,18 @@ def check_parameters(damper: object, name: str) -> None:
 class LumpedDamper:
     """Parameters of the lumped damper, in SI and kelvin; the defaults are the preset ``nominal``.
 
-    Forces and lags hold at 20 C. T is temperature, m the effective current behind all lags, and
+    Forces and lags apply at 20 C. T is temperature, m the effective current behind all lags, and
     g = (tanh(m / field_current) / tanh(full_current / field_current))^field_exponent the field's shape.
 
     Raises
     ------
     InputError
-        A parameter is not finite or outside its range, or the name cannot begin a file's name.
+        If a parameter is not finite or outside its range, or the name cannot begin a file name.
     """
 
     kind: ClassVar[str] = "lumped"  # kind of the native plant
 
-    name: str = "nominal"  # the runs' names begin with it
+    name: str = "nominal"  # prefix of the run names
     # driver and coil
     coil_ohm: Positive = 5.0  # R0
     copper_per_K: NotNegative = 0.00393  # R = R0 (1 + this (T - 20 C))
@@ -59,25 +59,25 @@ class LumpedDamper:
     driver_V_A_s: NotNegative = 2000.0  # integral gain Ki
     # field
     eddy_rise_s: Positive = 0.0045  # lag of the flux behind a rising current
-    eddy_fall_s: Positive = 0.006  # ... behind a falling one
+    eddy_fall_s: Positive = 0.006  # lag of the flux behind a falling current
     eddy_per_K: NotNegative = 0.002  # both lags are divided by 1 + this (T - 20 C)
     fluid_lag_s: Positive = 0.0015  # lag of the fluid's structure behind the flux
     play_share: Annotated[float, Option(least=0.0, most=1.0)] = (
-        0.4  # wp: share of the field with magnetic play
+        0.4  # wp: fraction of the field with magnetic hysteresis (play)
     )
     play_A: NotNegative = 0.04  # r: half width of the play
     full_current_A: Positive = 2.0  # current at which g = 1
-    field_current_A: Positive = 1.5  # Is: saturation
+    field_current_A: Positive = 1.5  # Is: saturation current
     field_exponent: Positive = 1.2  # p
     # yield force and pre-yield stiffness
     yield_N: Positive = 12.0  # Fy0, without field
     yield_field_N: NotNegative = 1300.0  # Fym, at g = 1
-    yield_loss_per_K: NotNegative = 0.0014  # kT, of the field's share of force and stiffness
+    yield_loss_per_K: NotNegative = 0.0014  # kT: loss of the field-dependent force and stiffness
     low_field_loss: NotNegative = 0.3  # kx: the loss is kT (1 + kx (1 - g))
     stiffness_N_m: Positive = 1.2e6  # s0, without field
     stiffness_field_N_m: NotNegative = 5e6  # s1, at g = 1
     spread: Annotated[float, Option(least=0.0, most=0.5)] = (
-        0.15  # weight of a bristle of a quarter and of one of four times the stiffness
+        0.15  # weights of the bristles with 1/4 and 4 times the stiffness
     )
     asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
         0.015  # yield (1 + this) in extension, (1 - this) in compression
@@ -88,15 +88,15 @@ class LumpedDamper:
     viscous_m_s: Positive = 0.0314  # the reference speed
     viscous_exponent: Positive = 0.88  # nv
     viscous_field: NotNegative = 0.15  # kvb: viscous force (1 + kvb g)
-    viscosity_K: NotNegative = 404.0  # B of exp(B / (T - pole))
-    viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero kelvin is Arrhenius
+    viscosity_K: NotNegative = 404.0  # B: factor exp(B / (T - T0))
+    viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero: Arrhenius law
     # friction
     friction_N: NotNegative = 40.0  # Fc, sliding
-    friction_static: NotNegative = 1.5  # static over sliding friction
+    friction_static: NotNegative = 1.5  # static divided by sliding friction
     stribeck_m_s: Positive = 0.003  # vs
     friction_N_m: Positive = 4e5  # sf: stiffness before sliding
     friction_loss_per_K: NotNegative = 0.002  # fT
-    # the rest
+    # spring, offset and compliance
     spring_N_m: NotNegative = 1500.0  # k1
     offset_N: float = 6.0  # f0
     leak_N_s_m: Positive = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
@@ -114,10 +114,9 @@ class LumpedDamper:
         return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - REFERENCE_K))
 
     def draw(self, rng: np.random.Generator, spread: float) -> LumpedDamper:
-        """Return a damper of the same kind: every property uniformly within ``spread`` (0 to 0.3).
+        """Return a random variant: uniform factors from 1 - spread to 1 + spread, with spread 0 to 0.3.
 
-        The name, the current at which the field is full and the copper's coefficient are no properties of one
-        damper among its kind and stay.
+        The name, the current ``full_current_A`` and the temperature coefficient of copper are not varied.
         """
         drawn = [each for each in fields_of(LumpedDamper) if each.name not in _OF_THE_KIND]
         factors = rng.uniform(1.0 - spread, 1.0 + spread, len(drawn)).tolist()

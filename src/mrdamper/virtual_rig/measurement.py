@@ -1,7 +1,7 @@
-"""Measurement on the virtual rig: the runs of a campaign as the sensors log them, and the truth of each.
+"""Measurement on the virtual rig: the sensor logs of a campaign, and the reference values of each run.
 
-A run begins in full motion, after the damper has run in. The truth of a run (noise-free values) is only for
-judging: identification never uses it.
+A log begins in full motion, after a run-in of the damper. The reference values (noise-free) are used only for
+validation and never for identification.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mrdamper.virtual_rig.sensors import Sensors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What happened in a run, at the samples of its log, shape (n,) each."""
+    """Reference values (ground truth) of a run at the logged samples, arrays of shape (n,)."""
 
     time: FloatArray  # [s]
     displacement: FloatArray  # [m]
@@ -36,10 +36,10 @@ class Truth:
 def measure(
     damper: VirtualDamper, campaign: Campaign, sensors: Sensors | None = None, *, seed: int = 0
 ) -> Iterator[tuple[RigRun, Truth]]:
-    """Run a campaign; yield each run as measured by the sensors, with the exact values.
+    """Run a campaign; generate each run as measured by the sensors, with its reference values.
 
-    The noise of a run depends only on the seed and its name: a part of a campaign gives the same bytes.
-    ``sensors`` replaces that of the campaign.
+    The noise of a run depends only on the seed and the name of the run. Therefore a part of a campaign gives
+    the same samples as the whole campaign. ``sensors`` replaces the sensors of the campaign.
     """
     if seed < 0:
         raise InputError(found=f"seed is {seed}", expected="zero or more")
@@ -55,7 +55,7 @@ def measure_run(
     *,
     seed: int = 0,
 ) -> tuple[RigRun, Truth]:
-    """Run one run of a campaign: run the damper in, then log."""
+    """Return one run of a campaign with its reference values. The damper is run in before the log starts."""
     chosen = sensors or campaign.sensors
     every = chosen.steps_per_sample
     before = round(run.run_in_s / STEP_S)

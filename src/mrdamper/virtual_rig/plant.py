@@ -1,22 +1,22 @@
 """Physics of the virtual damper, step by step (closed loops) or for whole runs.
 
 It shares no code with the identified laws. The arithmetic is in ``native/``, a separate extension. The
-hydraulic damper is described in ``docs/hydraulic_rig.md``. The lumped damper (``native/plant.c``) has a step
-of 0.1 ms; inputs hold at its end:
+hydraulic damper is described in ``docs/hydraulic_rig.md``. The lumped damper (``native/plant.c``) has a
+time step of 0.1 ms; the inputs are the values at the end of the step:
 
 *Driver and coil.* V = R0 I + Kp (I - i) + q within +-Vmax, q' = Ki (I - i) while not limited;
 R = R0 (1 + 0.00393 (T - 20 C)), L = L0 / (1 + 0.25 i^2); i relaxes to V / R at the rate R / L.
 
-*Field.* Eddy currents: i1 lags i (more when it falls); the fluid's structure: i2 lags i1; magnetic play of
-half width r: ip. Effective current m = |(1 - wp) i2 + wp ip|, field shape g(m).
+*Field.* Eddy currents: i1 lags i (more when it falls); the fluid's structure: i2 lags i1; magnetic hysteresis
+(play operator of half width r): ip. Effective current m = |(1 - wp) i2 + wp ip|, field shape g(m).
 
-*Force.* w = v - (yield + viscous)/c1 is the speed of the chain behind the oil's compliance, taken as a leak;
-the chain's force is that of the step before, and holds yield and viscous force (not friction or the spring,
-which sit on the rod). Yield: three bristles relax towards sgn(w) Fy; viscous: a power of |w|; friction: a
-bristle with Stribeck's fall, on w as well. F = yield + viscous + friction + k1 x + f0.
+*Force.* The oil compliance is modelled as a leak c1 in series with the yield and viscous elements. Their
+speed is w = v - (yield + viscous)/c1, with the forces of the previous step. Friction and spring act on the
+rod. Yield force: three bristles relax towards sgn(w) Fy. Viscous force: a power of |w|. Friction: a bristle
+with Stribeck effect, also driven by w. F = yield + viscous + friction + k1 x + f0.
 
-Each relaxation is exact over a step for inputs held over it. Energy is taken from the motion in every closed
-cycle. Sign convention: extension positive, force resisting extension positive.
+Each relaxation is solved exactly over a step for constant inputs. Every closed cycle dissipates energy. Sign
+convention: extension positive, force resisting extension positive.
 """
 
 from __future__ import annotations
@@ -60,22 +60,22 @@ class PlantResponse:
 
 
 class Plant:
-    """A virtual damper with state for closed loops; it starts without force and current.
+    """A virtual damper with state, for closed loops. The initial force and current are zero.
 
-    The lumped damper makes a step at the first sample. The hydraulic damper starts settled at the first
-    sample and makes its first step at the second. It is mutable: ``copy`` it, or store and restore
-    ``state``, to compare continuations.
+    The lumped damper makes a step at the first sample. The hydraulic damper is in equilibrium at the
+    first sample and makes its first step at the second sample. The object is mutable: use ``copy``, or store
+    and restore ``state``, to compare continuations.
 
     Parameters
     ----------
-    damper : its parameters
+    damper : parameters of the damper
     step_s : time step [s]
-    solver_step_s : largest step within it in which the hydraulic equations are solved [s]
+    solver_step_s : maximum internal step of the solver for the hydraulic equations [s]
 
     Raises
     ------
     InputError
-        A step outside its range; later, samples beyond the damper's range.
+        If a step is outside its range. Methods raise it for samples beyond the damper's range.
     """
 
     __slots__ = ("_native", "damper", "step_s")
@@ -100,7 +100,7 @@ class Plant:
 
     @property
     def state(self) -> tuple[float, ...]:
-        """All that the damper remembers; may be set to one that was read before."""
+        """The internal state of the damper; a stored state can be assigned."""
         return self._native.state
 
     @state.setter
@@ -120,11 +120,11 @@ class Plant:
         return other
 
     def hold(self, temperature_degC: float, count: int) -> object:
-        """Return up to 64 copies at one temperature, in a capsule for closed loops in C."""
+        """Return a capsule with ``count`` (max 64) copies at one temperature, for closed loops in C."""
         return self._native.hold(temperature_degC + ZERO_CELSIUS_K, count)
 
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
-        """Move on by one step; return the force [N] at its end, where motion and commanded current hold."""
+        """Advance by one step; return the force [N] at its end. The inputs are the values at the end."""
         try:
             return self._native.advance(displacement, velocity, current, temperature_degC + ZERO_CELSIUS_K)
         except ValueError as error:
@@ -137,10 +137,10 @@ class Plant:
         current: ArrayLike,
         temperature_degC: ArrayLike,
     ) -> FloatArray:
-        """Move on by a step per sample; return the force [N] at the end of each, shape (n,).
+        """Advance by one step per sample; return the force [N] at the end of each step, shape (n,).
 
-        Bit-equal to ``advance`` on each sample. ``current`` and ``temperature_degC`` may be one number, held.
-        When a sample is refused the state is as it was before the call.
+        The result is bit-identical to ``advance`` for each sample. ``current`` and ``temperature_degC`` may
+        be constant numbers. If a sample is rejected, the state remains as it was before the call.
         """
         force: FloatArray = self._run(displacement, velocity, current, temperature_degC, whole=False)[0]
         return force
@@ -152,7 +152,7 @@ class Plant:
         current: ArrayLike,
         temperature_degC: ArrayLike,
     ) -> PlantResponse:
-        """Move on as ``advance_many`` does; return the currents as well."""
+        """Advance like ``advance_many``; return force, coil current and effective field."""
         force, coil, field = self._run(displacement, velocity, current, temperature_degC, whole=True)
         return PlantResponse(force, coil, field)
 
@@ -165,7 +165,7 @@ class Plant:
         *,
         whole: bool,
     ) -> FloatArray:
-        """Return the force, shape (1, n), or force and currents, shape (3, n)."""
+        """Return the force, shape (1, n), or force, coil current and effective field, shape (3, n)."""
         x = np.ascontiguousarray(displacement, dtype=np.float64)
         v = np.ascontiguousarray(velocity, dtype=np.float64)
         out = np.empty((3 if whole else 1, x.size))
@@ -180,7 +180,7 @@ class Plant:
 
 
 def _input_samples(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
-    """Return a number unchanged, or samples as an array, plus an offset."""
+    """Return a number or an array of samples, plus an offset."""
     if isinstance(given, float):
         return float(given) + above
     values: FloatArray = np.ascontiguousarray(given, dtype=np.float64)
@@ -201,15 +201,15 @@ def simulate(
 
     Parameters
     ----------
-    displacement : extension positive [m], shape (n,), a sample per ``step_s``
-    velocity : its rate [m/s], shape (n,)
+    displacement : extension positive [m], shape (n,), one sample per ``step_s``
+    velocity : rate of the displacement [m/s], shape (n,)
     current : commanded [A], a number or shape (n,)
     temperature_degC : of fluid and coil [degC], a number or shape (n,)
 
     Raises
     ------
     InputError
-        A sample that is not finite or beyond any damper's range, or shapes that do not fit.
+        If a sample is not finite or beyond the range of any damper, or shapes differ.
     """
     plant = Plant(damper, step_s=step_s, solver_step_s=solver_step_s)
     return plant.respond(displacement, velocity, current, temperature_degC)

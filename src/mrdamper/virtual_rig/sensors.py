@@ -1,7 +1,7 @@
-"""The virtual rig's sensors: sampling, noise, the converter's step, a thermocouple's offset.
+"""Sensors of the virtual rig: sampling, noise, quantisation, and offsets.
 
-Displacement, force and temperature are measured; velocity and coil current are not. Noise is white and comes
-from a generator of the caller, so that seeds are part of a scenario.
+Displacement, force and temperature are measured; velocity and coil current are not. Noise is white. The
+caller passes the random number generator, so that seeds are part of a scenario.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrdamper.virtual_rig.plant import STEP_S
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """Logged samples, shape (n,) each."""
+    """Logged samples, arrays of shape (n,)."""
 
     time: FloatArray  # [s], from zero
     displacement: FloatArray  # [m]
@@ -54,7 +54,7 @@ class Sensors:
 
     @property
     def steps_per_sample(self) -> int:
-        """Steps of the plant from one sample to the next."""
+        """Number of plant steps per sample."""
         return round(1.0 / (STEP_S * self.rate_Hz))
 
     def read(
@@ -65,9 +65,9 @@ class Sensors:
         noise: np.random.Generator,
         acceleration: FloatArray | None = None,
     ) -> Readings:
-        """Return the log of a run at the plant's rate, from its first sample on.
+        """Return the sensor log of a run that is given at the rate of the plant, from its first sample on.
 
-        The rod's acceleration [m/s^2] acts on the mass at the force cell.
+        ``acceleration`` [m/s^2] of the rod adds the inertia force of the mass at the force cell.
         """
         every = self.steps_per_sample
         x, f, true = displacement[::every], force[::every], temperature_degC[::every]
@@ -81,17 +81,17 @@ class Sensors:
         )
 
     def displacement(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the measured displacement [m] at each sample of the true one, shape (n,)."""
+        """Return the measured displacement [m] of the true displacement, shape (n,)."""
         read = true + self.displacement_noise_m * noise.standard_normal(len(true))
         return _quantised(read, self.displacement_step_m)
 
     def force(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the measured force [N] at each sample of the true one, shape (n,)."""
+        """Return the measured force [N] of the true force, shape (n,)."""
         read = true + self.force_offset_N + self.force_noise_N * noise.standard_normal(len(true))
         return _quantised(read, self.force_step_N)
 
     def temperature(self, true_degC: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the measured temperature [degC] at each sample of the true one, shape (n,)."""
+        """Return the measured temperature [degC] of the true temperature, shape (n,)."""
         white = self.thermocouple_noise_K * noise.standard_normal(len(true_degC))
         return true_degC + self.thermocouple_offset_K + white
 

@@ -1,7 +1,7 @@
-"""Findings on runs compared with names of files and with other runs of the same motion.
+"""Findings on runs that disagree with their file names or with other runs of the same motion.
 
 A name such as ``sine_10mm2Hz_1.00A_60C`` declares amplitude or stroke, frequency, command and temperature.
-Each is compared with the signals.
+The values in the name are compared with the signals.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SIBLING_RUN_COUNT_MIN = 3
 
 @dataclass(frozen=True, slots=True)
 class _Values:
-    """Values from the signals of a run in the unit of ``_UNITS``, None if not available."""
+    """Values computed from the signals of a run, in the units of ``_UNITS``; None if not available."""
 
     frequency: float | None
     stroke: float | None
@@ -55,7 +55,7 @@ class _Values:
 
 
 def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Yield runs whose signals differ from the values in the names of run, file and folder."""
+    """Generate findings on runs whose signals differ from the values in the names of run, file or folder."""
     for run in runs:
         seen = _values_of(run)
         for quantity, usual_unit in _UNITS.items():
@@ -76,7 +76,7 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Yield runs whose frequency or stroke differs slightly from all other runs of the same motion."""
+    """Generate findings on runs that differ slightly in frequency or stroke from all others of the motion."""
     seen = [(run, _values_of(run)) for run in runs]
     sines = [(run, each) for run, each in seen if each.frequency is not None]
     for run, mine in sines:
@@ -123,7 +123,7 @@ _HINT = {
 
 
 def _declared(run: Recording, quantity: str) -> float | None:
-    """Return the single number in the names for a quantity. The run's name has priority over its folder's."""
+    """Return the only number for a quantity in the names. The run name has priority over the folder name."""
     source = PurePath(run.source) if run.source else PurePath()
     named = "voltage" if quantity == "command" and run.command_unit == "V" else quantity
     for text in (run.name, source.stem, source.parent.name):

@@ -32,7 +32,7 @@ from mrdamper.errors import InputError
 
 
 def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
-    """Return the findings of a run, worst first. A run with a fault cannot be fitted.
+    """Return the findings on one run, worst first. A run with a finding of severity "fault" cannot be fitted.
 
     Parameters
     ----------

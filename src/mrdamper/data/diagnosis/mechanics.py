@@ -23,7 +23,10 @@ LAG_MAX_PERIODS = 0.17  # A phase of 60 degrees.
 
 
 def find_wrong_sign(prepared: PreparedRun) -> Finding:
-    """Return the finding of a force opposed to the velocity. ``prepared`` has the corrected sign."""
+    """Return the finding on a force with the wrong sign: opposed to the velocity.
+
+    ``prepared`` is the run with the corrected sign.
+    """
     scored = slice(prepared.scored_from, None)
     correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])
     return Finding(
@@ -40,7 +43,10 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a force with a mean over whole cycles that is not zero. A varying command may cause one."""
+    """Generate a finding if the mean force over whole cycles is not zero.
+
+    A varying command may be the cause.
+    """
     offset = _static_force(prepared)
     if offset is None or prepared.run.constant_command is None:
         return
@@ -64,7 +70,7 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield changes from the first to the last cycle: mean position, mean force, force range."""
+    """Generate findings on drift from the first to the last cycle: mean position, mean force, force range."""
     found = drift(prepared)
     whole = cycles(prepared)
     if found is None or len(whole) < 3 or prepared.run.constant_command is None:
@@ -121,9 +127,9 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a force that leads the velocity, or that lags too far for hysteresis.
+    """Generate a finding if the force leads the velocity, or lags by more than hysteresis can explain.
 
-    A single run does not separate a small lag from hysteresis. A leading force is always a fault.
+    A small lag and hysteresis cannot be distinguished in a single run. A leading force is always a fault.
     """
     whole = cycles(prepared)
     if prepared.period_s is None or len(whole) < 2:
@@ -152,10 +158,10 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def _static_force(prepared: PreparedRun) -> float | None:
-    """Return the static force [N]: the mean over whole equal cycles, else the fitted force at zero velocity.
+    """Return the static force [N]: the mean over whole cycles, or the fitted force at zero velocity.
 
-    Without a period the force is fitted as a + b sign(v) + c v + d x, which is valid if both directions of
-    the motion differ.
+    The mean is computed over typical cycles. For a run without a period, the force is fitted as
+    a + b sign(v) + c v + d x.
     """
     whole = cycles(prepared)
     if not len(whole):

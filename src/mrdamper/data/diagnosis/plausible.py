@@ -1,7 +1,7 @@
 """Plausibility of force, current and stroke of a campaign, compared with published dampers.
 
-A factor that is wrong in all runs has no other symptom because a fit scales with it. The finding requests a
-confirmation of the unit and changes no data.
+A unit factor that is wrong in all runs has no other symptom because the fitted coefficients scale with the
+factor. The finding requests a confirmation of the unit. No data are changed.
 
 Sources of the ranges: a damper for off-road vehicles of 1.1 to 7.4 kN and a stroke of 180 mm (J. Intell.
 Mater. Syst. Struct. 2023, 10.1177/1045389X221151075), one for buildings of 15 t (Sternberg, Zemp and de la
@@ -31,7 +31,7 @@ _HINTS = {
 
 
 def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Yield the quantities of a campaign outside the range of published dampers."""
+    """Generate findings on quantities of a campaign that are outside the range of published dampers."""
     if not runs:
         return
     amperes = [float(np.abs(run.command).max()) for run in runs if run.command_unit == "A"]

@@ -20,7 +20,7 @@ PHASE_COUNT = 200  # Cycles are compared at this number of points.
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Change of mean displacement, mean force and force spread from the first to the last cycle."""
+    """Change of mean displacement, mean force and standard deviation of force from first to last cycle."""
 
     displacement_m: float
     force_N: float
@@ -40,7 +40,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
     if len(forces) < 2:
         return None
     deviation = forces - forces.mean(axis=0)
-    # The mean is computed from the same cycles, therefore m - 1 of m are independent.
+    # The mean is computed from the same m cycles. Therefore only m - 1 deviations are independent.
     spread = np.sqrt(np.sum(deviation**2) / ((len(forces) - 1) * forces.shape[1]))
     return 100.0 * float(spread / np.std(forces))
 
@@ -66,8 +66,8 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
     """Return the lag [s] of the force relative to the velocity by cross-correlation over two or more cycles.
 
     The search covers a quarter of the period and uses whole periods. A parabola through the three largest
-    values gives the fraction of a sample. The lag contains the hysteresis of the damper in addition to the
-    delay between the channels: compare it between runs, or with zero.
+    values resolves fractions of a sample. The lag is the sum of the hysteresis of the damper and the delay
+    between the channels. Therefore compare lags between runs, or check only the sign.
     """
     path = prepared.trajectory
     per_cycle = period_s / path.step
@@ -85,12 +85,12 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
 
 
 def is_typical(values: FloatArray) -> NDArray[np.bool_]:
-    """Return True for strokes or durations of cycles that differ by less than 3 % from the median."""
+    """Return True for each stroke or duration that differs from the median by less than 3 %."""
     return np.asarray(np.abs(values / np.median(values) - 1.0) < CYCLE_RATIO_MAX)
 
 
 def forces_by_phase(prepared: PreparedRun, found: CycleFigures) -> FloatArray:
-    """Return the force of cycles versus phase, shape (cycles, phases)."""
+    """Return the force of each cycle interpolated to equal phases, shape (cycles, phases)."""
     phase = np.linspace(0.0, 1.0, PHASE_COUNT, endpoint=False)
     samples = np.arange(len(prepared))
     pairs = zip(found.row.tolist(), found.samples.tolist(), strict=True)

@@ -25,7 +25,7 @@ LINE_HARMONIC_MIN = 2.0  # Lower harmonics contain slow changes of the force.
 
 
 def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a sampling rate that is too low for the motion."""
+    """Generate a finding if the sampling rate is too low for the motion."""
     period, step = prepared.period_s, prepared.trajectory.step
     if period is None:
         turns = turning_points(
@@ -49,7 +49,10 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield force noise and deviation from cycle to cycle, relative to the force's spread."""
+    """Generate findings on noise of the force and on its deviation from cycle to cycle.
+
+    Both are relative to the standard deviation of the force.
+    """
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])
     share = 100.0 * noise / spread if spread else 0.0
@@ -84,10 +87,12 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
-    """Yield a spectral line of the force that a periodic motion does not excite: interference or an alias.
+    """Generate a finding on a spectral line of the force that the periodic motion does not excite.
+
+    The cause is interference or an alias.
 
     The deviation from the mean cycle contains noise, drift, or a slow change of the force (close to
-    multiples of the motion's frequency). A line between these multiples has another source.
+    multiples of the motion's frequency). A line between these multiples is not caused by the motion.
     """
     if prepared.period_s is None or prepared.run.constant_command is None:
         return
@@ -122,8 +127,9 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
 def white_noise(values: FloatArray) -> float:
     """Return the standard deviation of the white noise in a signal from its fourth differences.
 
-    Fourth differences remove the smooth motion, and their median size is robust against corners. Rounding
-    that holds one value for many samples adds no noise.
+    Fourth differences remove the smooth part of the signal. The median of their absolute values is
+    insensitive to the few samples at corners. Quantisation does not count as noise if the signal keeps one
+    value for many samples.
     """
     if len(values) < 16:
         return 0.0

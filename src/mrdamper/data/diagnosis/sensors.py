@@ -25,7 +25,7 @@ COARSE_RATIO, FAULT_RATIO = 0.01, 0.03  # Rounding error divided by the standard
 GRID_RATIO_MIN = 0.8  # Fraction of distances between levels that are one to three steps.
 
 STUCK_COUNT = 20
-MOTION_RATIO = 0.15  # Motion of the other channel as a fraction of its range.
+MOTION_RATIO = 0.15  # Minimum motion of the other channel as a fraction of its range.
 LENGTH_RATIO = 5.0  # Multiple of the typical longest segment of equal values.
 
 LEVEL_STEPS = 1.5  # Distance of neighbouring levels in units of the resolution.
@@ -36,7 +36,7 @@ SPIKE_COUNT_MIN = 100
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
-    """Yield channels that are at exactly their largest or smallest value far more often than near it.
+    """Generate findings on clipped channels: far more samples at the exact extreme than near it.
 
     The level at the extreme is compared with the next four levels, because a smooth signal reaches them
     nearly as often. A segment counts only if the signal reaches it with a slope, which excludes the
@@ -73,7 +73,7 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
-    """Yield segments in which one channel is constant while the other changes."""
+    """Generate findings on stuck sensors: one channel is constant while the other changes."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
@@ -105,13 +105,13 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel if its rounding error is large relative to its spread, else 0."""
+    """Return the resolution of a channel if coarse relative to the standard deviation, else 0."""
     resolution = resolution_of(values)
     return resolution if resolution / STEP_RATIO > COARSE_RATIO * float(np.std(values)) else 0.0
 
 
 def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
-    """Yield channels whose resolution is coarse relative to the measured values."""
+    """Generate findings on channels whose resolution is coarse relative to the variation of the values."""
     for role, values in _varying_channels(recording):
         resolution = _coarse_step(values)
         if not resolution:
@@ -135,7 +135,7 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
 
 
 def find_spikes(recording: Recording) -> Iterator[Finding]:
-    """Yield single samples that differ strongly from both neighbours."""
+    """Generate findings on spikes: single samples that differ strongly from both neighbours."""
     for role, values in _varying_channels(recording):
         if len(values) < SPIKE_COUNT_MIN:
             continue
@@ -182,25 +182,28 @@ def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the measured channels that are not constant."""
+    """Generate the measured channels that are not constant."""
     for role, values in channels_of(recording).items():
         if role in _MEASURED and np.ptp(values) > 0.0:
             yield role, values
 
 
 def _steps(values: FloatArray) -> FloatArray:
-    """Return the size of the change before each sample, shape (n + 1,), 0 at both ends."""
+    """Return the absolute change before each sample, shape (n + 1,), 0 at both ends."""
     return np.abs(np.diff(values, prepend=values[:1], append=values[-1:]))
 
 
 def _has_slope(values: FloatArray, a: int, b: int) -> bool:
-    """Return True if the signal enters or leaves a segment with a slope, unlike at a reversal."""
+    """Return True if the signal has a slope before or after a segment; at a reversal the slope is zero."""
     steps, usual = _steps(values), float(np.sqrt(np.mean(np.diff(values) ** 2)))
     return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * usual
 
 
 def _stuck_length(segments: list[tuple[int, int]]) -> float:
-    """Return the number of constant steps of a stuck sensor. At least five segments give a typical length."""
+    """Return the length [steps] from which a constant segment means a stuck sensor.
+
+    The length is larger if at least five segments show that long constant segments are typical.
+    """
     if len(segments) < 5:
         return STUCK_COUNT
     return max(STUCK_COUNT, LENGTH_RATIO * float(np.quantile([b - a for a, b in segments], 0.9)))

@@ -1,4 +1,4 @@
-"""Findings on time and on missing numbers, which precede all other checks."""
+"""Findings on the time stamps of a run: lost samples and jumps."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 
-LOST_STEP_RATIO_MIN = 1.5  # A longer time step, in units of the median step, has lost samples.
+LOST_STEP_RATIO_MIN = 1.5  # Samples are missing if a time step exceeds this multiple of the median.
 JUMP_SLOPE_RATIO_MIN = 0.6  # Multiple of the rms slope of the displacement.
 JUMP_NOISE_RATIO_MIN = 10.0  # Multiple of the scatter of the slope relative to neighbouring steps.
 JUMP_SAMPLE_COUNT_MIN = 64  # Shorter runs have too few neighbouring steps.
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:
-    """Yield lost samples of a time that increases without gaps."""
+    """Generate a finding on lost samples."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
     lost = np.flatnonzero(steps > LOST_STEP_RATIO_MIN * usual)
@@ -39,9 +39,9 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
 
 
 def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
-    """Yield jumps of the motion between two samples at regular time stamps.
+    """Generate findings on jumps of the displacement between two samples with regular time stamps.
 
-    A smooth motion has no jumps. A spike returns to the motion, but lost or doubled samples do not.
+    Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns to the motion.
     """
     x = recording.displacement
     if len(x) < JUMP_SAMPLE_COUNT_MIN:

@@ -2,8 +2,8 @@
 
 TDMS states ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``. LabVIEW text states ``Date``,
 ``Time``, ``X0`` and ``Delta_X``. HDF5 files and structures have attributes such as ``dt``, ``fs`` and ``t0``.
-Channels with one start and one step share the table's ``step_s``. Otherwise each different clock gets a
-column of times.
+If all channels have the same start and step, the table stores the step as ``step_s``. Otherwise the table
+gets a column of times for each different clock.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _NUMBER = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)\s*([a-zµ]*)\s*", r
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Start and step of a channel.
+    """Start and time step of a channel.
 
-    ``began`` is None if the file states no start. The first sample comes ``offset_s`` later.
+    ``began`` is None if the file states no start. The first sample is taken ``offset_s`` after ``began``.
     """
 
     step_s: float
@@ -67,15 +67,16 @@ class Sampling:
 
 
 def is_setting_of_time(name: str) -> bool:
-    """Return True if a name is the name of a start, a step or a rate."""
+    """Return True if an attribute name means a start time, a time step or a sampling rate."""
     words, _ = _words(name)
     return any(form.fullmatch(words) for form in (_STEP, _RATE, _START, _OFFSET))
 
 
 def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
-    """Return the sampling that attributes state, None without a step or a rate.
+    """Return the start and time step that attributes state, None without a step or a rate.
 
-    The nearest attribute comes last and overrides the others.
+    A later attribute overrides an earlier attribute, because attributes of the channel follow those of its
+    groups.
     """
     step, has_unit, offset, began = math.nan, True, 0.0, None
     for name, value in settings.items():
@@ -138,7 +139,7 @@ def with_samplings(
 
 
 def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
-    """Return a table with a column for each different clock, by the times [s] of its columns."""
+    """Return a table with an additional time column for each different clock."""
     clocks: dict[str, FloatArray] = {}
     clock_of: dict[str, str] = {}
     for name, values in times.items():
@@ -160,9 +161,10 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
-    """Return the samplings that begin at a known time.
+    """Return the samplings that have a common time zero.
 
-    A channel that states no begin has the begin of the other channels if they state only one.
+    If the channels state at most one start, all channels have this start. Otherwise the channels without a
+    start are omitted.
     """
     begins = {each.began_s for each in known.values()} - {None}
     if len(begins) == 1:

@@ -1,7 +1,7 @@
 """Excel workbooks (.xlsx, .xlsm): each sheet with rows of numbers, or the named sheet.
 
-A workbook is an archive, which can unpack to more than the memory. The unpacked size and the number of cells
-are counted before the workbook is read.
+A workbook is a zip archive, which can be larger than the memory when unpacked. The unpacked size and the
+number of cells are counted before the workbook is read.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Row = list[Any]
 
 
 def is_workbook(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of an archive, because a workbook is one."""
+    """Return True if the first bytes are the signature of a zip archive, the container of a workbook."""
     return head.startswith(b"PK\x03\x04")
 
 
@@ -89,7 +89,7 @@ def _on_sheet(table: Table, sheet: str) -> Table:
 
 
 def _spelled(cell: object, decimal: str = ".") -> str:
-    """Return a cell as text; a duration is a time of day."""
+    """Return a cell as text; a duration is written like a time of day."""
     if isinstance(cell, timedelta):
         cell = datetime.combine(date.min, time()) + cell
     if isinstance(cell, datetime | time):
@@ -121,7 +121,7 @@ def _require_harmless(path: Path) -> None:
 
 
 def _require_few_cells(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """Raise InputError if a sheet has too many cells, because all of them would be kept."""
+    """Raise InputError if a sheet has too many cells for the memory."""
     tail, row, column = b"", 0, 0
     with archive.open(member) as stream:
         while piece := stream.read(_PIECE_BYTES):

@@ -39,12 +39,12 @@ class StoredArray:
 
     @property
     def is_setting(self) -> bool:
-        """True if the array is the start, the step or the rate of a structure, not a column."""
+        """True if the array is the start time, time step or rate of a structure instead of a column."""
         return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
 
     @property
     def is_time(self) -> bool:
-        """True if the name is the name of a column of times."""
+        """True if the name is that of a time column."""
         header = parse_header(self.name)
         return self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
 
@@ -110,7 +110,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 
 
 def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
-    """Return arrays, with the name of their structure if it names a channel and theirs is only ``data``.
+    """Return arrays renamed after their structure if only the structure is named after a channel.
 
     A structure ``force`` with ``Time`` and ``Data`` is the channel ``force`` with its times. The times are in
     seconds, as in MATLAB's time series.
@@ -191,7 +191,7 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the remark on values that only their own program can read; empty without such values."""
+    """Return the remark on values that only the program that wrote them can read; empty if there are none."""
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return (f"{SKIPPED}{', '.join(names[:MOST_LISTED])}{more}",) if names else ()
 

@@ -1,8 +1,8 @@
-"""HDF5, and the MAT files of version 7.3 that are HDF5 inside.
+"""HDF5 files, and MAT files of version 7.3, which are HDF5 files.
 
-A column is a data set, a field of a compound data set, or a line of a matrix. The attributes ``unit`` or
-``units`` state its unit. References of MATLAB's structures and cells are followed. External and virtual data
-sets are not read, because they lead to other files.
+A column is a data set, a field of a compound data set, or a row or column of a matrix. The attributes
+``unit`` or ``units`` state its unit. References of MATLAB's structures and cells are followed. External and
+virtual data sets are not read, because they lead to other files.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class _Structure(dict[str, Any]):
 
 
 class _DataSet:
-    """Numbers of a data set or of a field of one, which are read on use."""
+    """Numbers of a data set, or of one field of a compound data set, which are read on use."""
 
     def __init__(self, path: Path, item: Any, field: str = "") -> None:  # noqa: ANN401 - h5py has no types
         self._path, self._address, self._field = path, item.name, field
@@ -69,7 +69,7 @@ class _Tree:
         self._seen: set[int] = set()  # Groups and lists of references: links can be circular.
 
     def structure(self, group: Any) -> Any:  # noqa: ANN401 - h5py has no types
-        """Return the members of a group that the file itself stores, as a list for an array of structures."""
+        """Return the members of a group that are stored in the file; a list for an array of structures."""
         names = [name for name in group if not (self._matlab and name.startswith("#"))]  # #refs#
         links = {name: group.get(name, getlink=True) for name in names}
         members = {name: group[name] for name, at in links.items() if isinstance(at, self._h5py.HardLink)}
@@ -104,7 +104,7 @@ class _Tree:
         return _DataSet(self._path, item)
 
     def _refers(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
-        """Return True if a data set is a list of references: MATLAB's cells, or a field of structures."""
+        """Return True if a data set has references: a MATLAB cell array, or a field of a structure array."""
         if not self._matlab or not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
             return False
         return self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference

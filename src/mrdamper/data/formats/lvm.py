@@ -1,8 +1,8 @@
 """LabVIEW measurement text (.lvm): a header of tags, then segments, each with a header and columns.
 
 Source: NI's "Specification for the LabVIEW Measurement File (.lvm)". Each write to a file makes a segment.
-A segment that continues the time of the segment before belongs to it. Other segments are separate
-recordings. If x restarts in each segment, the start is its date and time of day.
+A segment that continues the time of the previous segment belongs to the same recording. Other segments are
+separate recordings. If x restarts in each segment, a segment starts at its stated date and time of day.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
 
 
 def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
-    """Return the cells next to each tag."""
+    """Return the cells after each tag, by tag."""
     tags: dict[str, list[str]] = {}
     for line in lines:
         name, *cells = [cell.strip() for cell in line.split("," if "\t" not in line else "\t")]
@@ -100,7 +100,7 @@ def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
 
 
 def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> Iterator[_Segment]:
-    """Yield the segments; ``tags`` are the tags of the first."""
+    """Generate the segments; ``tags`` are the tags of the first segment."""
     header: list[bytes] | None = None  # The header of the next segment while it is read.
     ended = False
     with path.open("rb") as stream:
@@ -134,7 +134,7 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
 
 
 def _with_clock(table: Table, tags: Tags) -> Table:
-    """Return a table with the time of its channels, and with units that the header states."""
+    """Return a table with the times and the units that the header states for the channels."""
     columns, units = dict(table.columns), dict(table.units)
     clocks = [name for name in columns if name == _X or name.startswith(f"{_X} (")]
     # There is one cell above each column.
@@ -164,7 +164,7 @@ def _with_clock(table: Table, tags: Tags) -> Table:
 def _channel_times(
     table: Table, x: Mapping[str, FloatArray], samplings: Mapping[str, Sampling]
 ) -> dict[str, FloatArray]:
-    """Return the times [s] of columns with their own x, measured from the earliest start."""
+    """Return the times [s] of columns with separate x columns, relative to the earliest start."""
     began = {name: samplings[name].began_s if name in samplings else None for name in x}
     first = min((each for each in began.values() if each is not None), default=0.0)
     return {
@@ -190,7 +190,7 @@ def _samplings(tags: Tags, columns: int) -> list[Sampling]:
 
 
 def _without_empty_ends(table: Table) -> Table:
-    """Return a table whose columns end with their last number because channels may differ in length."""
+    """Return a table without empty cells at the ends of columns, because channels may differ in length."""
     rows = {name: np.flatnonzero(np.isfinite(values)) for name, values in table.columns.items()}
     columns = {
         name: table.columns[name][: int(filled[-1]) + 1 if len(filled) else 0]
@@ -200,7 +200,7 @@ def _without_empty_ends(table: Table) -> Table:
 
 
 def _with_time(table: Table, segment: _Segment, begun: Moment | None) -> Table:
-    """Return the table of a segment with its times [s]; a time from zero is counted from its date."""
+    """Return the table of a segment with times [s]; a time that starts at zero is added to the date."""
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table
     x0, now = _number(segment.tags, "X0", 0.0), _stamp(segment.tags)
@@ -214,7 +214,7 @@ def _with_time(table: Table, segment: _Segment, begun: Moment | None) -> Table:
 
 
 def _stamp(tags: Tags) -> Moment | None:
-    """Return date and time of day of a segment."""
+    """Return the stated date and time of day of a segment."""
     time = re.sub(r"([.,]\d{6})\d+", r"\1", tags.get("Time", [""])[0])  # A stamp has up to nine digits.
     begun = moment_of(f"{tags.get('Date', [''])[0]} {time}")
     return begun if begun is not None and begun.has_date else None

@@ -1,4 +1,4 @@
-"""MAT files up to version 7.2. Version 7.3 is HDF5 and read there."""
+"""MAT files up to version 7.2. The module ``hdf5`` reads version 7.3."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def _is_version_4(head: bytes) -> bool:
 
 
 def read_mat(path: Path, options: FileOptions) -> Table:
-    """Return the columns of a MAT file without its objects of MATLAB's classes.
+    """Return the columns of a MAT file. Objects of MATLAB classes are omitted.
 
-    Each variable is read by itself because SciPy has no name and no size for an object.
+    Each variable is read separately because SciPy returns no name and no size of an object.
     """
     from scipy.io import loadmat, whosmat
     from scipy.io.matlab import MatlabOpaque, varmats_from_mat
@@ -52,7 +52,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
             require_room(part.getbuffer().nbytes * MOST_UNPACKED, path, name)
             held = []
         for _, shape, kind in held:
-            count = math.prod(abs(int(n)) for n in shape)  # Damaged sizes can be negative.
+            count = math.prod(abs(int(n)) for n in shape)  # The sizes in a damaged file can be negative.
             require_room(count, path, name)
             require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
         part.seek(0)

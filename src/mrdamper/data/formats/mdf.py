@@ -98,7 +98,7 @@ def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammd
 
 
 def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion, or what stands for one
-    """Return the formula in a conversion, or in one that it refers to."""
+    """Return the formula in a conversion or in a conversion to which it refers."""
     own = str(getattr(conversion, "formula", "") or "")
     others = getattr(conversion, "referenced_blocks", None) or {}
     return own or next((said for each in others.values() if (said := _formula(each))), "")

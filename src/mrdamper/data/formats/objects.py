@@ -1,7 +1,8 @@
-"""Objects of programs: JSON, lines of JSON, and NumPy's archives, read by name like MAT files.
+"""JSON files, files with one JSON object per line, and NumPy archives; values are read by name.
 
-In JSON, lists of numbers are columns and lists of objects are rows. Names and units of the columns of a
-list of rows are lists of words in the same object. Pickled objects in an archive are never opened.
+In JSON, lists of numbers are columns and lists of objects are rows. If an object has a list of rows, lists of
+words in the same object are the names and units of the columns. Pickled objects in an archive are never
+opened.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def read_npz(path: Path, options: FileOptions) -> Table:
 
 
 def read_json(path: Path, options: FileOptions) -> Table:
-    """Return the columns of a JSON file, or of a file of one JSON object a line."""
+    """Return the columns of a JSON file, or of a file with one JSON object per line."""
     if path.stat().st_size > MOST_WHOLE:
         found = f"a JSON file of more than {MOST_WHOLE >> 20} MB"
         raise InputError(place=path, found=found, remedy="Export the run as CSV")
@@ -76,7 +77,7 @@ def _as_plain_value(value: Any) -> Any:  # noqa: ANN401 - any array
 
 
 def _arrays(value: Any) -> Any:  # noqa: ANN401 - of JSON
-    """Return a JSON value with its lists of numbers and its tables as arrays."""
+    """Return a JSON value in which lists of numbers and tables are converted to arrays."""
     if isinstance(value, dict):
         return {str(key): _arrays(each) for key, each in value.items()}
     if not isinstance(value, list) or not value:

@@ -30,13 +30,13 @@ def read_octave(path: Path, options: FileOptions) -> Table:
 
 
 def _tag(lines: Iterator[str], key: str) -> str:
-    """Return the value of the next tag of a key, "" at the end."""
+    """Return the value of the next tag with this key, "" at the end of the file."""
     begin = f"# {key}:"
     return next((line.removeprefix(begin).strip() for line in lines if line.startswith(begin)), "")
 
 
 def _value(lines: Iterator[str]) -> Any:  # noqa: ANN401 - any value
-    """Return the value of a variable, of an element of a cell, or of a field of a structure."""
+    """Return the next value: of a variable, a cell element or a structure field."""
     kind = _tag(lines, "type")
     if kind.endswith("string"):
         texts = [next(lines) for _ in range(int(_tag(lines, "elements"))) if _tag(lines, "length")]

@@ -1,4 +1,4 @@
-"""Parquet: columns that are read on use."""
+"""Parquet files. The columns are read on use."""
 
 from __future__ import annotations
 

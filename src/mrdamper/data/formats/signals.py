@@ -1,4 +1,4 @@
-"""Signals in structures, the form of recordings that test bench tools save as MAT files.
+"""Signals in structures, as test bench tools store recordings in MAT files.
 
 A structure with one signal and its name, such as dSPACE's ``Y(2).Name`` and ``Y(2).Data`` or Simulink's
 ``signals(2).label`` and ``signals(2).values``, is a column of that name. ``mat`` and ``hdf5`` read the files.
@@ -19,7 +19,7 @@ _TIMES = ("time", "t")
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """The one signal of a structure."""
+    """The only signal in a structure."""
 
     name: str
     field: str  # The field of the samples.
@@ -48,5 +48,5 @@ def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]])
 
 
 def unit_of_field(name: str, beside: Collection[str]) -> str:
-    """Return the implied unit of a field: the times of Simulink's structure with time are in seconds."""
+    """Return the implied unit of a field: seconds for the time in Simulink's "structure with time"."""
     return "s" if name == "time" and "signals" in beside else ""

@@ -92,14 +92,15 @@ class Layout:
 
 
 class NoTableError(InputError):
-    """A readable file without columns of numbers, such as notes or settings next to the runs."""
+    """Error of a readable file without columns of numbers, such as notes or settings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A moment by a clock, in seconds since 1970 or, without a date, in seconds of its day.
+    """A time stamp [s]: since 1970, or since midnight if the date is missing.
 
-    A date such as 11/12/2026 has two readings. Otherwise these are equal.
+    A date such as 11/12/2026 can be read with the day first or the month first. For other dates both values
+    are equal.
     """
 
     day_first_s: float
@@ -108,7 +109,7 @@ class Moment:
     is_utc: bool = False  # False: local time
 
     def later(self, seconds: float) -> Moment:
-        """Return the moment a number of seconds later."""
+        """Return the time stamp a number of seconds later."""
         return replace(
             self, day_first_s=self.day_first_s + seconds, month_first_s=self.month_first_s + seconds
         )
@@ -116,14 +117,14 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Columns of a file by name, with text columns separate. A scalar is a column of one number."""
+    """Columns of a file by name. Text columns are separate. A scalar is a column of one number."""
 
     names: tuple[str, ...]  # Names of all columns in the order of the file.
     columns: Mapping[str, FloatArray]
     texts: Mapping[str, Texts]
     layout: Layout
     rows: int  # Length of the longest column.
-    step_s: float | None = None  # Sampling interval in the file, separate from its columns.
+    step_s: float | None = None  # Sampling interval that the file states apart from the columns.
     # Units apart from names.
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
@@ -141,7 +142,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A file format: the suffixes to search for in a folder, a test of the first bytes, the reader."""
+    """A file format: suffixes for the search in folders, a test of the first bytes, and the reader."""
 
     name: str
     suffixes: tuple[str, ...]
@@ -176,7 +177,7 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
 def shortest_names(paths: Sequence[Sequence[str]]) -> list[str]:
     """Return the last part of each path if it is unique, else the whole path.
 
-    Equal paths are numbered, because a channel must not replace a channel of the same name.
+    Equal paths are numbered, so that all channels have different names.
     """
     often = Counter(path[-1] for path in paths)
     names: dict[str, None] = {}
@@ -221,7 +222,7 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
 
 
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return numbers as float64 and the unit of their type. Times are in seconds from the first."""
+    """Return values as float64, and the unit implied by their type. Times are seconds from the first."""
     flat = np.ravel(values)
     if flat.dtype.kind == "M":
         return (flat - flat[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"

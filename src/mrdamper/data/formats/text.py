@@ -1,6 +1,6 @@
 """Delimited text: delimiter, decimal sign and header are detected and reported.
 
-Rows are parsed in blocks because a file of gigabytes then needs little more memory than its numbers.
+Rows are parsed in blocks, so that a file of gigabytes needs little more memory than its numbers.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ def read_head(path: TextSource) -> Head:
 
 
 def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines of a text from the current position with their numbers, beginning with ``first``.
+    """Generate (number, line) from the current position of a text; the first number is ``first``.
 
     Raise InputError if a line does not end.
     """
@@ -282,10 +282,10 @@ def _column_blocks(
     *,
     stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
-    """Yield the columns of each block: numbers, or cells if the first block has texts.
+    """Generate the columns of each block: numbers, or cells if the first block has texts.
 
-    An invalid cell of a column of numbers is an error. Columns of times of day or dates are numbers, too.
-    They are added to ``stamps``.
+    An invalid cell in a column of numbers is an error. Columns of times of day or dates are converted to
+    numbers and added to ``stamps``.
     """
     is_number: list[bool] = []
     for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):
@@ -317,7 +317,7 @@ def _column_blocks(
 
 
 def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
-    """Yield whole lines of a file in blocks, each with the number of its first line."""
+    """Generate blocks of whole lines of a file, each with the number of its first line."""
     rest = b""
     with open_text_bytes(path) as stream:
         stream.seek(start)
@@ -343,7 +343,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a block if it has only numbers, because NumPy reads them faster; else None."""
+    """Return the columns of a purely numeric block, which NumPy reads faster; None for other blocks."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":
@@ -361,7 +361,7 @@ def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[Flo
 def _parse_block(
     source: TextSource, content: bytes, layout: Layout, count: int, first_line: int
 ) -> dict[int, Cells]:
-    """Return the columns of a block by their number."""
+    """Return the columns of a block by index."""
     if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")

@@ -2,9 +2,10 @@
 
 Examples: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
 
-They are converted to seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. A time of
-day that falls by more than half a day has passed midnight. A date such as 11/12/2026 has two readings. Such
-dates must be equal, unless one reading is invalid for some of them.
+Times are converted to seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. If the
+time of day decreases by more than half a day, midnight has passed. A date such as 11/12/2026 has two
+readings: day first or month first. A file with such dates may contain only one of them, unless another date
+in the file has only one valid reading.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ def is_time(cell: str) -> bool:
 
 
 def days_of(text: str | None) -> tuple[float, float]:
-    """Return the days since 1970 of a date, read with the day first and with the month first.
+    """Return the days since 1970 of a date: read with the day first, and with the month first.
 
-    The readings are equal if only one is valid, and NaN if the text is not a date.
+    Both values are equal if only one reading is valid, and NaN if the text is not a date.
     """
     if not text or _DATE_INSIDE.fullmatch(text) is None:
         return _NO_DAY
@@ -73,7 +74,7 @@ def _day(year: int, month: int, day: int) -> float:
 
 
 def moment_of(text: str) -> Moment | None:
-    """Return the moment of a time of day or of a date with a time of day, None for any other text."""
+    """Return the time stamp in a text: a time of day with or without a date; None for any other text."""
     reader = Timestamps()
     reader.seconds([text.strip()])
     return reader.first
@@ -94,7 +95,7 @@ def start_in(lines: Iterable[str]) -> Moment | None:
 
 
 def date_in(texts: Iterable[str]) -> tuple[float, float] | None:
-    """Return the readings of the only date in texts, None without a date or with several dates."""
+    """Return both readings [days since 1970] of the only date in texts; None for no or several dates."""
     found = {
         days_of(each[0]) for text in texts if not _OTHER.search(text) for each in _DATE_INSIDE.finditer(text)
     } - {_NO_DAY}
@@ -159,7 +160,7 @@ class Timestamps:
 
 
 def _reading_of(dates: Iterable[str]) -> int | None:
-    """Return the only valid reading of dates in one form, None if two different readings are valid."""
+    """Return the only valid reading of dates of one format, None if two different readings are valid."""
     days = [days_of(text) for text in dates]
     if not days:
         return None
@@ -175,7 +176,10 @@ def _reading_of(dates: Iterable[str]) -> int | None:
 
 
 def _parts(cells: Texts) -> tuple[Texts, list[bool], list[FloatArray]]:
-    """Return dates, flags of UTC; hours, minutes, seconds, fractions, 12-hour and pm flags, offsets [s]."""
+    """Return the dates, the UTC flags, and the numeric parts of times, one array for each part.
+
+    The parts are hours, minutes, seconds, fractions, 12-hour flag, pm flag, and offset from UTC [s].
+    """
     nothing = (None,) * 10
     found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
     read = np.array(

@@ -62,7 +62,7 @@ def read_uff(path: Path, _options: FileOptions) -> Table:
 
 
 def _channels(path: Path) -> Iterator[_Channel]:
-    """Yield the real functions of time."""
+    """Generate the channels: real functions of time."""
     pyuff = load_extra("pyuff", "pyuff", "universal files")
     file = pyuff.UFF(str(path))
     for number, kind in enumerate(file.get_set_types()):
@@ -91,7 +91,7 @@ def _channel(data: Mapping[str, Any], path: Path) -> _Channel:
 
 
 def _text(given: object) -> str:
-    """Return a text of a header without padding; NONE is the format's empty text."""
+    """Return a header text without padding. NONE means an empty text in this format."""
     text = f"{given}".strip()
     return "" if text == "NONE" else text
 

@@ -1,8 +1,8 @@
-"""Values by name as columns: structures, lists, texts and arrays of MAT, HDF5, JSON and NumPy files.
+"""Columns from named values: structures, lists, texts and arrays of MAT, HDF5, JSON and NumPy files.
 
-A structure's field ``run.force`` is a column. A matrix has the columns ``column 1 of data`` and so on, or the
-names and units in lists of as many words. A structure that holds one signal and its name is a column of that
-name (``signals``).
+A structure's field ``run.force`` is a column. A matrix has the columns ``column 1 of data`` and so on. If
+lists with one word per column exist, they are the names and units. A structure that holds one signal and its
+name is a column of that name (``signals``).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def table_of_variables(
 ) -> Table:
     """Return the columns of a file's variables: arrays, and structures and lists of these.
 
-    A structure or an array may have ``settings``, its attributes.
+    A structure or an array may have attributes in ``settings``.
     """
     found = _Variables(variables)
     layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
@@ -109,7 +109,8 @@ class _Variables:
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
         """Return the last parts of the paths of a matrix's columns.
 
-        Lists of words with the first word of the matrix's name come first, then lists that are called names.
+        Preferred are lists whose name begins with the first word of the matrix's name, then lists called
+        "names".
         """
         own = [("", words) for words in getattr(matrix, "words", ())]
         begin = path[-1].split("_")[0]  # pandas names the columns of block0_values in block0_items.
@@ -161,7 +162,7 @@ def words_in(value: Any) -> list[str]:  # noqa: ANN401 - any value
 
 
 def _lists_of_words(name: str, value: Any) -> Iterator[tuple[str, list[str]]]:  # noqa: ANN401 - any value
-    """Yield the lists of words at any depth with their names: names of columns, and their units."""
+    """Generate (name, words) of the lists of words at any depth; these may name columns or units."""
     if words := words_in(value):
         yield name, words
     elif isinstance(value, Mapping):

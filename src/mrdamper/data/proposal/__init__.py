@@ -1,1 +1,1 @@
-"""Proposals and questions of the reader: folders, roles of columns, runs in a table, answers."""
+"""Interpretation of files: roles of columns, runs in a table, and questions about missing information."""

@@ -29,7 +29,7 @@ _NEEDED = frozenset({"displacement", "force"})
 def join_channel_files(
     files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer]
 ) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
-    """Return the runs of files with one channel each, and these files.
+    """Return the runs that are stored as one file per channel, and the files of these runs.
 
     The files of a run have equal names except for the channel word, or are the only files in their folder.
     """
@@ -81,7 +81,7 @@ def _strip_channel(stem: str) -> str:
 
 
 def _join_channels(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:
-    """Return one table of the channels, each with its own times."""
+    """Return one table of the channels; each channel keeps its time column."""
     first = parts[0][0]
     columns = {name: table.columns[name] for table, name, _ in parts}
     whole = replace(

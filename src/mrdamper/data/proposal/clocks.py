@@ -1,4 +1,4 @@
-"""Time of a table: its clocks, its sampling rate, and their agreement with the unit of the time column.
+"""Time of a table: clocks, sampling rate, and unit of the time column.
 
 Channels on several clocks are interpolated to the fastest clock over their common time.
 """
@@ -34,7 +34,7 @@ MEASURED = frozenset({"displacement", "force", "velocity"})
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OneClock:
-    """Columns of roles on one clock. ``time`` is the time column."""
+    """Columns by role, all sampled at the times of one clock; ``time`` is the time column."""
 
     columns: Mapping[str, FloatArray]
     interpolated: tuple[str, ...] = ()  # Roles.
@@ -52,7 +52,7 @@ def fastest_time(table: Table, names: Iterable[str]) -> str | None:
 
 
 def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, place: str) -> OneClock:
-    """Return the columns of roles, resampled to the times of their fastest clock.
+    """Return the columns by role, interpolated to the times of the fastest clock.
 
     Parameters
     ----------
@@ -115,9 +115,10 @@ def _findings_of_common_time(
     chosen: ChannelMap,
     place: str,
 ) -> tuple[Finding, ...]:
-    """Return the finding of channels that start at different times or are partly unused.
+    """Return the finding on channels that start at different times or are partly unused.
 
-    Raise an error without a common time. Ask the user if it is short and the channels were recorded together.
+    Raise InputError if the channels have no common time. Raise AskingError if the common time is short and
+    the channels belong to one recording.
     """
     listed_spans = ", ".join(f"{role} {begin:.4g} s to {end:.4g} s" for role, (begin, end) in spans.items())
     whole_s = max(end - begin for role, (begin, end) in spans.items() if role in MEASURED)
@@ -162,7 +163,10 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return a text's table with columns on the clock of the preceding time column. Merge equal times."""
+    """Return a text's table in which each column has the clock of the preceding time column.
+
+    Equal time columns are merged.
+    """
     plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}  # Readers number repeated names.
     times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
@@ -215,9 +219,10 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
 
 
 def start_of(table: Table, first_s: float, path: Path) -> Moment | None:
-    """Return the moment of time zero of a table, None if neither its times nor its lines state one.
+    """Return the time stamp of time zero of a table, None if neither its times nor its lines state one.
 
-    A time of day gets the date in the lines above the table, in the name of the file, or of its folder.
+    A time of day without a date gets the date in the lines above the table, in the file name, or in the name
+    of the folder.
 
     Parameters
     ----------
@@ -278,14 +283,14 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
 
 
 def _ticks_per_second(name: str, table: Table) -> float | None:
-    """Return the number of time units per second, if the file states a single rate."""
+    """Return the units of the time column per second, None unless the file states a single rate."""
     rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
     steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
     return float(np.median(steps)) * rates[0] if len(steps) else None
 
 
 def increases(table: Table, name: str, *, always: bool = False) -> bool:
-    """Return True if a column increases at more than 95 % of the samples, or at all with ``always``."""
+    """Return True if a column increases at more than 95 % of the steps (at every step if ``always``)."""
     steps = np.diff(table.columns[name]) if name in table.columns else np.empty(0)
     share = float(np.mean(steps > 0.0)) if len(steps) else 0.0
     return share == 1.0 if always else share > 0.95

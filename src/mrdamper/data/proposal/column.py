@@ -1,4 +1,4 @@
-"""Column of a table: its header, and the column chosen for a role."""
+"""Header of a table column, and the column chosen for a role."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mrdamper.quantities import is_unit, roles_of_unit, spell_unit
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Column of a file for a role: its name, its unit as the file or the map spells it, and the reason."""
+    """Column of a file for a role: name, unit as spelled in file or map, and reason for the choice."""
 
     role: str
     name: str
@@ -41,7 +41,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Contents of a header: its word, its unit, and the roles of both."""
+    """Parsed header: word, unit, possible roles of the unit, and role of the word."""
 
     name: str
     word: str
@@ -51,7 +51,7 @@ class Header:
 
 
 def header_of(table: Table, name: str, place: str) -> Header:
-    """Return the header of a column, with the unit from the file."""
+    """Return the parsed header of a column, with the unit that the file states elsewhere if needed."""
     exact = parse_header(name)
     word, unit = word_and_unit(name)
     if exact is not None and unit and exact[1] != unit:  # An example is "Travel_WA100 [mm]".
@@ -88,7 +88,10 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
 
 
 def headers_of(table: Table, place: str) -> list[Header]:
-    """Return the headers of possible sample columns, without times of day and repeated results of a role."""
+    """Return the headers of columns that may be samples.
+
+    Times of day are omitted, and so are several statistics of one role.
+    """
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     results = [each for each in headers if is_statistic(each.word)]
     roles = [(*each.of_unit, each.of_word) for each in results]

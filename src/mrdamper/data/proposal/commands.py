@@ -27,7 +27,10 @@ COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_arg
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
-    """Return the role of a file's command. A constant has priority over a column; "" if both are missing."""
+    """Return the role of the command: current or voltage; "" if missing.
+
+    A constant in the channel map has priority over a column.
+    """
     measured = {column.role for column in columns}
     for role in COMMAND_UNITS:
         if role in chosen.constant and role in measured:
@@ -51,7 +54,7 @@ def command_of(
     texts: Sequence[Place],
     place: str,
 ) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
-    """Return role and values of a piece's command, and the source if a label states it.
+    """Return the role and the values of the command, and the source if a label states the command.
 
     The order is: the measured column, the constant of the map, the nearest text with a command.
     """
@@ -77,7 +80,7 @@ def command_of(
 
 
 def _require_no_varying_column(role: str, value: float, table: Table, place: str) -> None:
-    """Ask if a command is stated as constant and a column that is named as the current varies."""
+    """Raise AskingError if the command is stated as constant but a column named like a current varies."""
     for name in varying_commands(table, place):
         low, high = np.nanquantile(table.columns[name], (0.0, 1.0)).tolist()
         unit = "" if table.units.get(name) else f" and current.unit={QUANTITIES['current'].units[0]}"
@@ -96,7 +99,7 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
 def _require_agreement(
     role: str, measured: FloatArray, table: Table, texts: Sequence[Place], place: str
 ) -> None:
-    """Ask if the file name and a constant measured command differ."""
+    """Raise AskingError if a constant measured command differs from the file name."""
     label = find_label([each for each in texts if each.source in {"title", "file name"}], role)
     held = steady_command(measured) if label is not None and np.isfinite(measured).all() else None
     if label is None or held is None or len(label.values) != 1:
@@ -113,7 +116,7 @@ def _require_agreement(
 def with_temperature(
     piece: Piece, told: tuple[tuple[str, float, str], ...], chosen: ChannelMap, texts: Sequence[Place]
 ) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
-    """Return a piece with the temperature of the map or a label if no column has it."""
+    """Return a piece with a temperature from the map or a label if there is no temperature column."""
     if "temperature" in piece.channels:
         return piece, told
     value = chosen.constant.get("temperature")
@@ -130,7 +133,7 @@ def with_temperature(
 def segments_of(
     table: Table, chosen: ChannelMap, samples: int, place: str
 ) -> tuple[list[int], list[float | None]]:
-    """Return the limits of the tests in a file, and the command of each in the map."""
+    """Return the row limits of the tests in a file, and the command of each test from the map."""
     assert chosen.segments is not None
     split, commands = chosen.segments.split, chosen.segments.commands
     begins = {

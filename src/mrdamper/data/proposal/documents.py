@@ -37,7 +37,7 @@ _SETTINGS = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A document and its lines about each file."""
+    """A document, and the lines in it that concern each file."""
 
     path: Path
     lines: Mapping[Path, tuple[str, ...]]
@@ -61,7 +61,7 @@ class Document:
 
 @dataclass(slots=True)
 class _Files:
-    """Files of a folder by their possible names in a document."""
+    """Files of a folder, indexed by the names that a document may use for them."""
 
     names: dict[str, Path] = field(default_factory=dict)  # Keys are in lower case, with and without suffix.
     numbers: dict[int, Path] = field(default_factory=dict)  # The last number of each stem, if unique.
@@ -77,7 +77,7 @@ class _Files:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower())
 
     def file_in_line(self, line: str) -> Path | None:
-        """Return the file that a sentence names with its suffix, or with a stem of letters and digits."""
+        """Return the file named in a sentence: by its full name, or by a stem with letters and digits."""
         words = re.findall(r"[\w.+-]*\w", line.lower())
         names = [word for word in words if word in self.names and re.search(r"\.|[a-z].*\d", word)]
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else None
@@ -140,7 +140,7 @@ def _lines_of(path: Path) -> list[str]:
 
 
 def _flatten(value: object, depth: int = 0) -> Iterator[str]:
-    """Yield the values in JSON as indented lines ``key: value``."""
+    """Generate the values in JSON as indented lines ``key: value``."""
     for key, inner in (
         value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else [])
     ):
@@ -154,7 +154,7 @@ def _flatten(value: object, depth: int = 0) -> Iterator[str]:
 def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
-    """Return the lines of a document about each file. A table counts if most of its rows name files."""
+    """Return the lines of a document about each file. A table is used if most of its rows name files."""
     known = _Files.from_paths(files)
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [with_unit(line) for line in lines]}

@@ -41,7 +41,7 @@ _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
 
 
 def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
-    """Return the files that paths, folders and patterns name, in the given order.
+    """Return the files named by paths, folders and patterns, in the given order.
 
     Archives are unpacked below ``space`` if it is given, with the names of the folders around them. A file
     that is named twice, such as by a relative and by an absolute path, is returned once.
@@ -143,7 +143,7 @@ def format_suffixes() -> set[str]:
 
 
 def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
-    """Yield the files in a folder that may contain runs, then those in its subfolders."""
+    """Generate the files in a folder that may contain runs, then those in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     for file in entries:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):
@@ -159,9 +159,10 @@ def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
 
 
 def _may_hold_runs(file: Path) -> bool:
-    """Return False for notes, cards of dampers and files of other programs, by suffix and first bytes.
+    """Return True if a file may contain measured runs, judged by its suffix and first bytes.
 
-    An unknown suffix is accepted if the content has a known format or ten rows of numbers.
+    Notes, model cards and files of other programs contain no runs. A file with an unknown suffix is accepted
+    if the content has a known format or ten rows of numbers.
     """
     suffix = file.suffix.lower()
     if suffix in _NO_RUNS or file.name.endswith("~"):
@@ -194,7 +195,7 @@ def _head(file: Path) -> bytes:
 
 
 def _text(file: Path) -> str:
-    """Return the first bytes of a text."""
+    """Return the beginning of a text."""
     try:
         with open_text_bytes(file) as stream:
             return stream.read(HEAD_BYTES).decode("utf-8", "replace")

@@ -1,4 +1,4 @@
-"""Pieces: the rows of a table divided into runs, before the runs have names.
+"""Pieces: ranges of rows of a table that become runs.
 
 A table is divided at a decreasing time, at a change in a column of words, and at gaps. Pieces with
 continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. A missing
@@ -26,7 +26,7 @@ _SWING_RATIO, _TURN_COUNT_MIN, _REGULAR_RATIO = 0.2, 5, 0.2  # A periodic motion
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """Rows of a file in SI, and the findings while they were read."""
+    """Rows of a file converted to SI, and the findings of the conversion."""
 
     time: FloatArray
     channels: Mapping[str, FloatArray]  # Values by role, the command under "command".
@@ -36,13 +36,13 @@ class Piece:
     told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source.
 
     def part(self, rows: slice) -> Piece:
-        """Return a range of the rows."""
+        """Return the piece of a range of rows."""
         channels = {role: values[rows] for role, values in self.channels.items()}
         return replace(self, time=self.time[rows], channels=channels)
 
 
 def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
-    """Return the limits of the runs of a table for times [s], and the titles from a column of words."""
+    """Return the row limits of the runs in a table with times [s], and titles from a column of words."""
     edges = {0}
     titles: dict[int, str] = {}
     for cells in texts.values():
@@ -93,9 +93,9 @@ def _continues(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Interpolate up to 1 % of missing numbers of a piece, except at its ends.
+    """Interpolate missing numbers of a piece, at most 1 % of a channel and not at its ends.
 
-    A temperature or command that was recorded at a lower, regular rate is interpolated completely.
+    A temperature or command that was recorded at a lower, regular rate is interpolated without this limit.
     """
     channels, findings = dict(piece.channels), list(piece.findings)
     rows = np.arange(len(piece.time), dtype=np.float64)
@@ -166,8 +166,8 @@ def without_repeated_end(piece: Piece) -> Piece:
 def evened(piece: Piece) -> Piece:
     """Replace repeated time stamps of a piece by uniform times if these match each stamp.
 
-    A time with a resolution of 10 ms in a record of 200 Hz has each stamp twice. The uniform time
-    differs from each stamp by at most twice the resolution. Otherwise samples were lost: nothing is changed.
+    Example: at 200 Hz and a resolution of 10 ms, each stamp occurs twice. If a uniform time differs from a
+    stamp by more than twice the resolution, samples were lost, and nothing is changed.
     """
     steps = np.diff(piece.time)
     if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
@@ -202,7 +202,7 @@ def evened(piece: Piece) -> Piece:
 
 
 def _is_slow(missing: BoolArray) -> bool:
-    """Return True if numbers have a regular distance of rows, also to both ends, within one row."""
+    """Return True if the present numbers are regularly spaced, within one row, up to both ends."""
     there = np.flatnonzero(~missing)
     if len(there) < 2:
         return len(there) == 1 and there[0] == 0 and len(missing) > 1  # This is a constant.
@@ -212,7 +212,10 @@ def _is_slow(missing: BoolArray) -> bool:
 
 
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
-    """Divide a piece at its gaps and report each. A piece with parts that are too short remains whole."""
+    """Generate the parts of a piece between its time gaps, with a finding for each gap.
+
+    A piece is not divided if one of the parts would be too short.
+    """
     steps = np.diff(piece.time)
     if len(steps) < 2 * LEAST_SAMPLES or not (np.isfinite(steps).all() and (steps > 0.0).all()):
         yield piece
@@ -246,9 +249,9 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
 
 
 def integrated(piece: Piece) -> Piece:
-    """Integrate the displacement of a piece from its velocity, without mean and slope."""
+    """Return a piece with the displacement integrated from the velocity; mean and drift are removed."""
     velocity, time = piece.channels["velocity"], piece.time
-    with np.errstate(all="ignore"):  # Invalid numbers and times are reported later.
+    with np.errstate(all="ignore"):  # Invalid numbers are reported later.
         path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
         if len(path) > 2 and np.isfinite(path).all() and (np.diff(time) > 0.0).all():
             path = path - _slope(path, time) * (time - time[0])
@@ -265,7 +268,10 @@ def integrated(piece: Piece) -> Piece:
 
 
 def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift [m/s] over whole cycles because a line through a sine has a slope, else of a line."""
+    """Return the drift [m/s]: over whole cycles if periodic, otherwise the slope of a fitted line.
+
+    A line fitted to a part of a sine would have a slope without drift.
+    """
     duration = float(time[-1] - time[0])
     line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
     level = path - line * (time - time[0])

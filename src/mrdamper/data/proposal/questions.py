@@ -26,7 +26,7 @@ _SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One item that is missing in a file."""
+    """A question about one missing item of a file."""
 
     role: str
     topic: Topic
@@ -52,7 +52,7 @@ class Question:
 
 
 class AskingError(InputError):
-    """Error of a file that can be read after its questions are answered."""
+    """Error for a file that can be read when the user has answered the questions."""
 
     def __init__(self, found: str = "", *, questions: Sequence[Question] = (), **parts: Any) -> None:  # noqa: ANN401 - the base's
         super().__init__(found, **parts)
@@ -60,7 +60,7 @@ class AskingError(InputError):
 
 
 class NoRunError(AskingError):
-    """Error of a file without samples of a damper: results, or another instrument."""
+    """Error for a file without damper samples, such as results or the data of another instrument."""
 
 
 def ask(
@@ -80,7 +80,7 @@ def ask(
 
 
 def ask_all(faults: Sequence[InputError]) -> InputError:
-    """Return one error with the questions of several errors."""
+    """Return one error that combines the questions of several errors."""
     if len(faults) == 1:
         return faults[0]
     asked = [question for fault in faults if isinstance(fault, AskingError) for question in fault.questions]
@@ -89,7 +89,7 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Answer of the user for one role in some files."""
+    """Answer of the user about one role in all files or in files that match a pattern."""
 
     role: str
     topic: Topic

@@ -1,6 +1,6 @@
 """Recordings from the tables of a file: columns by role, in SI, divided into runs, repaired and named.
 
-Changes of the data are findings, values from words are inferences. Both are returned with the file.
+Changes of the data are returned as findings. Values that were read from words are returned as inferences.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def runs_in(
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the map of one table, from the lines above it, if the tables of the file are its segments."""
+    """Return the channel map for one table; if each table is one segment, with its constant command."""
     segments = chosen.segments
     if (
         segments is None
@@ -133,7 +133,7 @@ def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> C
 
 
 def _may_be_run(table: Table) -> bool:
-    """Return True if a table may be samples of a damper: rows with a time, and a motion or a force."""
+    """Return True if a table may contain samples of a damper: a time, and a motion or a force."""
     if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
         return True
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
@@ -145,7 +145,7 @@ def _may_be_run(table: Table) -> bool:
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
-    """Return True if an unreadable table is of another kind: its columns differ from the other tables."""
+    """Return True if an unreadable table has other columns than a longer table of the file."""
     return any(other.names != table.names and other.rows > table.rows for other in tables) and not (
         {column for other in tables if other is not table for column in other.names} >= {*table.names}
     )
@@ -198,7 +198,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
 def _wide_part(
     table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
 ) -> _Part:
-    """Return a piece for each force column of a table that has one for each current."""
+    """Return one piece for each force column of a table with a force column for each current."""
     pieces: list[Piece] = []
     columns: tuple[Column, ...] = ()
     names = {name for name, _ in wide}
@@ -217,7 +217,7 @@ def _wide_part(
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
-    """Return the channels of a table in SI by role, its time [s], and the columns on one clock."""
+    """Return the channels of a table in SI by role, its time [s], and the resampled columns."""
     names = {column.role: column.name for column in columns if column.role != "time"}
     one = to_one_clock(table, names, chosen, place)
     raw = dict(one.columns)
@@ -248,7 +248,11 @@ def _channels(
 def _make_recordings(
     pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path, own_name: str
 ) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...], tuple[Moment | None, ...]]:
-    """Return the recordings of the pieces of a file, the changes, the inferences, and the starts."""
+    """Return the recordings from the pieces of a file, with findings, inferences and starts.
+
+    The findings describe changes of the data, the inferences are values read from words. A start is the time
+    stamp of time zero of a recording.
+    """
     stem = printable(own_name)
     names = _names(pieces, chosen, stem)
     recordings: list[Recording] = []
@@ -290,7 +294,7 @@ def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: P
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
-    """Return the names of the runs in a file: the file's name, plus command, title or number if several."""
+    """Return the names of the runs in a file: the file name, if several with command, title or number."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
     titles = [piece.title for piece, _ in pieces]

@@ -1,4 +1,4 @@
-"""Errors of a table in which a role has no column, unit or scale. Each has a question."""
+"""Errors for a table in which a role has no column, unit or scale. Each error contains a question."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def no_column(role: str, table: Table, place: str) -> InputError:
 
 
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
-    """Return the error that requests the unit of a column, which may state the unit of another role."""
+    """Return the error that requests the unit of a column without a unit or with the unit of another role."""
     choices = QUANTITIES[role].units
     return ask(
         role,
@@ -124,7 +124,7 @@ def no_command(
 
 
 def varying_commands(table: Table, place: str) -> list[str]:
-    """Return the columns with the name or unit of a command and a varying level."""
+    """Return the columns that are named like a current, or have its unit, and vary."""
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     return [
         each.name
@@ -163,13 +163,16 @@ def command_shares(table: Table) -> list[str]:
 
 
 def _has_companion(name: str, table: Table) -> bool:
-    """Return True if another column has the same word and another unit, so that volts are from its sensor."""
+    """Return True if another column has the same word and another unit.
+
+    Then a column in volts is the output of the sensor.
+    """
     word = word_and_unit(name)[0]
     return any(word_and_unit(other)[0] == word for other in table.columns if other != name)
 
 
 def require_no_text(role: str, table: Table, place: str) -> None:
-    """Raise InputError if a column of texts has the header of a missing role."""
+    """Raise InputError if the header of a missing role belongs to a column of texts."""
     for name, cells in table.texts.items():
         header = parse_header(name)
         if header is not None and header[0] == role:

@@ -1,9 +1,9 @@
-"""Roles of a table's columns: proposed by units, selected by words among several, else requested.
+"""Assignment of roles to table columns by units and words; unclear roles result in a question.
 
 The only column with a unit of a role has that role, unless its header names another role. Among several
 columns a measured one has priority over its set point, and a word of the role over other words. A time
-increases. Volts are a command only if the header names a command, because they may be the output of a
-sensor, which a scale in the header (``500 N/V``) converts to its quantity.
+increases. A column in volts is a command only if the header names a command, because the column may be the
+output of a sensor. A scale in the header (``500 N/V``) converts a sensor output to its quantity.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
 
 
 def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
-    """Return the column of a clock's times as the time. An answer may have to state its unit."""
+    """Return the time column of a clock. The user may have to state its unit."""
     unit = chosen.channel("time").unit or header_of(table, name, place).unit
     if not unit:
         raise no_unit("time", place, name)
@@ -98,9 +98,9 @@ def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> C
 
 
 def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:
-    """Return the force columns of a table with one column for each current, and that current [A].
+    """Return the force columns of a table with one column for each current, and the currents [A].
 
-    Each column has one current in its name, and the currents differ.
+    The name of each column contains the current, and the currents differ.
     """
     forces = [name for name in table.columns if "force" in roles_of_unit(word_and_unit(name)[1])]
     named = [(name, labels_in(name, "current")) for name in forces]
@@ -180,7 +180,7 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
 def _column_without_unit(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
-    """Return a column that only its word identifies, with a scale or a rate that confirms its unit."""
+    """Return a column that is identified by its word alone; a scale or a rate must confirm its unit."""
     channel = chosen.channel(role)
     worded = [each for each in headers if each.of_word == role and role not in each.of_unit]
     scaled = _scaled(role, table, headers)
@@ -220,9 +220,9 @@ def _column_without_unit(
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
-    """Return True if a run requires a role, which makes an unclear column of it a question.
+    """Return True if a run requires a role, so that an unclear column results in a question.
 
-    Current or voltage is required, and a velocity only without a displacement.
+    A run requires current or voltage. A velocity is required only without a displacement.
     """
     if role == "current":
         return not any("voltage" in each.of_unit and says_command(each.word) for each in headers)
@@ -234,7 +234,7 @@ def _is_needed(role: str, headers: Sequence[Header]) -> bool:
 
 
 def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str) -> list[str]:
-    """Return the columns of unknown unit that may have a role without a column."""
+    """Return the columns of unknown unit that may belong to a role without a column."""
     taken = {column.name for column in columns}
     roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
     headers = [header_of(table, name, place) for name in table.columns if name not in {*taken, *table.stamps}]
@@ -248,7 +248,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column with a scale, or with a range for per cent, in its header or above the table."""
+    """Return a column with its scale per volt or range for per cent, from its header or above the table."""
     found: dict[str, tuple[str, float]] = {}
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):

@@ -55,7 +55,7 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
 
 
 def wide_of_long(table: Table) -> Table:
-    """Return a table with a row for each sample and channel as a table with a column for each channel.
+    """Convert a table with one row per sample and channel to a table with one column per channel.
 
     A column of texts names at least two roles, one column has the values, and another column the times.
     """
@@ -96,13 +96,13 @@ def wide_of_long(table: Table) -> Table:
 
 
 def _split_name(name: str) -> tuple[str, str]:
-    """Return the text above the name of a column, and the name without the number of a reader."""
+    """Return the text above the name of a column, and the name without the number added by a reader."""
     above, colon, own = name.rpartition(": ")
     return above if colon else "", _COUNTED.sub("", own)
 
 
 def _width(names: Sequence[str]) -> int | None:
-    """Return the number of columns of a run, None for a single run."""
+    """Return the number of columns of each run, None if the table has a single run."""
     for width in range(3, len(names) // 2 + 1):  # A run has at least this number of columns.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue

@@ -1,7 +1,7 @@
-"""Temperature logs: files of a slow logger that state date and time of day, next to runs that state theirs.
+"""Temperature logs of a separate slow logger, assigned to runs by date and time of day.
 
 A run gets the temperature of the only log that covers it. Times are compared only if both state a date,
-because a log of another day would be as plausible.
+because without a date the log may be of another day.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from mrdamper.quantities import QUANTITIES
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
 # Differences between local time and UTC [h], beginning with 0.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
-AMBIGUITY_MAX_K = 1.0  # Time zones that lead to temperatures within this range need not be known.
+AMBIGUITY_MAX_K = 1.0  # A time zone need not be known if it changes temperatures by less than this.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Log:
-    """Times [s] after a start, which increase, and temperatures [K]."""
+    """A temperature log: start, increasing times [s] after the start, and temperatures [K]."""
 
     start: Moment
     time: FloatArray
@@ -53,7 +53,7 @@ def join_temperature_logs(
     chosen: ChannelMap,
     answers: Sequence[Answer],
 ) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
-    """Return the files with the temperatures of logs, and a finding for each log among the other files."""
+    """Return the files with temperatures from logs added, and a finding for each log in ``others``."""
     runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
     found: dict[Path, dict[int, FloatArray | None]] = {}
     reasons: dict[Path, str] = {}
@@ -127,7 +127,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
 
 
 def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str) -> FloatArray:
-    """Return the times of a log [s], NaN without any."""
+    """Return the times of a log [s]; NaN if the log has no times."""
     stamps = sorted(table.stamps, key=lambda name: not table.stamps[name].has_date)
     if stamps:
         return table.columns[stamps[0]]
@@ -165,7 +165,7 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
 
 
 def _is_covered(time: FloatArray, log: FloatArray) -> bool:
-    """Return True if a log covers times, up to one of its steps at the ends and without a gap."""
+    """Return True if a log covers the times without a gap, except for one log step at either end."""
     step = float(np.median(np.diff(log)))
     if not (log[0] - step <= time[0] and time[-1] <= log[-1] + step):
         return False

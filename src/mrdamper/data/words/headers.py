@@ -1,4 +1,4 @@
-"""Headers of columns: the word, the unit, and the roles of both.
+"""Headers of columns: word, unit, and the roles that word and unit may mean.
 
 A unit selects a column if only one has a unit of the role. Words select among several columns, and
 separate a command from its set point.
@@ -62,7 +62,7 @@ def word_and_unit(header: str) -> tuple[str, str]:
 
 
 def _means(word: str, roles: Sequence[str]) -> bool:
-    """Return True if a word means one of the roles: ``sensor_A`` is not a current, ``coil current_A`` is."""
+    """Return True if a word means one of the roles: ``coil current_A`` is a current, ``sensor_A`` is not."""
     return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
 
 
@@ -107,7 +107,7 @@ def is_monitor(word: str) -> bool:
 
 
 def is_command_share(name: str, unit: str) -> bool:
-    """Return True if a column is a command relative to its maximum: a duty cycle in per cent."""
+    """Return True if a header names a command relative to its maximum, such as a duty cycle in per cent."""
     if not (is_per_cent(name) or is_per_cent(unit)):
         return False
     return bool(_DUTY.search(_split_words(name))) or is_set_point(name) or speaks_of(name, "current")
@@ -140,7 +140,7 @@ def _split_words(word: str) -> str:
 
 
 def parse_header(header: str) -> tuple[str, str] | None:
-    """Return (role, unit) of a header with a unique meaning, unit "" if it names only a role, or None.
+    """Return (role, unit) of a header with a unique meaning, else None. The unit is "" if missing.
 
     A unit of the word's role needs no brackets: ``Force, N``, ``Kraft in N``, ``Force N``, ``Force
     (filtered) [N]``. A symbol with such a unit is sufficient, as in ``F [N]``. The function ignores a suffix
@@ -185,7 +185,7 @@ def unit_in_brackets(header: str) -> str:
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers that may mean a role, by word or symbol, else by unit. Used in messages."""
+    """Return the headers that may mean a role, for messages: by word or symbol, else by unit."""
     quantity = QUANTITIES[role]
     words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
     named = [

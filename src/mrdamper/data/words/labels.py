@@ -1,4 +1,4 @@
-"""Commands and temperatures in words: titles of sheets, lines above a table, names of files.
+"""Commands and temperatures in sheet titles, lines above a table, and file names.
 
 Examples: ``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``. A number
 requires a unit. Two different numbers are ambiguous, and a ``Label`` has both. The module also reads
@@ -47,7 +47,7 @@ _NOT_SET = re.compile(
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 # Cyrillic units are mapped to Latin ones. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
-DOCUMENT = "document"  # Sources of values from a file next to the run begin with this word.
+DOCUMENT = "document"  # The source of a value from a document begins with this word.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
@@ -67,7 +67,7 @@ _RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Text that may contain a label, and its name in messages."""
+    """A text that may contain a label, and the name of the text in messages."""
 
     source: str  # Examples are "title", "header", "file name", "folder".
     text: str
@@ -75,7 +75,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """Values of a role in a text. Several different values are ambiguous."""
+    """The values of a role that a text states. Several different values are ambiguous."""
 
     role: str
     values: tuple[float, ...]  # SI
@@ -102,9 +102,9 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
-    """Return the value of the nearest text, None if no text has one.
+    """Return the label of the nearest text with a value of the role, None if there is none.
 
-    A document about the file supplies missing values and is compared with the other texts.
+    A document about the file is used if no other text has a value; otherwise its value is compared.
     """
     found: list[Label] = []
     for source in dict.fromkeys(place.source for place in places):
@@ -132,7 +132,7 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
 
 
 def scales_in(line: str) -> tuple[tuple[float, str], ...]:
-    """Return the scales in a line, ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``: number per volt, and unit."""
+    """Return the scales in a line as (number per volt, unit): ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``."""
     found = [(number, unit, 1e3 if volt == "mV" else 1.0) for number, unit, volt in _SCALE.findall(line)]
     found += [(number, unit, 1.0) for number, unit in _SCALE_OF_ONE.findall(line)]
     found += [
@@ -146,13 +146,13 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
 
 
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
-    """Return number and unit of the range that a line states, ``Range force: 5 kN``, ``100 % = 2 A``."""
+    """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
     return tuple((float(number.replace(",", ".")), unit) for number, unit in found)
 
 
 def _may_say(place: Place, role: str) -> bool:
-    """Return True if a text may describe the damper. A header also has limits, ranges and ambient values."""
+    """Return True if a text may describe the damper instead of limits, ranges or ambient values."""
     if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
     if _NOT_SET.search(place.text):

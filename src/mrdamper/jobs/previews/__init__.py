@@ -1,1 +1,1 @@
-"""Previews for pages: cards, runs, series, quick heating curves, and available choices."""
+"""Previews for the web pages: cards, runs, plot data, quick heating curves, and available choices."""

@@ -36,7 +36,7 @@ Value = TypeVar("Value")
 
 
 class QuickHeat:
-    """Successive curves with a cache of their common data."""
+    """Computes successive heating curves and caches their common data."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[object, object] = OrderedDict()
@@ -115,7 +115,7 @@ class QuickHeat:
 
 
 def damper_facts(damper: str, shown: str) -> Json:
-    """Return the values of a geometry file that a form and its section need, and its original tables."""
+    """Return the values of a geometry file for a form and a section drawing, and the original tables."""
     return {**_facts(read_drawing(damper), shown), "tables": parse_toml(text_of(damper))}
 
 
@@ -178,13 +178,13 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
-    """Return a sink with the convection model of the original sink (like the search for sinks)."""
+    """Return a sink with the convection model of the original sink, as in the search for heat sinks."""
     own = write_record(HeatedDamper(drawing, ()).pattern, defaults=True)
     return read_record(HeatSink, {**own, **fins, "fins": int(fins["fins"])}, "fins")
 
 
 def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:
-    """Return the load cycle of a sine; without amplitude, rest with a current in the coil."""
+    """Return the load cycle of a sine motion; with zero amplitude, rest with current in the coil."""
     if amplitude_mm == 0.0:
         return Duty((Segment(duration_s, None, 0, abs(command)),), unit, f"rest at {command:g} {unit}")
     text = f"sine:{amplitude_mm:g}mm:{frequency_Hz:g}Hz:{command:g}{unit}:{duration_s:g}s"

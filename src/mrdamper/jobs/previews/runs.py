@@ -77,11 +77,9 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
 def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
     """Return the beginning of a large text in the format of ``look``; None if the whole file is required.
 
-    ``head_share`` is the fraction of the file that was read; ``rows`` is None because there are more. Runs
-    are
-    not built, because a test may continue after the beginning. For the same reason, errors of a map that
-    splits
-    the file into tests are not reported.
+    ``head_share`` is the fraction of the file that was read; ``rows`` is None because the number of rows is
+    unknown. Runs are not built because a test may continue after the beginning. For the same reason, errors
+    of a map that splits the file into tests are not reported.
     """
     size = path.stat().st_size
     if size < _GLANCE_FILE_MIN_BYTES or path.suffix.lower() not in _TEXTS:
@@ -152,7 +150,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return maps that read the file unchanged, from the package and from other files."""
+    """Return channel maps of the package and of other files that read this file without changes."""
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:_MOST_OFFERS])
     offers: list[Json] = []
     for place in known:
@@ -168,7 +166,7 @@ def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
 
 
 def findings_in(path: Path) -> Json:
-    """Return findings about the runs in a file, by the number of the run; very long runs take minutes."""
+    """Return findings about the runs in a file, by run number. Very long runs take minutes."""
     try:
         read = read_file(path)
     except InputError:
@@ -177,7 +175,7 @@ def findings_in(path: Path) -> Json:
 
 
 def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None) -> list[Json]:
-    """Return findings about reading a run and about the run alone, worst first."""
+    """Return findings from reading a run and from its diagnosis, worst first."""
     from mrdamper.data.diagnosis.diagnose import diagnose
 
     found = [*diagnose(run, prepared), *(each for each in read.findings if each.run == run.name)]
@@ -272,7 +270,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _thumbnail(values: FloatArray) -> list[float | None] | None:
-    """Return min and max of each of several equal intervals."""
+    """Return the minimum and maximum of each of several equal intervals."""
     if len(values) < 2:
         return None
     edges = np.unique(np.linspace(0, len(values), _THUMBNAIL_INTERVAL_COUNT + 1).astype(int)[:-1])

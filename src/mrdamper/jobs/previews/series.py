@@ -1,10 +1,13 @@
-"""Runs as they are drawn: the samples in 32 bit and display units, in files that can be sent as they are.
+"""Files with the plot data of runs: samples as float32 in display units.
 
-    uint32 H, H bytes of JSON (blanks at its end, so that 4 + H is a multiple of 4), then the columns, one
-    after another, float32 each, all little-endian
+The format is::
 
-The header names the columns with their units and counts the samples. A window of such a file keeps of each of
-equal stretches the samples of least and greatest force and displacement, so that loops and peaks stay.
+    uint32 H, H bytes of JSON (padded with blanks, so that 4 + H is a multiple of 4), then the columns, one
+    after another, as float32; all little-endian
+
+The JSON header states the names and units of the columns and the number of samples. A reduced window of such
+a file contains, for each of several equal intervals, the samples with minimum and maximum force and
+displacement. Therefore loops and peaks remain visible. A server sends the files unchanged.
 """
 
 from __future__ import annotations
@@ -73,9 +76,9 @@ def keep_window(
 
     Parameters
     ----------
-    most : samples, at least 64; None: all
+    most : maximum number of samples, at least 64; None: all
     from_s, to_s : on the run's time, counted from its first sample
-    samples_of : the kept run that decides which samples stay; None: this one
+    samples_of : stored run whose force and displacement select the samples; None: this run
     """
     header, columns = read_series(series)
     deciding = columns if samples_of is None else read_series(samples_of)[1]
@@ -97,7 +100,7 @@ def keep_window(
 
 
 def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> None:
-    """Write the force that a card models on the samples of a run, with the motion and the measured force.
+    """Write the modelled force of a card at the samples of a run, with motion and measured force.
 
     Parameters
     ----------
@@ -149,7 +152,7 @@ def read_series(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float3
 
 
 def _units(header: Mapping[str, Any]) -> dict[str, str]:
-    """Return the units of the columns of a kept run, by name."""
+    """Return the units of the columns of a stored run, by name."""
     return {column["name"]: column["unit"] for column in header["columns"]}
 
 
@@ -202,7 +205,7 @@ def _header(recording: Recording, file: str) -> dict[str, Any]:
 
 
 def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
-    """Write a stored run, all of it or nothing."""
+    """Write a stored run atomically: a temporary file is renamed when complete."""
     count = len(next(iter(columns.values()))[1])
     told = {
         **header,
@@ -221,7 +224,7 @@ def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
 
 
 def _telling(columns: list[NDArray[np.float32]], most: int) -> NDArray[np.int64]:
-    """Return the samples of min and max of each column in equal intervals, up to a maximum number."""
+    """Return the indices of the minimum and maximum of each column in equal intervals, at most ``most``."""
     count = len(columns[0])
     stretches = (most - 2) // (2 * len(columns))
     wide = -(-count // stretches)

@@ -1,7 +1,8 @@
-"""Catalogue of public data sets: real dampers, measured by others, each file pinned by its SHA-256.
+"""Catalogue of public data sets: published measurements of real dampers, each file identified by its SHA-256.
 
-``fetch`` downloads a set into a cache and checks it; with ``MRDAMPER_DATA`` set it takes files from that
-folder instead and downloads nothing. A file whose SHA-256 is not known here is not in the catalogue.
+``fetch`` downloads a data set into a cache and checks the hashes. If the environment variable
+``MRDAMPER_DATA`` is set, ``fetch`` copies the files from that folder and downloads nothing. The catalogue
+contains only files with known hashes.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class RemoteFile:
 
 @dataclass(frozen=True, slots=True)
 class DataSet:
-    """A public data set: whose, under what licence, and which files at which commit."""
+    """A public data set: source, licence, and files at a fixed commit."""
 
     name: str
     title: str
@@ -41,7 +42,7 @@ class DataSet:
     doi: str  # "" if there is no DOI
     repository: str  # owner/name on GitHub
     commit: str
-    channels: str  # the channel map in examples/ that reads it
+    channels: str  # the channel map in examples/ that reads the files
     notes: str
     files: tuple[RemoteFile, ...]
 
@@ -50,7 +51,7 @@ class DataSet:
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(file.path)}"
 
 
-_PATIENCE_s = 60.0  # for the next part of a download
+_PATIENCE_s = 60.0  # maximum wait for the next part of a download
 _UTFSM = "Cap7_ModeloMR/BoucWen Ajuste 2/Preprocesamiento-sinusoidales/Datos_crudos"
 
 DATA_SETS: tuple[DataSet, ...] = (
@@ -96,17 +97,17 @@ def list_sets() -> tuple[DataSet, ...]:
 
 
 def fetch(name: str, *, folder: Path | None = None) -> Path:
-    """Return the folder that holds a set's files, downloading those that are not there yet.
+    """Return the folder with the files of a data set. Missing files are downloaded.
 
     Parameters
     ----------
     name : name of the set
-    folder : where to keep it; by default a folder of the set's name in the user's cache
+    folder : target folder; by default a folder with the name of the set in the user's cache
 
     Raises
     ------
     InputError
-        No such set, no connection, or a file that is not the one pinned.
+        If the set does not exist, there is no connection, or the hash of a file is wrong.
     """
     chosen = next((known for known in DATA_SETS if known.name == name), None)
     if chosen is None:
@@ -134,7 +135,7 @@ def fetch(name: str, *, folder: Path | None = None) -> Path:
 
 
 def _cache() -> Path:
-    """Return the folder in which the system keeps what programs can fetch again."""
+    """Return the folder of this program in the cache of the user."""
     usual = {"darwin": "~/Library/Caches", "win32": os.environ.get("LOCALAPPDATA", "~/AppData/Local")}
     named = os.environ.get("XDG_CACHE_HOME") or usual.get(sys.platform, "~/.cache")
     return Path(named).expanduser() / "mrdamper"
@@ -149,7 +150,7 @@ def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
 
 
 def _download(chosen: DataSet, file: RemoteFile) -> Path:
-    """Return the file as downloaded; the caller checks its hash."""
+    """Return the path of the downloaded file; the caller checks the hash."""
     url, place = chosen.url(file), _cache() / "downloads" / f"{file.sha256[:16]}-{file.name}"
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -177,7 +178,7 @@ def _check(chosen: DataSet, file: RemoteFile, source: Path) -> None:
 
 
 def _place(source: Path, here: Path) -> None:
-    """Copy beside the place and rename, so that no half-written file is left."""
+    """Copy a file to a temporary name and rename the copy, so that no partial file remains."""
     partial = here.with_name(f".{here.name}.partial")
     shutil.copyfile(source, partial)
     partial.replace(here)

@@ -1,7 +1,7 @@
-"""Public data: what there is, and fetching it, with the channel maps that read it.
+"""Public data sets: list, download, and the channel maps that read the files.
 
-The maps are those of the examples, which are not installed with the program; a test holds the copies here to
-them.
+The channel maps are copies of the maps in the examples, because examples are not installed with the program.
+A test checks that the copies are equal.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class FetchedData(JobResult):
 
     @property
     def files(self) -> list[Path]:
-        """All that lies there."""
+        """All files in the folder, sorted by name."""
         return sorted(self.folder.iterdir())
 
     @property
     def runs(self) -> list[Path]:
-        """The set's own files, of those that are there."""
+        """The files of the set that are present in the folder."""
         return [self.folder / file.name for file in self.data.files if (self.folder / file.name).is_file()]
 
     @property
@@ -65,7 +65,7 @@ def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
     Raises
     ------
     InputError
-        No such set, no connection, or a file that is not the one pinned.
+        If the set does not exist, there is no connection, or the hash of a file is wrong.
     """
     on_progress(ProgressUpdate(total=1, text=f"fetching {name}"))
     folder = fetch(name)

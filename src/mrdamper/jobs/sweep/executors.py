@@ -1,7 +1,7 @@
 """Executors of a sweep's tasks: processes of this machine, or the workers of a Dask cluster.
 
-Both return results in order of completion. If a worker dies, its task is repeated on another worker. If
-several workers die during a task, it is an error.
+Both executors return results in order of completion. If a worker dies, its task is repeated on another
+worker. If several workers die during one task, an error is raised.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ WORKERS_WAIT_MAX_S = 600.0  # A cluster's scheduler may need minutes to get its 
 
 
 def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task, Result]]:
-    """Run tasks on processes of this machine; yield each with its result.
+    """Run tasks on processes of this machine; generate (task, result) pairs.
 
     Raises
     ------
     InputError
-        Workers die ``DEATHS_MAX`` times without a result.
+        If workers die ``DEATHS_MAX`` times without a result.
     """
     left = {task.name: task for task in tasks}
     deaths = 0
@@ -54,17 +54,17 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
 
 
 def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, Result]]:
-    """Run tasks on a Dask cluster; yield each with its result.
+    """Run tasks on a Dask cluster; generate (task, result) pairs.
 
-    The workers need this package, and the files that the tasks name under the same paths.
+    The workers need this package and access to the files of the tasks under the same paths.
 
     Raises
     ------
     InputError
-        No scheduler answers at the address, it ends, it has no worker, or workers die again and again at
-        one task.
+        If no scheduler answers at the address, the scheduler stops or has no worker, or workers die
+        repeatedly during one task.
     MissingExtraError
-        dask.distributed is not installed.
+        If dask.distributed is not installed.
     """
     try:
         from distributed import Client, KilledWorker, as_completed

@@ -1,6 +1,6 @@
 """Tasks of a sweep: campaigns to fit, random dampers to track, or geometry files to search heat sinks for.
 
-Each task has a seed of its own, so that it gives the same result wherever and in whatever order it runs.
+Each task has its own seed, so that its result does not depend on the worker or on the order of execution.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SweepKind = Literal["campaigns", "samples", "dampers"]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One job of a sweep; ``arguments`` are passed to the kind's function in ``tasks``."""
+    """One task of a sweep; ``arguments`` are passed to the function for its kind in the module ``tasks``."""
 
     name: str
     kind: SweepKind
@@ -38,7 +38,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All tasks of a sweep in order, and a digest of everything that decides their results."""
+    """All tasks of a sweep in order, and a hash of all inputs that affect the results."""
 
     kind: SweepKind
     seed: int
@@ -69,7 +69,7 @@ def make_plan(
     Raises
     ------
     UsageError
-        Not exactly one of the three is given, or the card is missing.
+        If not exactly one of the three kinds is given, or the card is missing.
     """
     kinds: list[SweepKind] = []
     kinds += ["campaigns"] if campaigns else []
@@ -115,12 +115,12 @@ def read_drawings(given: Sequence[str | Path | DamperDrawing]) -> list[DamperDra
 
 
 def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
-    """Return the files and folders of paths and patterns, without the parameters of virtual dampers.
+    """Return the files and folders that match paths and patterns, without parameter files of virtual dampers.
 
     Raises
     ------
     UsageError
-        A path or pattern names nothing.
+        If a path or pattern matches nothing.
     """
     paths: list[str] = []
     for each in given:
@@ -132,7 +132,7 @@ def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
 
 
 def _unique_names(paths: list[str]) -> Iterator[tuple[str, str]]:
-    """Yield each path with a unique name: its last part, with as many parents as necessary."""
+    """Generate each path with a unique name: its last part, with as many parents as necessary."""
     for path in paths:
         parts = Path(path).parts
         for count in range(1, len(parts) + 1):

@@ -64,7 +64,7 @@ class Store:
             ) from fault
 
     def _read(self) -> None:
-        """Read whole lines; cut off a line that was being written when the sweep ended."""
+        """Read the complete lines. Remove an incomplete last line of an interrupted sweep."""
         whole, rows = 0, []
         for line in self._path.read_bytes().splitlines(keepends=True):
             try:
@@ -89,13 +89,12 @@ class Store:
 
 @contextmanager
 def open_store(folder: Path, *, resume: bool) -> Iterator[Store]:
-    """Open the stored results of a sweep in its folder, for this process alone.
+    """Open the stored results of a sweep in its folder, locked for this process.
 
     Raises
     ------
     InputError
-        The folder cannot be written to, another sweep is at work there, or it holds results and ``resume``
-        is false.
+        If the folder is not writable, another sweep is using it, or it holds results and ``resume`` is false.
     """
     path = folder / RESULTS_FILE
     try:

@@ -1,7 +1,7 @@
 """The job ``sweep``: campaigns, random dampers or geometry files, on processes or on a Dask cluster.
 
-Every result is on the disk before the next one starts. A sweep that is resumed writes the same files as one
-that was never stopped.
+Every result is stored on disk as soon as it is available. A resumed sweep writes the same files as an
+uninterrupted sweep.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _USUAL = SweepOptions()
 
 @dataclass(frozen=True, slots=True)
 class SweptTask:
-    """Result of one task: figures by name and the card if one was identified, or the error."""
+    """Result of one task: values by name, and the card of a fit; or the error."""
 
     name: str
     figures: Mapping[str, float | None]
@@ -42,7 +42,7 @@ class SweptTask:
 
 @dataclass(frozen=True, slots=True)
 class FigureSummary:
-    """Statistics of a value of all tasks that have it."""
+    """Statistics of one value over all tasks that have this value."""
 
     count: int
     least: float
@@ -113,14 +113,16 @@ def sweep(
     dampers : geometry of each damper that gets a heat sink
     duty : load cycle of the heat sinks
     law : hysteresis model of the fits; None: chosen by cross-validation
-    checkpoint : holds the finished results, and stores each result as it comes
+    checkpoint : store with the results of finished tasks, to which each new result is added
 
     Raises
     ------
     UsageError
-        Not exactly one kind of sweep is given, the card is missing, or both workers and a scheduler.
+        If not exactly one kind of sweep is given, the card is missing, or workers and a scheduler are both
+        given.
     InputError
-        Workers die again and again; no scheduler at the address; stored results of another sweep.
+        If workers die repeatedly, no scheduler answers at the address, or the stored results are of another
+        sweep.
     """
     if options.workers is not None and options.scheduler is not None:
         raise UsageError("workers are of this machine, a scheduler has its own", expected="one of the two")

@@ -1,7 +1,7 @@
 """Functions for the tasks of a sweep: any process can import them, and results are JSON values.
 
-A result holds no time and no path of the worker, so that the same task gives the same result everywhere. An
-error of the input is a result, too; an error of the program is raised.
+A result contains no time and no path of the worker, so that equal tasks give equal results on every machine.
+An input error is returned as a result; any other error is raised.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Result = dict[str, Any]
 
 
 def run_task(task: Task) -> Result:
-    """Return ``{"figures": numbers by name}``, ``card`` if one was identified, or ``{"error": reason}``."""
+    """Return ``{"figures": values by name}``, with ``card`` for a fit, or ``{"error": reason}``."""
     try:
         return _KINDS[task.kind](task.seed, **task.arguments)
     except MrdamperError as fault:
@@ -62,7 +62,7 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
 
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
-    """Return the tracking errors on a random damper, a nominal damper with random parameter changes."""
+    """Return the tracking errors on a random damper: the nominal damper with random parameter changes."""
     known = card_from_json(card)
     damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
     largest = min(damper.highest_A, known.envelope.command[1])
@@ -110,7 +110,7 @@ def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) 
 
 
 def _json_values(figures: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return values in JSON form: None instead of values that are not finite."""
+    """Return values as JSON values, with None for numbers that are not finite."""
     return {
         name: None if value is None or not np.isfinite(value) else float(value)
         for name, value in figures.items()

@@ -25,7 +25,7 @@ _USUAL = DerateOptions()
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DerateResult(JobResult):
-    """The largest current, stroke or duty ratio within every limit; maps have the shape (d, w, a).
+    """The largest current, stroke or duty ratio within all limits; maps have the shape (d, w, a).
 
     Attributes
     ----------
@@ -66,7 +66,8 @@ def derate(
     Raises
     ------
     InputError
-        A duty in another unit than the card's, axes that do not rise, an ambient above a limit.
+        If the load cycle and the card have different units, an axis does not increase, or an ambient
+        temperature is above a limit.
     """
     on_progress(ProgressUpdate(total=1, text="derating map"))
     conditions = Conditions(

@@ -33,7 +33,7 @@ from mrdamper.thermal.temperature_rise import (
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
 _MOST_STEPS = 1500  # Max steps of the longest output step in load cycles of several days.
-_MOST_CAPPED = 1.0  # Larger excess above the card's temperatures [K] is reported.
+_MOST_CAPPED = 1.0  # A larger excess above the temperatures of the card is reported [K].
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -83,9 +83,8 @@ def heat(
     Parameters
     ----------
     sink : replaces the sink of the geometry file
-    calibrate : measured curve from the start of the load cycle, with the requested sink. It first corrects
-    the
-        geometry. The damper without sink keeps the uncertainty of an uncalibrated one.
+    calibrate : measured temperature curve from the start of the load cycle, with the requested sink, for a
+        calibration of the geometry. The damper without sink keeps the uncertainty without calibration.
 
     Raises
     ------

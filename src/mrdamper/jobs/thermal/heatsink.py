@@ -1,7 +1,7 @@
-"""The job ``heatsink``: search heat sinks on a Pareto front, and repeat the sweeps of the paper.
+"""The job ``heatsink``: compute a Pareto front of heat sinks, and repeat the parameter studies of the paper.
 
-The zone network searches. The shown members of the front and the reference are evaluated again by the finite
-elements.
+The search uses the thermal network of zones. The displayed designs of the front and the reference are
+evaluated again with finite elements.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ MODEL_DIFFERENCE_MAX_K = 3.0  # A larger difference between network and finite e
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class HeatsinkResult(JobResult):
-    """The front of a search, its reference, and the paper's sweeps."""
+    """The Pareto front of a search, the reference design, and the parameter studies of the paper."""
 
     _job = "heatsink"
     drawing: DamperDrawing
@@ -81,7 +81,7 @@ def heatsink(
     Raises
     ------
     InputError
-        If no sink is within the limits, or the duty is in another unit than the card.
+        If no sink is within the limits, or the load cycle and the card have different units.
     EnvelopeError
         If temperatures or a correlation leave their valid range.
     """
@@ -118,7 +118,7 @@ def heatsink(
 
 
 def _limits(drawing: DamperDrawing, options: HeatsinkOptions) -> SinkLimits:
-    """Return the limits in SI for a damper."""
+    """Return the limits of the search in SI for a damper."""
 
     def scaled(value: float | None) -> float | None:
         return None if value is None else value / 1e3

@@ -1,8 +1,9 @@
 /* Piston, chambers, valve, seal and joint of the hydraulic damper, and its step of time.
  *
  * Alexander's two-stage implicit Runge-Kutta method of second order (L-stable, stiffly accurate): each stage solves
- * Y = C + l f(Y) with l = g h. The electric side comes first, as nothing mechanical acts on it; then the piston's
- * speed, the content of chamber 1 and the wall stress of the valve by Newton's method; the rest has closed forms.
+ * Y = C + l f(Y) with l = g h. The electric states are solved first because they do not depend on the mechanical
+ * states. Newton's method then solves for piston speed, content of chamber 1 and wall stress of the valve. The other
+ * states have closed forms.
  */
 #include "hydraulic.h"
 
@@ -11,11 +12,11 @@
 static const double pi = 3.14159265358979323846;
 static const double room = 293.15, zero = 273.15, atmosphere = 101325.0;
 static const double stage = 0.29289321881345247560; /* g = 1 - 1/sqrt(2) */
-static const double packed = 0.64;                  /* densest share of particles */
+static const double packed = 0.64;                  /* max volume fraction of particles */
 static const double seal_share[SEALS] = {0.4, 0.3, 0.2, 0.1}, seal_part[SEALS] = {0.1, 0.2, 0.3, 0.4};
 enum { MOST = 60, FINER = 8 };
 
-/* Relative volume of the liquid with its bubbles. */
+/* Return the relative volume of the liquid with its bubbles. */
 static double relative_volume(const hydraulic_climate *at, double pressure)
 {
     return at->liquid - at->compliance * pressure + at->bubbles / pressure;
@@ -77,7 +78,7 @@ void hydraulic_settle(const hydraulic_parameters *p, double kelvin, hydraulic_cl
     at->volume_2 = at->area_2 * p->chamber_2_m;
     at->friction_N = p->friction_N * exp(-p->friction_per_K * warmer);
     settle_valve(p, kelvin, at);
-    /* filled at 20 C against the gas, or by a slow compensator to a pressure that rises with temperature */
+    /* Filled at 20 C against the gas; without gas, a slow compensator sets a pressure that rises with temperature. */
     const int gas = p->gas_m3 > 0.0;
     settle_mixture(p, gas ? room : kelvin, at);
     at->start_Pa = p->rest_Pa + p->rest_Pa_K * warmer;
@@ -86,7 +87,7 @@ void hydraulic_settle(const hydraulic_parameters *p, double kelvin, hydraulic_cl
     if (gas) settle_mixture(p, kelvin, at);
 }
 
-/* Rest at a displacement: no current, one pressure in both chambers. */
+/* Set the state of rest at a displacement: no current, equal pressures in both chambers. */
 static void begin(const hydraulic_parameters *p, const hydraulic_climate *at, double x, double v, hydraulic_state *s)
 {
     static const hydraulic_state virgin = {0};
@@ -104,12 +105,12 @@ static void begin(const hydraulic_parameters *p, const hydraulic_climate *at, do
     s->begun = 1.0;
 }
 
-/* A force or a flow with its derivatives. */
+/* A force, pressure or flow, and its derivatives with respect to piston speed and content of chamber 1. */
 typedef struct {
     double value, by_speed, by_content;
 } slopes;
 
-/* Pressure of chamber 1, from the content and the piston's place. */
+/* Return the pressure of chamber 1 from its content and the piston position. */
 static slopes pressure_1(const hydraulic_climate *at, double l, double piston, double content)
 {
     const double volume = (at->volume_1 - at->area_1 * piston) / content;
@@ -118,7 +119,7 @@ static slopes pressure_1(const hydraulic_climate *at, double l, double piston, d
     return (slopes){p, l * at->area_1 / soft, volume / soft};
 }
 
-/* Pressure of chamber 2, which may hold a gas behind a floating piston; the gas's state with it. */
+/* Return the pressure of chamber 2, which may contain gas behind a floating piston; update the state of the gas. */
 static slopes pressure_2(const hydraulic_parameters *p, const hydraulic_climate *at, double l, double piston,
                          double content_1, double gas_was, double guess, double *gas)
 {
@@ -130,7 +131,7 @@ static slopes pressure_2(const hydraulic_parameters *p, const hydraulic_climate 
             volume = pow(*gas / pressure, 1.0 / p->gas_exponent);
             const double warmth = pressure * volume / at->gas_constant; /* the gas's temperature [K] */
             const double kept = gas_was / (1.0 + l * (1.0 - at->kelvin / warmth) / p->gas_exchange_s);
-            volume *= 1.0 + (kept / *gas - 1.0) / p->gas_exponent; /* the change is minute: first order will do */
+            volume *= 1.0 + (kept / *gas - 1.0) / p->gas_exponent; /* first order: the change is small */
             *gas = kept;
             const double excess = content * relative_volume(at, pressure) + volume - filled;
             moved = excess
@@ -146,7 +147,8 @@ static slopes pressure_2(const hydraulic_parameters *p, const hydraulic_climate 
     return (slopes){pressure, -l * at->area_2 / soft, -relative_volume(at, pressure) / soft};
 }
 
-/* Flow through the active slot at a wall stress, and its slope: Herschel-Bulkley fluid between plates, with creep. */
+/* Return the flow in the active slot at a wall stress, and its derivative by wall stress. The fluid is a
+ * Herschel-Bulkley fluid with creep between parallel plates. */
 static double slot_flow(const hydraulic_parameters *p, const hydraulic_climate *at, double wall, double yield, double *slope)
 {
     const double stress = fabs(wall), over = stress - yield;
@@ -161,7 +163,7 @@ static double slot_flow(const hydraulic_parameters *p, const hydraulic_climate *
     return copysign(flow, wall);
 }
 
-/* Pressure drop of the valve at a wall stress and its flow, and its slope over the wall stress. */
+/* Return the pressure drop of the valve at a wall stress and flow, and its derivative with respect to wall stress. */
 static double valve_drop(const hydraulic_parameters *p, const hydraulic_climate *at, double wall, double flow, double rise,
                          double *slope)
 {
@@ -179,7 +181,7 @@ static double bypass_flow(const hydraulic_parameters *p, const hydraulic_climate
     return root * drop;
 }
 
-/* Force of the joint between rod and piston; slopes over its deflection and over the rate of that. */
+/* Return the force of the joint between rod and piston, and its derivatives by deflection and deflection rate. */
 static double joint_force(const hydraulic_parameters *p, double deflection, double rate, double *by_deflection, double *by_rate)
 {
     const double e = deflection, beyond = fabs(e) - p->joint_gap_m;
@@ -197,8 +199,8 @@ static double joint_force(const hydraulic_parameters *p, double deflection, doub
     return force;
 }
 
-/* Friction of the seal: elements with viscous sliders, at a sliding level [N]. Slopes over the piston's place and over
- * the level; the anchors at the end of the stage with it. */
+/* Return the friction of the seal: elements with viscous sliders at a sliding force `level` [N]. Also return the
+ * derivatives by piston position and level, and the anchors at the end of the stage. */
 static double seal_force(const hydraulic_parameters *p, double l, double piston, double level, const double was[SEALS],
                          double now[SEALS], double *by_place, double *by_level)
 {
@@ -220,7 +222,7 @@ static double seal_force(const hydraulic_parameters *p, double l, double piston,
     return force;
 }
 
-/* Friction of the seal as the speed and the pressures press it. */
+/* Return the friction of the seal at the present speed and chamber pressures. */
 static slopes friction(const hydraulic_parameters *p, const hydraulic_climate *at, double l, slopes one, slopes two,
                        const hydraulic_state *was, hydraulic_state *now)
 {
@@ -240,7 +242,7 @@ static slopes friction(const hydraulic_parameters *p, const hydraulic_climate *a
                     by_level * by_pressure * more_content};
 }
 
-/* One Newton step of the mechanical stage; returns whether it was within tolerance. */
+/* Make one Newton step of the mechanical stage; return true if the step is within tolerance. */
 static int newton_step(const hydraulic_parameters *p, const hydraulic_climate *at, double l, double x, double v, double yield,
                        double damped, const hydraulic_state *was, hydraulic_state *now, double *force)
 {
@@ -266,7 +268,7 @@ static int newton_step(const hydraulic_parameters *p, const hydraulic_climate *a
                  + l * (joint_e * l + joint_rate + one.by_speed * at->area_1 - two.by_speed * at->area_2 + rubs.by_speed);
     double a12 = l * (one.by_content * at->area_1 - two.by_content * at->area_2 + rubs.by_content);
     double a21 = l * bypass_rise * drop_speed, a22 = 1.0 + l * bypass_rise * drop_content;
-    /* eliminate the wall stress first: only the second and third equation contain it */
+    /* Eliminate the wall stress first because only the second and third equation contain it. */
     const double a33 = at->inertance * flow_rise + l * valve_rise, share = l * flow_rise / a33;
     a21 += share * l * drop_speed;
     a22 += share * l * drop_content;
@@ -280,7 +282,7 @@ static int newton_step(const hydraulic_parameters *p, const hydraulic_climate *a
            && fabs(wall) < 1e-7 * fmax(fabs(now->wall_Pa), p->yield_least_Pa);
 }
 
-/* Solve one stage of length `l` from the history `was`; `now` comes with a guess. */
+/* Solve one stage of length `l` from the history `was`; `now` contains the initial guess. Return 0 on failure. */
 static int solve_stage(const hydraulic_parameters *p, const hydraulic_climate *at, double l, double x, double v,
                        double command, const hydraulic_state *was, hydraulic_state *now, double *force)
 {
@@ -295,7 +297,7 @@ static int solve_stage(const hydraulic_parameters *p, const hydraulic_climate *a
     return 0;
 }
 
-/* All doubles of `from` moved on along the line to `to`. */
+/* Return the linear interpolation (or extrapolation) from state `from` to state `to`. */
 static hydraulic_state along(const hydraulic_state *from, const hydraulic_state *to, double share)
 {
     hydraulic_state out;
@@ -317,8 +319,8 @@ static double place(const motion *m, double share, double *speed)
     return m->x0 + m->step * share * (m->v0 + share * ((turn - bend) + bend * share));
 }
 
-/* One small step from `share` to `share + width` of the way between two samples. The search begins on the line from the
- * state `before` the last step, as long. */
+/* Make one substep from the fraction `share` to `share + width` of the interval between two samples. The initial guess
+ * is extrapolated from the state `before` the previous substep, which has the same length. */
 static int small_step(const hydraulic_parameters *p, const hydraulic_climate *at, const motion *m, double share, double width,
                       double command, const hydraulic_state *before, hydraulic_state *s, double *force)
 {

@@ -18,7 +18,7 @@
     X(gas_exchange_s)         /* taug, of heat between gas and wall */                                        \
     X(rest_Pa)                /* p00, without gas */                                                          \
     X(rest_Pa_K)              /* kp0 */                                                                       \
-    X(air)                    /* share of bubbles at one atmosphere */                                        \
+    X(air)                    /* volume fraction of bubbles at 1 atm */                                       \
     X(bulk_Pa)                /* El0, of the liquid */                                                        \
     X(bulk_per_K)             /* kE */                                                                        \
     X(expansion_per_K)        /* alT */                                                                       \
@@ -28,7 +28,7 @@
     X(passive_m)              /* Lp */                                                                        \
     X(entrance_loss)          /* zeta */                                                                      \
     X(bypass_m2)              /* CdAb */                                                                      \
-    X(bypass_Pa)              /* dp0: laminar below */                                                        \
+    X(bypass_Pa)              /* dp0: the flow is laminar below it */                                         \
     X(density_kg_m3)          /* rho */                                                                       \
     X(carrier_kg_m3)          /* rhoc */                                                                      \
     X(particle_share)         /* phi20 */                                                                     \
@@ -37,7 +37,7 @@
     X(viscosity_scale)        /* of the whole */                                                              \
     X(flow_index)             /* nhb */                                                                       \
     X(flow_rate_1_s)          /* gref */                                                                      \
-    X(creep)                  /* viscosity before yield over that after it */                                 \
+    X(creep)                  /* viscosity ratio, before to after yield */                                    \
     X(passive_least)          /* cinf */                                                                      \
     X(passive_thinning)       /* cv */                                                                        \
     X(passive_s)              /* lam */                                                                       \
@@ -113,31 +113,31 @@ typedef struct {
         "flow_m3_s", "gas", "seal_1_m", "seal_2_m", "seal_3_m", "seal_4_m", "rod_m", "rod_m_s", "wall_Pa",     \
         "pressure_1_Pa", "pressure_2_Pa", "begun"
 
-/* What depends on temperature alone. */
+/* Quantities that depend only on temperature. */
 typedef struct {
     double kelvin, ohm, shell_S[SHELLS];
     double area_1, area_2, volume_1, volume_2;
     double liquid, compliance, bubbles;       /* c0, a and b of the mixture's relative volume c0 - a p + b/p */
     double content, gas_constant, start_Pa;   /* Ntot, m R; pressure of rest at x = 0 */
-    double yielded, creeping, flow_m, flow_k; /* of the active slot's flow */
+    double yielded, creeping, flow_m, flow_k; /* coefficients of the flow in the active slot */
     double passive, passive_rate, loss, inertance, bypass;
     double yield_Pa, friction_N;
 } hydraulic_climate;
 
 void hydraulic_settle(const hydraulic_parameters *p, double kelvin, hydraulic_climate *at);
 
-/* One step, solved in `inner` equal smaller ones: displacement [m] and velocity [m/s] hold at its end (between the
- * last sample and this one the motion is a cubic), the commanded current [A] over it. The first sample is the start:
- * the damper rests there. Returns 0 when no solution was found. `force` becomes the rod's force [N]. */
+/* Advance by one step, solved in `inner` equal substeps. Displacement [m] and velocity [m/s] are values at the end of
+ * the step; the motion since the last sample is a cubic. The commanded current [A] is constant over the step. At the
+ * first sample the damper is at rest. `force` becomes the force of the rod [N]. Return 0 if no solution was found. */
 int hydraulic_step(const hydraulic_parameters *p, const hydraulic_climate *at, double step, int inner, double x,
                    double v, double command, hydraulic_state *s, double *force);
 
-/* The part of it that nothing mechanical acts on: driver, coil and flux, one implicit stage of length `l` from the
- * history `was`; `now` comes with a guess. Returns 0 when no solution was found. */
+/* Solve one implicit stage of length `l` for driver, coil and flux, which are independent of the mechanical states.
+ * `was` is the history; `now` contains the initial guess. Return 0 if no solution was found. */
 int hydraulic_magnet(const hydraulic_parameters *p, const hydraulic_climate *at, double l, double command,
                      const hydraulic_state *was, hydraulic_state *now);
 
-/* Field strength [A/m] in the fluid at a flux density, and its slope. Odd. */
+/* Return the field strength [A/m] in the fluid at a flux density (an odd function), and its derivative. */
 double hydraulic_fluid_field(const hydraulic_parameters *p, double density_T, double *slope);
 
 #endif

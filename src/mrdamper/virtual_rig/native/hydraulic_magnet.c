@@ -32,7 +32,7 @@ static double stop(double distance, double width, double lag, double *slope)
     return fabs(distance) > width ? (distance + copysign(lag * width, distance)) * *slope : distance;
 }
 
-/* Magnetomotive force [A] that a shell's flux [Wb] needs, and its slope. */
+/* Return the magnetomotive force [A] required by the flux [Wb] of a shell, and its derivative by flux. */
 static double needed(const hydraulic_parameters *p, double flux, double lag, const double was[STOPS], double now[STOPS],
                      double *slope)
 {
@@ -65,7 +65,7 @@ static void eliminate(double below[UNKNOWNS], double on[UNKNOWNS], const double 
         residual[k] = (residual[k] - (k + 1 < UNKNOWNS ? above[k] * residual[k + 1] : 0.0)) / on[k];
 }
 
-/* Driver's voltage [V] at a coil current; the integral and the voltage's slope over the current with it. */
+/* Return the driver voltage [V] at a coil current, its derivative by current, and the new integral. */
 static double drive(const hydraulic_parameters *p, double l, double command, double current, double integral,
                     double *integral_now, double *slope)
 {
@@ -96,7 +96,7 @@ int hydraulic_magnet(const hydraulic_parameters *p, const hydraulic_climate *at,
         below[0] = 0.0;
         on[0] = p->leakage_henry + l * (at->ohm - moved);
         above[0] = p->turns;
-        double before = p->turns * now->coil_A, before_rise = p->turns; /* of the shell outside */
+        double before = p->turns * now->coil_A, before_rise = p->turns; /* values of the next outer shell */
         for (int k = 0; k < SHELLS; k++) {
             const double inner = k + 1 < SHELLS ? now->flux_Wb[k + 1] : 0.0, share = l / at->shell_S[k];
             double rise;

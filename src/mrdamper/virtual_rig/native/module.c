@@ -24,7 +24,7 @@
 
 enum { MOST_NUMBERS = 96 };
 
-/* A damper of either kind with all that it remembers. */
+/* A lumped or hydraulic damper with its complete state. */
 typedef struct plant_kind plant_kind;
 typedef struct {
     const plant_kind *kind;
@@ -114,7 +114,7 @@ static const plant_kind kinds[] = {
      settle_hydraulic, is_usable_hydraulic, step_hydraulic,
      "displacement within 90 % of the chambers, velocity 10 m/s, current 100 A, temperature -43 to 226 degC"}};
 
-/* A contiguous buffer of doubles. Returns 0 with an exception set on failure. */
+/* Get a contiguous buffer of doubles. Return 0 with an exception set on failure. */
 static int open_doubles(PyObject *object, Py_buffer *view, int writable, const char *what)
 {
     if (PyObject_GetBuffer(object, view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) < 0) return 0;
@@ -238,7 +238,7 @@ static PyObject *plant_run(PyObject *object, PyObject *args)
     size_t n = 0;
     for (; opened < ARRAYS; opened++) {
         const int may_hold = opened == COMMAND || opened == KELVIN;
-        if (opened >= COIL && given[opened] == Py_None) { /* not asked for */
+        if (opened >= COIL && given[opened] == Py_None) { /* not requested */
             array[opened] = NULL;
             PyBuffer_FillInfo(view + opened, NULL, NULL, 0, 1, PyBUF_SIMPLE);
             continue;
@@ -250,7 +250,7 @@ static PyObject *plant_run(PyObject *object, PyObject *args)
         array[opened] = view[opened].buf;
         const size_t count = count_of(view + opened);
         if (opened == DISPLACEMENT) n = count;
-        /* a current or a temperature of one value is held */
+        /* A current or temperature with one value is constant over the run. */
         if (count != n && !(count == 1 && may_hold)) {
             PyErr_Format(PyExc_ValueError, "%s has %zu values; expected %zu", what[opened], count, n);
             opened++;
@@ -298,7 +298,7 @@ static PyObject *plant_copy(PyObject *object, PyObject *unused)
 enum { COPIES_MAX = 64 };
 
 typedef struct {
-    loop_plant face; /* first: a pointer to it is one to the whole */
+    loop_plant face; /* first member: a pointer to it is also a pointer to the struct */
     double kelvin;
     plant each[]; /* face.count */
 } held_plants;

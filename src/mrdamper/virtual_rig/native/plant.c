@@ -1,7 +1,7 @@
 /* The lumped virtual damper: driver, coil, eddy currents and fluid; yield, viscous and friction force.
  *
  * Every relaxation is solved exactly over a step because its inputs are held over the step. Nonlinear functions of a
- * state use the state at the beginning of the step. The equations are in rig/plant.py.
+ * state use the state at the beginning of the step. The equations are in virtual_rig/plant.py.
  */
 #include "plant.h"
 

@@ -16,10 +16,10 @@
     X(driver_V_A)             /* Kp */                                                                        \
     X(driver_V_A_s)           /* Ki */                                                                        \
     X(eddy_rise_s)            /* lag of the flux behind a rising current, at 20 C */                          \
-    X(eddy_fall_s)            /* ... and behind a falling one */                                              \
+    X(eddy_fall_s)            /* lag of the flux behind a falling current */                                  \
     X(eddy_per_K)             /* both are divided by 1 + this (T - 20 C) */                                   \
     X(fluid_lag_s)            /* of the fluid's structure behind the flux */                                  \
-    X(play_share)             /* wp: share of the field that has magnetic play */                             \
+    X(play_share)             /* wp: fraction of the field with magnetic play */                              \
     X(play_A)                 /* r: half width of the play */                                                 \
     X(full_current_A)         /* current at which the field shape is 1 */                                     \
     X(field_current_A)        /* Is of tanh(m / Is) */                                                        \

@@ -37,7 +37,7 @@ class _Scan:
         self.blocks: list[Block] = []
         self.above: list[str] = []  # Lines of words since the last block.
         self._delimiter = delimiter
-        self._numeric: list[int] = []  # Cells of the current block with numbers.
+        self._numeric: list[int] = []  # Indices of the cells with numbers in the current block.
         self._waiting: list[tuple[str, int]] = []  # Lines that may be words, with the next byte.
         self._open: Block | None = None
 
@@ -61,7 +61,7 @@ class _Scan:
             self._waiting = []
 
     def end(self) -> None:
-        """End the present block; lines that may be words below it are."""
+        """End the present block. Pending lines that may be words are then treated as words."""
         if self._open is not None:
             self.blocks.append(self._open)
             self.above = [line for line, _ in self._waiting]

@@ -22,7 +22,8 @@ _NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 def _form(point: str, group: str) -> re.Pattern[str]:
     """Return the form of a number: sign, digits before and after the point, exponent.
 
-    Groups of thousands are sure only before the point, or if there are two of them: 1,234 may be 1.234.
+    Groups of thousands are accepted only before a point or if there are two of them, because 1,234 may be
+    1.234.
     """
     grouped = rf"[0-9]{{1,3}}(?:[{group}'][0-9]{{3}})"
     return re.compile(
@@ -37,7 +38,7 @@ _FORMS = {".": _form(".", ","), ",": _form(",", ".")}
 def number_in(cell: str, decimal: str) -> float | None:
     """Return the number in a cell, None if the cell holds anything else.
 
-    ``1.0D+02``, a blank after the sign, and groups of thousands are read, too.
+    Also accepted: ``1.0D+02``, a blank after the sign, and groups of thousands.
     """
     found = _FORMS["," if decimal == "," else "."].fullmatch(cell)
     if found is None:
@@ -48,12 +49,12 @@ def number_in(cell: str, decimal: str) -> float | None:
 
 
 def is_number(cell: str) -> bool:
-    """Return True if a cell is a number with a decimal point or a decimal comma."""
+    """Return True if a cell is a number, with either decimal sign."""
     return number_in(cell, ".") is not None or number_in(cell, ",") is not None
 
 
 class Cells:
-    """One column of one block.
+    """The cells of one column in one block of rows.
 
     Parameters
     ----------
@@ -79,11 +80,11 @@ class Cells:
         return self._numbers
 
     def texts(self) -> Texts:
-        """Return the cells without blanks and quotation marks around them."""
+        """Return the cells as texts without surrounding blanks and quotation marks."""
         return list(self._texts)
 
     def first_bad(self) -> tuple[int, str]:
-        """Return the line of the first cell that is not a number, and the cell."""
+        """Return the line number and the text of the first cell that is not a number."""
         k = self._is_wrong.index(True)
         return self._lines[k], f"{self._texts[k]}"[:40]
 
@@ -93,13 +94,13 @@ class Cells:
         return Cells(texts, [None] * len(texts), self._lines)
 
     def as_times(self, reader: Timestamps) -> Cells:
-        """Return the cells as times of day or dates: numbers are seconds, and any other cell is wrong."""
+        """Return the cells converted to seconds; a cell that is not a time of day or a date is an error."""
         seconds = reader.seconds(self._texts).tolist()
         return Cells(self._texts, [None if math.isnan(each) else each for each in seconds], self._lines)
 
 
 def with_dates(columns: Mapping[int, Cells]) -> dict[int, Cells]:
-    """Return columns in which times of day have the date of the column next to them."""
+    """Return columns in which times of day are combined with the dates of an adjacent column."""
     found = dict(columns)
     for k, column in columns.items():
         times = column.texts()

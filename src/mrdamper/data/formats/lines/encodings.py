@@ -111,7 +111,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
                 return eastern
             if _NO_CYRILLIC not in content and _is_cyrillic(content):
                 return _CYRILLIC
-            # A text of numbers has few letters beyond ASCII.
+            # A text of numbers has few non-ASCII characters.
             if _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content):
                 return _WINDOWS
         raise InputError(
@@ -123,13 +123,16 @@ def encoding_of(path: TextSource, content: bytes) -> str:
 
 
 def _is_cyrillic(content: bytes) -> bool:
-    """Return True if words beyond ASCII contain no ASCII letters, because words in Latin script mix both."""
+    """Return True if words with non-ASCII characters have no ASCII letters, as in Cyrillic script.
+
+    Words in Latin script contain letters of both kinds.
+    """
     words = [word for word in _WORDS.findall(content) if not word.isascii()]
     return len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
 
 
 def _eastern(content: bytes) -> str:
-    """Return the East Asian encoding that gives the name of a channel, else the first valid one."""
+    """Return the East Asian encoding in which the text contains a channel name, else the first valid one."""
     fitting = {
         encoding: content.decode(narrow)
         for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
@@ -145,7 +148,7 @@ def _eastern(content: bytes) -> str:
 
 
 def _is_pairs_of(encoding: str, content: bytes) -> bool:
-    """Return True if all bytes beyond ASCII are pairs, at least two. Umlauts are single bytes."""
+    """Return True if all non-ASCII characters are pairs of bytes, at least two; umlauts are single bytes."""
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError:

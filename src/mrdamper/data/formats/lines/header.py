@@ -45,7 +45,7 @@ class Header:
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
-    """Return the delimiter and the first line of data: at least two numbers, and as many in the next line.
+    """Return the delimiter and the first line of data: two or more numbers, and as many in the next line.
 
     The first of ten such lines has priority, because a short table of results may be above the samples.
     """
@@ -104,8 +104,8 @@ def _is_word(cell: str) -> bool | None:
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the names of the columns above the first row, and the lines above the names.
 
-    A row of units under (or above) the names is added to them: ``name [unit]``. A row of commands above
-    them is added as ``0.5 A: name [unit]``. A command applies up to the next filled cell.
+    A row of units below (or above) the names is added to the names: ``name [unit]``. A row of commands above
+    the names is added as ``0.5 A: name [unit]``. A command applies up to the next filled cell.
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
@@ -149,7 +149,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     settings: list[str] = []
     if units is not None:
         both = list(zip(names, units, strict=True))
-        # An oscilloscope writes this.
+        # Oscilloscopes write the time step in the row of units.
         settings = [f"{name}: {unit} s" for name, unit in both if count_numbers([unit])]
         names = [f"{name} [{unit}]" if unit and not count_numbers([unit]) else name for name, unit in both]
     commands = rows[0][1] if rows else []
@@ -167,7 +167,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
 
 
 def _filled(cells: list[str]) -> list[str]:
-    """Return cells without empty ones at the end."""
+    """Return the cells of a row without empty cells at the end."""
     last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
     return cells[:last]
 
@@ -217,7 +217,7 @@ def _nonempty_lines(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
 
 
 def _results(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return ``Coil current: 0.5 A`` for each cell of a table of one row of values under names and units."""
+    """Return lines such as ``Coil current: 0.5 A`` from a table of three rows: names, units and values."""
     found = []
     for names, units, values, below in zip(rows, rows[1:], rows[2:], [*rows[3:], []], strict=False):
         words = [text.strip("[]()") for text in units]
@@ -229,7 +229,7 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def with_unit(line: str) -> str:
-    """Return an entry ``Current_A=0.5`` with its unit behind the number, any other line without a change."""
+    """Return an entry ``Current_A=0.5`` with the unit after the number; return any other line unchanged."""
     found = _SETTING.fullmatch(line)
     if found is None:
         return line
@@ -238,7 +238,7 @@ def with_unit(line: str) -> str:
 
 
 def _leads(fields: Sequence[str]) -> bool:
-    """Return True if only the first cell of a row is a label of the row."""
+    """Return True if the first cell of a row, and no other cell, is a label such as ``Units: s``."""
     return [_LEAD.match(text) is not None for text in fields] == [True, *[False] * (len(fields) - 1)]
 
 
@@ -264,7 +264,7 @@ def is_comment(line: str) -> bool:
 
 
 def count_numbers(fields: Sequence[str]) -> int:
-    """Return the number of numeric fields; a time of day in the first field, or behind a date, counts."""
+    """Return the number of numeric fields. A time of day in the first field or after a date also counts."""
     is_dated = len(fields) > 1 and not math.isnan(days_of(fields[0])[0]) and is_time(fields[1])
     return (is_dated or is_time(fields[0] if fields else "")) + sum(map(is_number, fields))
 

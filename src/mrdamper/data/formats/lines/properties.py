@@ -1,7 +1,7 @@
 """Properties of channels above a table: name, unit, factor and offset of each channel.
 
-They are stated as a row for each property (``Unit;mm;N;A``), as a property with its values on the next line,
-as a table with a row for each channel, or with the number of the channel (``ch2.unit = kN``, ``[Channel2]``).
+Four layouts are read: a row for each property (``Unit;mm;N;A``), a property with its values on the next line,
+a table with a row for each channel, and entries with the channel number (``ch2.unit = kN``, ``[Channel2]``).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label names, "" for other labels; ``x unit`` belongs to the time axis."""
+    """Return the property that a label names, "" for other labels; ``x unit`` is of the time axis."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
@@ -98,7 +98,7 @@ def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> lis
 
 
 def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
-    """Yield the property of each row: its label, and the values of the channels in this or the next line."""
+    """Generate (property, values of the channels) of each row; the values are in this or the next line."""
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         name = property_of(row[0]) if row else ""
         if name and any(row[1:]):
@@ -108,7 +108,7 @@ def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
-    """Yield properties that are columns of a table with a row for each channel."""
+    """Generate (property, values) from the columns of a table with one row for each channel."""
     for k, row in enumerate(rows):
         named = {at: name for at, cell in enumerate(row) if (name := property_of(cell))}
         below = [*rows[k + 1 :]]
@@ -119,7 +119,7 @@ def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]
 
 
 def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield properties with the number of the channel in their key or section."""
+    """Generate (property, values) from entries with the channel number in their key or section."""
     found: dict[str, dict[int, str]] = {}
     section: int | None = None
     for line in lines:
@@ -140,7 +140,7 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield the labels of all rows with the cells behind them or in the next line."""
+    """Generate the label of each row with the cells after the label or in the next line."""
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
             yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]
