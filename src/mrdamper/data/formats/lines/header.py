@@ -113,8 +113,8 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     if stated is not None:
         said = _nonempty_lines(lines[:first], delimiter)
         return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
-    above = split_line(lines[first - 1], delimiter) if first else []
-    if len(above) == len(cells) + 1 and _SPARSE.fullmatch(above[-1]):
+    named = split_line(lines[first - 1], delimiter) if first else []
+    if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
         cells = [*cells, ""]  # Only some rows have an event.
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
