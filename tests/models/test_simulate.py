@@ -343,7 +343,8 @@ def test_sensitivities_match_central_differences_with_heating(name, kind):
             return simulate(moved, run)
 
         value = damper.command_lag_s if number == LAG else damper.parameters[number]
-        assert worst_tangent(columns[row], force_at, value) < 1e-6, number
+        # The kernel ends its search at a relative residual of 1e-7, also in the difference quotient.
+        assert worst_tangent(columns[row], force_at, value) < 2e-6, number
 
 
 # ------------------------------------------------------------------------------------------- actuation
