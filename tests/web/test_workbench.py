@@ -99,7 +99,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         hand.press("Export", "tab")
         assert page.locator("#export-damper").input_value() == chosen
         hand.press("Make and verify")
-        page.get_by_text("The compiled code gives the model's own bits").first.wait_for(timeout=300_000)
+        page.get_by_text("The compiled code is identical to the model").first.wait_for(timeout=300_000)
         page.get_by_role("link", name=re.compile(r"damper\.fmu")).wait_for()
         expect(page.locator("[data-page=controller]")).to_have_attribute("data-step", "done")
         file = folder / "inputs" / chosen
