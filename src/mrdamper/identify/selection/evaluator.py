@@ -80,7 +80,7 @@ class CandidateEvaluator:
         self.screening_windows = representative_windows(
             self.runs,
             data.settings,
-            samples_max=min(data.settings.screening_samples_max, samples_max / 3),
+            samples_max=min(data.settings.screening_samples_max, settings.screening_fraction * samples_max),
             blocks=blocks,
         )
         # Damper of the last validated candidate with its actuation.

@@ -16,6 +16,7 @@ class SelectionSettings:
     # Data: the selection is repeated with more windows if the error of the chosen candidate on all runs is
     # larger than this ratio times its error on the windows.
     samples_max: int = 15_000  # simulated samples of the windows
+    screening_fraction: float = 1.0 / 3.0  # samples of the screening windows, relative to these, at most
     subset_error_ratio_max: float = 1.2
     subset_growth: float = 3.0  # factor of the samples in such a repetition
 
