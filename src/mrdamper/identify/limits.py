@@ -30,15 +30,7 @@ POSITION_CHANGE_MAX = 0.99
 
 def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
     """Return the damper with coefficients in the range of its law, for all runs of a problem."""
-    values = damper.parameters_and_lag
-    # A breakaway force below the slowest velocity of the runs has no effect on the cost, and any size.
-    clipped = {
-        free.name: min(max(values[free.name], free.lower), free.upper)
-        for free in problem.linear
-        if damper.coefficients[free.name.partition(".")[0]].kind == "constant"
-    }
-    moved = {name: value for name, value in clipped.items() if value != values[name]}
-    return limit_coefficients(damper.with_parameters(moved), envelope_of(problem.runs))[0]
+    return limit_coefficients(damper, envelope_of(problem.runs))[0]
 
 
 def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:

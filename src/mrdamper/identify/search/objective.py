@@ -162,7 +162,9 @@ class Objective:
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
         if g.shape[1] == n + 1:
             return hessian, gradient, np.empty((len(g), 0, n))
-        inner, both = g[:, n:-1, n:-1], np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
+        # Without regularisation, a linear parameter without effect would get any size.
+        inner = g[:, n:-1, n:-1] + np.diag(self._light)
+        both = np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
         rows = self._rows
         if len(rows):
             slack = linear @ rows.T - self._floor
