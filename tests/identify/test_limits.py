@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrdamper.data.records import Dataset, Recording
 from mrdamper.identify.limits import limit_coefficients
+from mrdamper.jobs.fit import fit
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.temperature import Linear
@@ -53,3 +55,25 @@ def test_factor_near_zero_keeps_the_size() -> None:
         form.value(np.zeros(9), temperatures) for form in (vanishing, limited.coefficients["friction_force"])
     )
     np.testing.assert_allclose(after, before, atol=0.01 * np.max(before))
+
+
+def test_parameter_without_effect_stays_small() -> None:
+    """A breakaway force that decays below the slowest sampled velocity acts in no sample."""
+    time = np.arange(1500) / 500.0
+    volts = 0.5 * np.sin(4.0 * np.pi * time)
+    speed = np.gradient(volts, time)
+    runs = [
+        Recording(
+            name=f"{current:.1f} A",
+            time=time,
+            displacement=0.01 * np.round(volts, 5),  # The rounding of a logger makes velocities of zero rare.
+            force=980.665 * np.round(strength * np.tanh(speed) + 0.05 * speed, 5),
+            command=np.full(len(time), current),
+            command_unit="A",
+            temperature=np.full(len(time), 293.15),
+        ).checked()
+        for current, strength in ((0.0, 0.2), (1.0, 0.9))
+    ]
+    found = fit(Dataset(tuple(runs)), "bouc-wen")
+    breakaway = next(free for free in found.problem.linear if free.name == "breakaway_friction.value")
+    assert breakaway.lower <= found.damper.parameters[breakaway.name] <= breakaway.upper
