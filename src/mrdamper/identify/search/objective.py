@@ -225,7 +225,8 @@ def _nearest_valid(
     between = rows @ away
     size = inverse_sizes(between)
     between *= np.outer(size, size)
-    root = np.linalg.cholesky(between + MULTIPLIER_REGULARISATION * np.eye(len(rows))).T
+    values, vectors = np.linalg.eigh(0.5 * (between + between.T))
+    scale = np.sqrt(np.maximum(values, 0.0) + MULTIPLIER_REGULARISATION)
     slack = size * (rows @ solution - floor)
-    multipliers, _ = nnls(root, np.linalg.solve(root.T, -slack))
+    multipliers, _ = nnls(scale[:, None] * vectors.T, -(vectors.T @ slack) / scale)
     return np.asarray(solution + away @ (size * multipliers))
