@@ -33,7 +33,7 @@ def folder(tmp_path_factory):
     write_csv(place / "spoilt" / "shifted.csv", shifted)
     (place / "mixed").mkdir()
     write_csv(place / "mixed" / "shifted.csv", shifted)
-    (place / "mixed" / "broken.csv").write_text("time_s,displacement_mm,force_N,current_A\n")
+    (place / "mixed" / "broken.csv").write_text("time_s;displacement_mm;force_N;current_A\n")
     return place
 
 

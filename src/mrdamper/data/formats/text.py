@@ -31,6 +31,7 @@ from mrdamper.data.formats.lines.encodings import (
     utf16_of,
 )
 from mrdamper.data.formats.lines.header import (
+    DELIMITERS,
     Header,
     find_data,
     find_decimal,
@@ -53,6 +54,7 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
+EMPTY_RECORD_COLUMNS_MIN = 3  # names in the only line of a record; a line of words may have a comma
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
@@ -172,7 +174,8 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     if first is None:
         # An empty record has a header alone. Notes have other lines.
         lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
-        is_empty_record = len(lines) == 1 and len(re.split(r"[,;\t|]", lines[0])) >= 3
+        widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
+        is_empty_record = len(lines) == 1 and max(widths) >= EMPTY_RECORD_COLUMNS_MIN
         raise (InputError if is_empty_record else NoTableError)(
             place=f"{path}",
             found=f"no rows of numbers in the first {len(head.lines)} lines",
