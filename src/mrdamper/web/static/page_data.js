@@ -20,7 +20,7 @@ import {
   idOf,
   matching,
   runList,
-  strangersOf,
+  foreignRunsOf,
 } from "./runs.js";
 import { address, app, attempt, cards, choose, chosen, go, once } from "./state.js";
 import {
@@ -355,7 +355,7 @@ function fileTable(files) {
 function runTable(shown, all) {
   const units = [...new Set(all.map((run) => run.command_unit).filter(Boolean))];
   const unit = units.length === 1 ? units[0] : "";
-  const [copies, strangers] = [copiesOf(all), strangersOf(all)];
+  const [copies, foreign] = [copiesOf(all), foreignRunsOf(all)];
   const range = (pair, digits) => pair && `${fixed(pair[0], digits)} to ${fixed(pair[1], digits)}`;
   const isWide = (pair) => pair && pair[1] - pair[0] > 2;
   const temperature = (run) =>
@@ -368,7 +368,7 @@ function runTable(shown, all) {
     run.error && tag("fault", "not usable", run.error),
     !run.error && run.worst && tag(run.worst),
     copies.has(run) && tag("warning", "copy", `a copy of ${copies.get(run).name}`),
-    strangers.has(run) && tag("warning", "stranger", strangers.get(run)),
+    foreign.has(run) && tag("warning", "other damper?", foreign.get(run)),
   ];
   const state = (run) => {
     const found = marks(run).filter(Boolean);

@@ -21,7 +21,7 @@ import {
   matching,
   motionOf,
   runList,
-  strangersOf,
+  foreignRunsOf,
 } from "./runs.js";
 import { address, app, attempt, choose, chosen, go, toast } from "./state.js";
 import {
@@ -65,7 +65,7 @@ function fittedRuns(runs, without) {
 }
 
 function runChoice(runs, fitted, without) {
-  const [copies, strangers] = [copiesOf(runs), strangersOf(runs)];
+  const [copies, foreign] = [copiesOf(runs), foreignRunsOf(runs)];
   const found = matching(runs, "choose");
   const told = (marked, one, many) => {
     const count = found.filter((run) => marked.has(run)).length;
@@ -74,7 +74,7 @@ function runChoice(runs, fitted, without) {
   const marks = (run) =>
     [
       copies.has(run) && `a copy of ${copies.get(run).name}`,
-      strangers.get(run),
+      foreign.get(run),
       run.worst === "fault" && "with a fault",
     ].filter(Boolean);
   const ids = fitted.map((run) => idOf(run, runs));
@@ -82,7 +82,7 @@ function runChoice(runs, fitted, without) {
     const [one] = [...ids, ...next].filter((id) => ids.includes(id) !== next.includes(id));
     choose({ "choose.without": toggled(without, one) });
   };
-  const words = `${ids.length} of ${several(runs.length, "run")}${told(copies, "a copy", "copies")}${told(strangers, "a stranger", "strangers")}`;
+  const words = `${ids.length} of ${several(runs.length, "run")}${told(copies, "a copy", "copies")}${told(foreign, "probably of another damper", "probably of another damper")}`;
   const isOpen = chosen("choose.open", false);
   return div(
     filtersOf(runs, "choose"),

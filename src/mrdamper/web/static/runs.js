@@ -61,7 +61,7 @@ export function copiesOf(runs) {
 }
 
 /** Return the runs that probably belong to another damper: run -> reason. */
-export function strangersOf(runs) {
+export function foreignRunsOf(runs) {
   const commanded = runs.filter((run) => run.command_unit);
   const usual = commonest(commanded.map(unitOf));
   const others = commanded.filter((run) => unitOf(run) !== usual);
@@ -97,7 +97,7 @@ export function findingsBetween(runs) {
     remedy,
   });
   return [
-    ...[...strangersOf(runs)].map(([run, reason]) =>
+    ...[...foreignRunsOf(runs)].map(([run, reason]) =>
       finding(
         run,
         reason,
