@@ -73,7 +73,7 @@ def _first(fitted: FitResult) -> FirstScreen:
     if not fitted.converged:
         flags.insert(0, ("Not converged", convergence_sentence(fitted)))
     if not unseen:
-        remedy = "Use --hold-out to test the model on runs that the fit did not use"
+        remedy = "Hold out some runs to test the model on data that the fit did not use"
         flags.append(("No run was held out", remedy))
     return FirstScreen(
         title=fitted.title or "MR damper identification",
