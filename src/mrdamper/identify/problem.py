@@ -18,7 +18,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
-from mrdamper.identify.windows import FitWindow, representative_windows, run_windows
+from mrdamper.identify.windows import FitWindow, changing_sample_count, representative_windows, run_windows
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
@@ -124,13 +124,11 @@ class FitProblem:
         Without ``samples_max``, all data are used unless the runs with changing current are too long (see
         ``FitSettings``). With several ``blocks`` of time, no window belongs to two blocks.
         """
-        whole = run_windows(self.runs, self.settings)
         limit = math.inf if samples_max is None else samples_max
-        changing = sum(len(window.force) for window in whole if window.drive.constant is None)
-        if changing > self.settings.changing_samples_max:
+        if changing_sample_count(self.runs, self.settings) > self.settings.changing_samples_max:
             limit = min(limit, self.settings.changing_samples_max)
         if limit == math.inf and blocks == 1:
-            return whole
+            return run_windows(self.runs, self.settings)
         return representative_windows(self.runs, self.settings, samples_max=limit, blocks=blocks)
 
 

@@ -112,6 +112,12 @@ def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[Fit
     return tuple(windows)
 
 
+def changing_sample_count(runs: Sequence[PreparedRun], settings: FitSettings) -> int:
+    """Return the number of samples, at the rate of a fit, of the runs with changing current."""
+    changing = [run for run in runs if np.ptp(run.trajectory.command) > 0.0]
+    return sum(len(_decimate(run, settings)) for run in changing)
+
+
 def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT_SETTINGS) -> FitWindow:
     """Return a whole run as one window with the measured temperature and the weight 1 / ``run_count``."""
     coarse = _decimate(run, settings)

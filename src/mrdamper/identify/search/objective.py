@@ -49,6 +49,7 @@ class Box:
 REGULARISATION_COST = 1e-6
 # Relative regularisation of the dual problem, because conditions at neighbouring currents are nearly equal.
 MULTIPLIER_REGULARISATION = 1e-10
+EIGENVALUE_MIN = 1e-12  # regularisation of a matrix with a unit diagonal
 # A cost below this fraction of the cost of the guess is dominated by rounding errors.
 RESOLVED_COST_RATIO = 1e-9
 # Relative stiffness of an active condition.
@@ -186,7 +187,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     scale = inverse_sizes(matrix)
     scaled = matrix * (scale[..., :, None] * scale[..., None, :])
     places = np.arange(matrix.shape[-1])
-    scaled[..., places, places] += 1e-12
+    scaled[..., places, places] += EIGENVALUE_MIN
     right = scale[..., None] * right
     try:
         solved = np.linalg.solve(scaled, right)
@@ -221,12 +222,14 @@ def _nearest_valid(
     """
     from scipy.optimize import nnls  # It takes a quarter of a second to load.
 
-    away = solve_scaled(matrix, rows.T)
-    between = rows @ away
-    size = inverse_sizes(between)
-    between *= np.outer(size, size)
-    values, vectors = np.linalg.eigh(0.5 * (between + between.T))
-    scale = np.sqrt(np.maximum(values, 0.0) + MULTIPLIER_REGULARISATION)
+    scale = inverse_sizes(matrix)
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    half = scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + EIGENVALUE_MIN)
+    projected = half.T @ rows.T
+    size = inverse_sizes(projected.T @ projected)
+    projected *= size
+    # A product with its own transpose is positive semi-definite in spite of rounding errors.
+    root = np.linalg.cholesky(projected.T @ projected + MULTIPLIER_REGULARISATION * np.eye(len(rows))).T
     slack = size * (rows @ solution - floor)
-    multipliers, _ = nnls(scale[:, None] * vectors.T, -(vectors.T @ slack) / scale)
-    return np.asarray(solution + away @ (size * multipliers))
+    multipliers, _ = nnls(root, np.linalg.solve(root.T, -slack))
+    return np.asarray(solution + half @ (projected @ multipliers))
