@@ -18,7 +18,7 @@ import pytest
 
 import mrdamper
 from mrdamper.cli import cli
-from mrdamper.registry import JOBS, public_names
+from mrdamper.registry import JOBS
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
@@ -26,6 +26,8 @@ from tests.support.cards import RIG_ENVELOPE, card_of, rig_damper
 from tests.support.interface import FILE, interface
 
 pytestmark = pytest.mark.system
+
+PUBLIC_NAMES = {job.attribute for job in JOBS.values()}
 
 SCRIPT = Path(__file__).parent / "support" / "typed_script.py"
 
@@ -134,16 +136,14 @@ def test_logger_file_gives_compiled_controller(logged, tmp_path, monkeypatch):
 
 
 def test_card_has_method_per_job():
-    begins = {
-        job.name for job in JOBS.values() if job.inputs and job.inputs[0].option.kind.startswith("card")
-    }
+    begins = {job.name for job in JOBS.values() if job.inputs and job.inputs[0].name == "card"}
     assert begins <= {*vars(mrdamper.ModelCard)}
 
 
 def test_interface_matches_declarations():
     """`make interface` writes the functions again after a change of a declaration."""
     assert FILE.read_text(encoding="utf-8").endswith(interface())
-    assert {*public_names(), "read"} <= {*mrdamper.__all__}
+    assert {*PUBLIC_NAMES, "read"} <= {*mrdamper.__all__}
 
 
 @pytest.mark.parametrize("name", [name for name in mrdamper.__all__ if name[0].islower()])
@@ -153,7 +153,7 @@ def test_function_has_explicit_signature(name):
     for parameter in inspect.signature(function).parameters.values():
         assert parameter.kind not in {parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL}
         assert parameter.annotation not in {parameter.empty, "Any"}
-        if name in public_names() and parameter.name != "on_progress":
+        if name in PUBLIC_NAMES and parameter.name != "on_progress":
             assert f"\n{parameter.name} : " in (inspect.getdoc(function) or "")
 
 

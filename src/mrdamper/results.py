@@ -30,6 +30,7 @@ class Picture:
     """Base class of values with a picture, which notebooks display."""
 
     __slots__ = ()
+    _picture: ClassVar[str]  # module:function that draws the value
 
     def plot(self) -> Figure:
         """Return the picture as a Matplotlib figure.
@@ -52,7 +53,7 @@ class Picture:
 
     def _draw(self) -> Figure | None:
         """Return the picture, or None if there is no picture."""
-        figure: Figure = load(load("mrdamper.registry:PICTURES")[type(self).__name__])(self)
+        figure: Figure = load(self._picture)(self)
         return figure
 
     def _repr_html_(self) -> str:

@@ -41,7 +41,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -55,7 +55,7 @@ _SHOWN_NAMES_MAX = 40  # known names in one message
 _VALUE_LENGTH_MAX = 60  # characters of a value in a message
 _UNIT_HINTS = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # hints for typical unit errors
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
-_FIELDS: dict[type, tuple[Field, ...]] = {}  # cache
+MORE = "More"  # heading of the fields that are rarely changed
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
 
 
@@ -72,12 +72,8 @@ class Option:
     most: float | None = None
     above: float | None = None
     below: float | None = None
-    key: str = ""  # key in files if it differs from the name; the field is then in SI
+    key: str = ""  # key in files and requests if it differs from the name; with a unit the field is in SI
     flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
-    kind: str = ""  # kind of input (``registry.kinds``); empty for an option
-    argument: bool = False  # positional argument of the command line
-    in_answer: bool | None = None  # The answer contains the path. None: if the input is one required file.
-    local: bool = False  # Servers have no such field, because it can execute code.
     metavar: str = ""
     among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time
     default_help: str = ""  # meaning of the default None
@@ -85,20 +81,26 @@ class Option:
     expected: str = ""  # expected value in messages; empty: derived from type, unit and range
     most_items: int | None = None
     least_items: int | None = None
+    # Inputs and outputs of jobs:
+    read: str = ""  # module:function that reads a path or preset; empty: the job gets the value unchanged
+    reading: type | None = None  # options for reading, which are keyword arguments of ``read``
+    argument: bool = False  # positional argument of the command line
+    output: bool = False  # path of an output
+    local: bool = False  # Servers have no such field, because it can execute code.
     # Forms:
     label: str = ""  # empty: derived from the name
-    group: str = "More"  # heading of the field; empty: above all headings
+    group: str = ""  # heading of the field; empty: above all headings
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
     begins: Any = None  # initial value if it differs from the default
     offers: str = ""  # group of proposed names (``jobs.previews.choices``)
     slider: tuple[float, float, float] | None = None  # min, max, step
     places: tuple[str, ...] = ()  # subfolders of the work folder with selectable files
-    files: str = ""  # suffix of selectable files
+    files: str = ".toml"  # suffix of selectable inputs
     looks: tuple[str, ...] = ()  # accepted kinds of input (``web.inputs``)
-    word: str = ""  # label of an uploaded file
+    word: str = ""  # name of the kind of input
     part: str = ""  # The field enables this part of the geometry file. It is locked if the part is missing.
 
-    __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
+    __is_annotated_types_grouped_metadata__: ClassVar[Literal[True]] = True
 
     def __iter__(self) -> Iterator[object]:
         """Generate the constraints for Pydantic."""
@@ -115,6 +117,7 @@ class Option:
         ).metadata
         if self.key and self.unit:
             yield pydantic.AfterValidator(self.to_si)
+            yield pydantic.PlainSerializer(self.from_si, when_used="unless-none")
 
     @property
     def remedy(self) -> str:
@@ -122,24 +125,23 @@ class Option:
         return _UNIT_HINTS.get(self.unit, "")
 
     @property
+    def _limits(self) -> list[tuple[str, Callable[[float, float], bool], float]]:
+        limits = (
+            *(("above", operator.gt, self.above), ("at least", operator.ge, self.least)),
+            *(("below", operator.lt, self.below), ("at most", operator.le, self.most)),
+        )
+        return [(words, fits, limit) for words, fits, limit in limits if limit is not None]
+
+    @property
     def range_words(self) -> str:
         """Return the range in words, such as ``above 0 and at most 5 mm``; empty if there is none."""
-        ends = (
-            *(("above {:g}", self.above), ("at least {:g}", self.least)),
-            *(("below {:g}", self.below), ("at most {:g}", self.most)),
-        )
-        words = [form.format(limit) for form, limit in ends if limit is not None]
         if self.least is not None and self.most is not None:
-            words = [f"{self.least:g} to {self.most:g}"]
-        return " and ".join(words)
+            return f"{self.least:g} to {self.most:g}"
+        return " and ".join(f"{words} {limit:g}" for words, _, limit in self._limits)
 
     def holds(self, value: float) -> bool:
         """Return True if a number, in file units, is finite and in the range."""
-        limits = (
-            *((operator.ge, self.least), (operator.le, self.most)),
-            *((operator.gt, self.above), (operator.lt, self.below)),
-        )
-        return math.isfinite(value) and all(end is None or fits(value, end) for fits, end in limits)
+        return math.isfinite(value) and all(fits(value, limit) for _, fits, limit in self._limits)
 
     def to_si(self, value: float | None) -> float | None:
         """Return a value of a file in SI."""
@@ -253,27 +255,37 @@ def _field_texts(module: str) -> dict[tuple[str, str], str]:
     }
 
 
-def fields_of(record: type) -> tuple[Field, ...]:
+@cache
+def fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a dataclass
     """Return the fields of a record, in order. Pydantic is not loaded."""
-    if record not in _FIELDS:
-        _FIELDS[record] = tuple(_read_fields(record))
-    return _FIELDS[record]
+    hints, fields = _hints_of(record), []
+    for each in dataclasses.fields(record):
+        default: Any = each.default if each.default_factory is dataclasses.MISSING else each.default_factory()
+        fields += [_field(record, each.name, hints[each.name], default)] if each.init else []
+    return tuple(fields)
 
 
-def _read_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
+@cache
+def class_fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a class
+    """Return the class variables of a record as fields, in order."""
+    return tuple(
+        _field(record, name, get_args(hint)[0], getattr(record, name, dataclasses.MISSING))
+        for name, hint in _hints_of(record).items()
+        if get_origin(hint) is ClassVar
+    )
+
+
+def _hints_of(record: type) -> dict[str, Any]:
     # Use the names of the module: a lambda in an annotation looks there when it is called.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
         names |= vars(sys.modules[base.__module__])
-    hints = typing.get_type_hints(record, globalns=names, include_extras=True)
-    for each in dataclasses.fields(record):
-        if not each.init:
-            continue
-        kind, option, optional = _split_annotation(hints[each.name])
-        default = each.default
-        if default is dataclasses.MISSING and each.default_factory is not dataclasses.MISSING:
-            default = each.default_factory()
-        yield Field(each.name, option.key or each.name, kind, optional, default, option, record)
+    return typing.get_type_hints(record, globalns=names, include_extras=True)
+
+
+def _field(record: type, name: str, hint: object, default: object) -> Field:
+    kind, option, optional = _split_annotation(hint)
+    return Field(name, option.key or name, kind, optional, default, option, record)
 
 
 def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
@@ -452,26 +464,9 @@ def write_record(record: object, *, defaults: bool = False, nulls: bool = False)
     Fields with None are omitted unless ``nulls`` (null in JSON). Fields with their default are omitted
     unless ``defaults``.
     """
-    table: Json = {}
-    for field in fields_of(type(record)):
-        value = getattr(record, field.name)
-        if (value is None and not nulls) or (not defaults and not field.required and value == field.default):
-            continue
-        stored = field.option.from_si(value) if field.option.key and isinstance(value, float) else value
-        table[field.key] = _plain(stored, defaults=defaults, nulls=nulls)
+    options = {"by_alias": True, "exclude_defaults": not defaults, "exclude_none": not nulls}
+    table: Json = _adapter(type(record)).dump_python(record, mode="json", warnings=False, **options)
     return table
-
-
-def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 - any value of a field
-    if hasattr(type(value), "__get_pydantic_core_schema__"):  # The type is read from a text.
-        return str(value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return write_record(value, defaults=defaults, nulls=nulls)
-    if isinstance(value, Mapping):
-        return {key: _plain(each, defaults=defaults, nulls=nulls) for key, each in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(each, defaults=defaults, nulls=nulls) for each in value]
-    return str(value) if isinstance(value, Path) else value
 
 
 def finite_or_none(value: float) -> float | None:
@@ -481,36 +476,29 @@ def finite_or_none(value: float) -> float | None:
 
 def toml_text(document: Mapping[str, Any], title: str = "") -> str:
     """Return a document as TOML: plain values first, then tables, lists of tables last."""
-    lines = [f"# {line}" for line in title.splitlines()]
-    _add_table(lines, document, ())
+    lines = [*(f"# {line}" for line in title.splitlines()), *_toml_lines(document, "")]
     return "\n".join(lines).strip("\n") + "\n"
 
 
-def _add_table(lines: list[str], table: Mapping[str, Any], path: tuple[str, ...]) -> None:
-    inner = {key: value for key, value in table.items() if isinstance(value, Mapping)}
-    many = {key: rows for key, rows in table.items() if _is_tables(rows)}
-    lines += [
-        f"{_toml_key(k)} = {_toml_value(v)}" for k, v in table.items() if k not in inner and k not in many
-    ]
-    for key, value in inner.items():
-        place = (*path, _toml_key(key))
-        if (
-            any(not isinstance(each, Mapping) and not _is_tables(each) for each in value.values())
-            or not value
-        ):
-            lines += ["", f"[{'.'.join(place)}]"]
-        _add_table(lines, value, place)
-    for key, rows in many.items():
-        for row in rows:
-            place = (*path, _toml_key(key))
-            lines += ["", f"[[{'.'.join(place)}]]"]
-            _add_table(lines, row, place)
+def _toml_lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
+    for key, value in table.items():
+        if _is_plain(value):
+            yield f"{_toml_key(key)} = {_toml_value(value)}"
+    for many in (False, True):
+        for key, value in table.items():
+            if _is_plain(value) or isinstance(value, Mapping) is many:
+                continue
+            place = f"{path}{_toml_key(key)}"
+            for row in value if many else [value]:
+                if many or not row or any(map(_is_plain, row.values())):
+                    yield from ("", f"[[{place}]]" if many else f"[{place}]")
+                yield from _toml_lines(row, f"{place}.")
 
 
-def _is_tables(value: object) -> bool:
-    return (
-        isinstance(value, list | tuple) and bool(value) and all(isinstance(each, Mapping) for each in value)
-    )
+def _is_plain(value: object) -> bool:
+    """Return False if a value is a table or a list of tables."""
+    rows = value if isinstance(value, list | tuple) else [value]
+    return not (rows and all(isinstance(each, Mapping) for each in rows))
 
 
 def _toml_key(key: str) -> str:

@@ -110,7 +110,7 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
     }
     given, options = asked[name]
     job = JOBS[name]
-    return partial(job.save, job(given, job.options_type() if options is None else options))
+    return partial(job.save, job.perform(given, options)[0])
 
 
 @pytest.mark.parametrize("old", [False, True], ids=["new folder", "older files"])

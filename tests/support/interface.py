@@ -14,7 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
-from mrdamper.registry import JOBS, KINDS, Job, load
+from mrdamper.registry import JOBS, Job
+from mrdamper.results import load
 from mrdamper.schema import Field
 
 FILE = Path(__file__).parents[2] / "src" / "mrdamper" / "__init__.py"
@@ -110,10 +111,9 @@ def documentation(job: Job) -> str:
 
 def input_type(job: Job, each: Field, types: dict[str, str]) -> str:
     """Return the type of an input: the types that the job and the reader of the input accept."""
-    kind = KINDS[each.option.kind]
-    run, reader = load(job.run), load(kind.read) if kind.read else None
+    run, reader = load(job.run), load(each.option.read) if each.option.read else None
     accepted = [] if each.many and reader else [(inspect.get_annotations(run)[each.name], run.__module__)]
-    if reader is not None and kind.read != "builtins:str":
+    if reader is not None:
         accepted.append((next(iter(inspect.get_annotations(reader).values())), reader.__module__))
     if each.many and accepted[-1][0] != "Runs":
         accepted.insert(0, ("str | Path", "pathlib"))

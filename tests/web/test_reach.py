@@ -17,7 +17,7 @@ from mrdamper.jobs.previews.choices import choices
 from mrdamper.jobs.public_data.catalog import list_sets
 from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.web.forms import all_forms
-from mrdamper.web.schemas import order_kinds, read_order, request_fields
+from mrdamper.web.schemas import ORDER_JOBS, read_order, request_fields
 from tests.web.walking import STATIC
 
 pytestmark = pytest.mark.system
@@ -101,14 +101,14 @@ def test_commands_are_in_page_table():
     )
 
 
-@pytest.mark.parametrize("kind", order_kinds())
+@pytest.mark.parametrize("kind", ORDER_JOBS)
 def test_job_kinds_have_a_page(kind):
     """The form is built from the declarations, so that no field is missing."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
     assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^  {kind}: "', text, re.MULTILINE)
 
 
-@pytest.mark.parametrize("kind", order_kinds())
+@pytest.mark.parametrize("kind", ORDER_JOBS)
 def test_initial_form_values_are_valid(kind):
     forms = all_forms(choices())[kind]
     assert [one["name"] for one in forms] == [field.key for field in request_fields(kind)]

@@ -25,7 +25,7 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry import QUERIES
 from mrdamper.web.query_worker import Query, find_function
-from mrdamper.web.schemas import job_of, order_kinds, request_fields
+from mrdamper.web.schemas import ORDER_JOBS, request_fields
 from mrdamper.web.worker_client import WorkerClient
 from tests.support.campaigns import short_runs, write_csv, write_runs
 from tests.support.cards import PAPER_DRAWING, write_heated_card
@@ -84,10 +84,10 @@ def test_empty_folder_has_initial_state(clean):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", order_kinds())
+@pytest.mark.parametrize("kind", ORDER_JOBS)
 def test_order_defaults_equal_job_defaults(kind):
     orders = {field.name: field for field in request_fields(kind)}
-    for option in job_of(kind).fields:
+    for option in ORDER_JOBS[kind].fields:
         assert option.option.local or orders[option.name].default == option.default, option.name
         described = replace(option.option, help=option.help)
         assert option.option.local or orders[option.name].option == described

@@ -16,7 +16,7 @@ import click
 from mrdamper.cli.help_texts import EXAMPLES, EXIT_CODES, GROUPS
 from mrdamper.cli.questions import print_questions, prompt_for_answers
 from mrdamper.errors import InputError, UsageError
-from mrdamper.registry import KINDS, Job
+from mrdamper.registry import Job
 from mrdamper.schema import Field
 
 _PATH = click.Path(path_type=Path)
@@ -41,7 +41,7 @@ def make_command(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], in
     def run(*, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
         from mrdamper.cli.terminal import progress_line
 
-        given = {name: values.pop(name, None) for name in job.given_names}
+        given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
         paths = {output.name: values.pop(output.name) for output in job.outputs}
         outputs = {name: path for name, path in paths.items() if path is not None}
         if job.outputs and not outputs and not job.files_help:
@@ -105,29 +105,19 @@ class JobCommand(HelpfulCommand):
     def __init__(self, job: Job, callback: Callable[..., int]) -> None:
         super().__init__(job.name.split()[-1], help=job.help, callback=callback)
         self.example_name = job.name
-        self._job: Job | None = job
+        self._job = job
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        if self._job is not None:
-            self.params, self._job = list(parameters_of(self._job)), None
+        self.params = self.params or list(parameters_of(self._job))
         return super().get_params(ctx)
-
-    def make_parser(self, ctx: click.Context) -> Any:  # noqa: ANN401 - the type is private to click
-        self.get_params(ctx)
-        return super().make_parser(ctx)
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        self.get_params(ctx)
-        return super().parse_args(ctx, args)
 
 
 def parameters_of(job: Job) -> Iterator[click.Parameter]:
     """Yield the arguments and options of a job: inputs, output paths, own options, ``--json``."""
-    arguments = [each for each in job.inputs if each.option.argument]
-    yield from map(_argument, arguments)
-    for field in (*job.inputs, *job.reading, *job.outputs):
-        if field not in arguments and field.option.flag != "-":
-            yield _option(field)
+    inputs = [each for each in job.inputs if each.option.flag != "-"]
+    yield from (_argument(each) for each in inputs if each.option.argument)
+    named = [each for each in inputs if not each.option.argument]
+    yield from map(_option, (*named, *job.reading, *job.outputs))
     if job.files_help:
         default = _default(Path(job.out_default) if job.out_default else None)
         help_text, required = job.files_help, job.out_required
@@ -141,12 +131,9 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
 
 
 def _argument(field: Field) -> click.Argument:
+    nargs, metavar = -1 if field.many else 1, field.option.metavar
     return click.Argument(
-        [field.name],
-        nargs=-1 if field.many else 1,
-        type=_type(field),
-        required=field.required,
-        metavar=KINDS[field.option.kind].metavar,
+        [field.name], nargs=nargs, type=_type(field), required=field.required, metavar=metavar
     )
 
 
@@ -180,11 +167,9 @@ def _option(field: Field) -> click.Option:
 
 def _metavar(field: Field) -> str | None:
     """Return the placeholder of a value: its unit if it is a number."""
-    unit = field.option.unit
-    if field.option.kind:
-        return KINDS[field.option.kind].metavar
     if field.option.metavar or field.item not in (int, float):
         return field.option.metavar or None
+    unit = field.option.unit
     return _UNIT_METAVARS.get(unit, unit.upper())
 
 

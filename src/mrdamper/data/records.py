@@ -84,6 +84,7 @@ class RigRun(Recording, Picture):
     Raise InputError if the run has faults. One message lists all of them.
     """
 
+    _picture = "mrdamper.report.figures.runs:plot_runs"
     motion: str = ""
 
     def __post_init__(self) -> None:
@@ -134,6 +135,7 @@ class RigRun(Recording, Picture):
 class Dataset(Picture):
     """Runs with unique names, in the given order, with the findings of the readers."""
 
+    _picture = "mrdamper.report.figures.runs:plot_runs"
     runs: tuple[RigRun, ...]
     findings: tuple[Finding, ...] = ()  # changes by readers, such as removed gaps and filled cells
     inferred: tuple[Inference, ...] = ()  # commands and temperatures from words

@@ -2,11 +2,11 @@
 
 All interfaces are generated from these rows and from the inputs and options in ``jobs.options``: commands and
 their help, requests and forms of the server, tables of options in the documentation, and functions such as
-``mrdamper.heat``. A new job consists of a module in ``jobs``, a module in ``report``, classes in
+``mrdamper.heat``. A new job consists of a module in ``jobs``, a module in ``report``, a class in
 ``jobs.options`` and a row here.
 
 Rows contain the names of modules as text (``"mrdamper.jobs.thermal.heat:heat"``), so that the table loads no
-module. The module ``job`` runs a row. The module ``kinds`` defines the kinds of inputs.
+module. The module ``job`` runs a row.
 """
 
 from __future__ import annotations
@@ -15,10 +15,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from mrdamper.registry.job import Job
-from mrdamper.registry.kinds import KINDS, Kind
-from mrdamper.results import load
 
-__all__ = ["JOBS", "KINDS", "Job", "Kind", "load", "public_names"]
+__all__ = ["JOBS", "QUERIES", "Job"]
 
 _ROWS = (
     Job(
@@ -233,17 +231,3 @@ QUERIES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Function that answers a query, by name. Queries are short computations for web pages."""
-
-PICTURES: Mapping[str, str] = MappingProxyType(
-    {
-        "Dataset": "mrdamper.report.figures.runs:plot_runs",
-        "RigRun": "mrdamper.report.figures.runs:plot_runs",
-        "ModelCard": "mrdamper.report.cards.picture:card_figure",
-    }
-)
-"""Function that draws a value, by the name of its class."""
-
-
-def public_names() -> dict[str, Job]:
-    """Return the jobs by their names in Python."""
-    return {job.attribute: job for job in JOBS.values()}

@@ -7,19 +7,19 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from glob import has_magic
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import is_folder, is_there
-from mrdamper.registry.kinds import KINDS, NOTHING, read_input
 from mrdamper.results import load
-from mrdamper.schema import Field, Json, fields_of, read_record
+from mrdamper.schema import Field, Json, class_fields_of, fields_of, read_record
 
 if TYPE_CHECKING:
     from mrdamper.report.base import Place, Report
     from mrdamper.runtime.progress import Progress
 
-_CLASS = "mrdamper.jobs.options:class_of"
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +44,19 @@ class Job:
         return self.python or self.name
 
     @property
-    def inputs(self) -> tuple[Field, ...]:
-        return fields_of(load(_CLASS)(self.name, "Inputs"))
+    def options_type(self) -> type:
+        """Return the class with the inputs, outputs and options of the job."""
+        result: type = load(f"mrdamper.jobs.options:{self.name.title().replace(' ', '')}Options")
+        return result
 
     @property
-    def options_type(self) -> type:
-        result: type = load(_CLASS)(self.name, "Options")
-        return result
+    def inputs(self) -> tuple[Field, ...]:
+        return tuple(each for each in class_fields_of(self.options_type) if not each.option.output)
+
+    @property
+    def outputs(self) -> tuple[Field, ...]:
+        """Return the outputs with their own paths. The option ``what`` holds the requested names."""
+        return tuple(each for each in class_fields_of(self.options_type) if each.option.output)
 
     @property
     def fields(self) -> tuple[Field, ...]:
@@ -58,20 +64,10 @@ class Job:
         return fields_of(self.options_type)
 
     @property
-    def outputs(self) -> tuple[Field, ...]:
-        """Return the outputs with their own paths. The option ``what`` holds the requested names."""
-        return fields_of(load(_CLASS)(self.name, "Outputs"))
-
-    @property
     def reading(self) -> tuple[Field, ...]:
         """Return the options for reading the inputs, each once."""
-        result = [field for each in self.inputs for field in KINDS[each.option.kind].fields]
-        return tuple({field.name: field for field in result}.values())
-
-    @property
-    def given_names(self) -> tuple[str, ...]:
-        """Return the names of the inputs and of the options for reading."""
-        return (*(each.name for each in self.inputs), *(field.name for field in self.reading))
+        fields = [field for each in self.inputs for field in _reading_of(each)]
+        return tuple({field.name: field for field in fields}.values())
 
     @property
     def reported(self) -> Report[Any]:
@@ -88,27 +84,6 @@ class Job:
         """
         return read_record(self.options_type, given, self.name)
 
-    def reading_from(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return checked options for reading, by name; raise ``InputError`` with a line for each fault."""
-        checked: dict[str, Any] = {}
-        for kind in dict.fromkeys(KINDS[each.option.kind].options for each in self.inputs):
-            if kind:
-                names = [each.name for each in fields_of(load(kind))]
-                record = read_record(load(kind), {k: v for k, v in given.items() if k in names}, self.name)
-                checked |= {name: getattr(record, name) for name in names}
-        return checked
-
-    def __call__(self, given: Mapping[str, Any], options: Any, on_progress: Progress | None = None) -> Any:  # noqa: ANN401
-        """Read the inputs, run the job and return its result.
-
-        Parameters
-        ----------
-        given : path, preset or object of each input, by name, and options for reading; optional inputs can
-            be missing
-        options : options of the job
-        """
-        return self._run(given, self._read(given), options, on_progress)
-
     def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
         """Run the job with the arguments of its Python function.
 
@@ -122,21 +97,28 @@ class Job:
             place = f"mrdamper.{self.attribute}"
             raise InputError(f"{', '.join(missing)} is None", place=place, expected="a path or an object")
         options = self.options_from({field.name: given[field.name] for field in self.fields})
-        reading = self.reading_from({field.name: given[field.name] for field in self.reading})
-        things = {each.name: given[each.name] for each in self.inputs} | reading
+        things: dict[str, Any] = {each.name: given[each.name] for each in self.inputs}
+        for record in filter(None, dict.fromkeys(each.option.reading for each in self.inputs)):
+            names = [field.name for field in fields_of(record)]
+            checked: Any = read_record(record, {name: given[name] for name in names}, self.name)
+            things |= {name: getattr(checked, name) for name in names}
         progress = given.get("on_progress")
         outputs = {each.name: Path(given[each.name]) for each in self.outputs if given[each.name]}
         if outputs:
             return self.perform(things, options, outputs=outputs, on_progress=progress)[0]
-        return self(things, options, progress)
+        return self._run(things, self._read(things), options, progress)
 
     def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the inputs by name."""
+        """Return the inputs by name. Paths and presets are read; objects are returned unchanged."""
         things: dict[str, Any] = {}
         for each in self.inputs:
             value = given.get(each.name)
             value = each.default if value is None and not each.required else value
-            things[each.name] = None if value is None else read_input(each, value, given)
+            is_text = isinstance(value, str | Path)
+            if each.option.read and (is_text or (each.many and value is not None)):
+                options = {field.name: given.get(field.name, field.default) for field in _reading_of(each)}
+                value = load(each.option.read)([value] if each.many and is_text else value, **options)
+            things[each.name] = value
         return things
 
     def _run(
@@ -166,7 +148,7 @@ class Job:
         options: Any = None,  # noqa: ANN401 - of the job's own type
         *,
         out: Path | None = None,
-        outputs: Mapping[str, Path] = NOTHING,
+        outputs: Mapping[str, Path] = _NOTHING,
         on_progress: Progress | None = None,
         resume: bool = False,
     ) -> tuple[Any, Json]:
@@ -174,7 +156,8 @@ class Job:
 
         Parameters
         ----------
-        given : the same as in ``__call__``
+        given : path, preset or object of each input, by name, and options for reading; optional inputs can
+            be missing
         options : None selects the default options
         outputs : paths of single outputs, by name
         resume : continue with the finished parts of the same job in the same folder
@@ -244,25 +227,26 @@ class Job:
 
     def _head(self, given: Mapping[str, Any]) -> Json:
         """Return the first keys of an answer: the paths of the inputs."""
-        named = {}
+        head: Json = {}
         for each in self.inputs:
-            single = each.required and not each.many
-            if single if each.option.in_answer is None else each.option.in_answer:
-                named[each.key] = given.get(each.name)
-        one = {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
-        many = {
-            key: [str(each) for each in value if isinstance(each, str | Path)]
-            for key, value in named.items()
-            if isinstance(value, list | tuple)
-        }
-        return {**one, **many}
+            value = given.get(each.name)
+            values = value if isinstance(value, list | tuple) else (value,)
+            paths = [str(path) for path in values if isinstance(path, str | Path)]
+            if paths and each.required and each.option.places != ("runs",):
+                head[each.key] = paths if each.many else paths[0]
+        return head
 
     def save(self, result: object, out: str | Path) -> Json:
         """Write all files of a result into a folder, or no file; return the answer."""
         from mrdamper.report.base import write_report
 
-        with self._staged(self._places(Path(out), NOTHING)) as places:
-            return write_report(self.reported, result, places, NOTHING)
+        with self._staged(self._places(Path(out), _NOTHING)) as places:
+            return write_report(self.reported, result, places, _NOTHING)
+
+
+def _reading_of(field: Field) -> tuple[Field, ...]:
+    """Return the options for reading an input."""
+    return fields_of(field.option.reading) if field.option.reading else ()
 
 
 def _files_read(given: Mapping[str, Any]) -> list[Path]:

@@ -38,7 +38,9 @@ class Material:
         """Return the form of a material in a file: its name (``mrdamper.schema``)."""
         from pydantic_core import core_schema
 
-        return core_schema.no_info_after_validator_function(find_material, core_schema.str_schema())
+        return core_schema.no_info_after_validator_function(
+            find_material, core_schema.str_schema(), serialization=core_schema.to_string_ser_schema()
+        )
 
     @property
     def volumetric_heat(self) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 
 from mrdamper.jobs.previews.choices import WRITTEN
 from mrdamper.schema import Field, Json, fields_of
-from mrdamper.web.schemas import HeatCurve, order_kinds, request_fields
+from mrdamper.web.schemas import ORDER_JOBS, HeatCurve, request_fields
 
 _SHOWN_UNITS = {"degC": "°C", "ohm": "Ω"}
 _TYPES = {bool: "yes", int: "whole", float: "number"}
@@ -19,7 +19,7 @@ _TYPES = {bool: "yes", int: "whole", float: "number"}
 
 def all_forms(choices: Mapping[str, Any]) -> Json:
     """Return the fields of all requests and of the quick curve; ``choices`` contains the offered names."""
-    forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in order_kinds()}
+    forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in ORDER_JOBS}
     written = {
         f"{kind}-{table.key}": _table(table, choices)
         for kind, record in WRITTEN.items()

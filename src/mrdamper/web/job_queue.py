@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from mrdamper.errors import InputError
 from mrdamper.runtime.outputs import recover_staging
 from mrdamper.web.job_record import GRACE_S, JobRecord, job_ids, new_id
-from mrdamper.web.schemas import Order, job_of
+from mrdamper.web.schemas import ORDER_JOBS, Order
 from mrdamper.web.workspace import WorkFolder
 
 MOST_AT_ONCE = 2
@@ -146,7 +146,7 @@ class JobQueue:
             running = self._running[job_id]
             running.cancelled = True
             running.interrupt()
-            grace_s = _KEEPING_S if job_of(record.read().kind).ctrl_c else GRACE_S
+            grace_s = _KEEPING_S if ORDER_JOBS[record.read().kind].ctrl_c else GRACE_S
             asyncio.get_running_loop().call_later(grace_s, running.kill)
 
     def discard(self, job_id: str) -> str:

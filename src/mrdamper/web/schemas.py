@@ -1,4 +1,4 @@
-"""Requests to the server: job requests, built from the registry, and queries of the pages.
+"""Requests to the server: job requests, built from the declarations of the jobs, and queries of the pages.
 
 A request contains names of cards, run files and inputs in the folder, never paths or code. Only the command
 line accepts a law in a Python file. The options of a request are the options of the job (``jobs.options``).
@@ -7,26 +7,29 @@ line accepts a law in a Python file. The options of a request are the options of
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import MISSING, dataclass, field, make_dataclass, replace
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatOptions
-from mrdamper.registry import JOBS, KINDS, Job
-from mrdamper.schema import Field, Json, Option, fields_of, read_record, unknown_name, write_record
+from mrdamper.registry import JOBS, Job
+from mrdamper.schema import MORE, Field, Json, Option, fields_of, read_record, unknown_name, write_record
+from mrdamper.thermal.heatsink import HeatSink
 
-_NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
-_NAME_WORDS = "a name in the folder, of at most 160 characters"
-_WORD_WORDS = "a name of letters, digits and ._-"
-Name = Annotated[str, Option("An item in the folder.", pattern=_NAME, expected=_NAME_WORDS)]
-Names = Annotated[
-    tuple[Name, ...],
-    Option("Items in the folder.", most_items=20_000, expected="a list of names in the folder"),
-]
-Length = Annotated[float, Option("A length.", unit="mm", above=0.0, below=1e6)]
-Share = Annotated[float, Option("A fraction.", least=0.0, most=1.0)]
+_NAME = Option(
+    pattern=r"^[^/\\\x00-\x1f]{1,160}$", expected="a name in the folder, of at most 160 characters"
+)
+_WORD = Option(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", expected="a name of letters, digits and ._-")
+_ANNOTATED: Any = Annotated  # The types are built at run time.
+Name = Annotated[str, _NAME]
+
+ORDER_JOBS: Mapping[str, Job] = MappingProxyType(
+    {name.split()[-1]: job for name, job in JOBS.items() if name not in {"data list", "simulate"}}
+)
+"""Jobs that are started by a request, by the kind of the request."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,45 +45,14 @@ class Order:
         return self.kind in {"fit", "evaluate"} and self.options["files"] is None
 
 
-# --------------------------------------------------------------------------------- requests for jobs
-
-
-_REQUIRED = object()
-_ANNOTATED: Any = Annotated  # The types are built at run time.
-_OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
-    "fit": {
-        "card": (
-            _ANNOTATED[
-                str,
-                Option(pattern=_NAME, expected=_NAME_WORDS, label="Name of the card", group=""),
-            ],
-            _REQUIRED,
-        ),
-        "replace": (
-            _ANNOTATED[bool, Option("Of the same name.", label="replace a card of the same name")],
-            False,
-        ),
-    },
-}
-"""Further fields of a request by kind: name -> (type, default)."""
-
-_NO_ORDERS = ("data list", "simulate")
-"""Jobs that are not started by a job request."""
-
-
-@cache
-def _jobs() -> Mapping[str, Job]:
-    return {name.split()[-1]: job for name, job in JOBS.items() if name not in _NO_ORDERS}
-
-
-def order_kinds() -> tuple[str, ...]:
-    """Return the kinds of job requests."""
-    return tuple(_jobs())
-
-
-def job_of(kind: str) -> Job:
-    """Return the registry row of a kind."""
-    return _jobs()[kind]
+def read_order(kind: object, options: object) -> Order:
+    """Return a validated job request; raise one InputError that lists all faults."""
+    if not isinstance(kind, str) or kind not in ORDER_JOBS:
+        raise unknown_name(f"kind is {str(kind)[:40]!r}", str(kind)[:40], ORDER_JOBS)
+    if not isinstance(options, dict):
+        raise InputError(place=kind, found=f"options are {type(options).__name__}", expected="an object")
+    found: object = read_record(_request_type(kind), options, kind)
+    return Order(kind, write_record(found, defaults=True, nulls=True))
 
 
 def request_fields(kind: str) -> tuple[Field, ...]:
@@ -90,91 +62,53 @@ def request_fields(kind: str) -> tuple[Field, ...]:
 
 @cache
 def _request_type(kind: str) -> type:
-    members = []
-    for name, type_, default in _members(kind, job_of(kind)):
-        members.append((name, type_) if default is _REQUIRED else (name, type_, field(default=default)))
+    members = [(name, type_, field(default=default)) for name, type_, default in _members(ORDER_JOBS[kind])]
     return make_dataclass(f"{kind}_request", members, frozen=True, kw_only=True)
 
 
-def _members(kind: str, job: Job) -> Iterator[tuple[str, Any, Any]]:
+def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
     """Yield (name, type, default) of each field of a job request."""
-    yield from ((name, type_, default) for name, (type_, default) in _OWN.get(kind, {}).items())
-    for each in job.inputs:
-        if each.option.flag != "-":
-            yield _member_of(each)
-    mapped = any(KINDS[each.option.kind].place == "runs" for each in job.inputs)  # Each run has its own map.
-    for option in (*job.reading, *job.fields):
-        is_path = option.type is Path
-        if option.option.local or (is_path and mapped):
+    if job.out == "card":
+        yield "card", _ANNOTATED[str, replace(_NAME, label="Name of the card")], MISSING
+        option = Option("Of the same name.", label="replace a card of the same name", group=MORE)
+        yield "replace", _ANNOTATED[bool, option], False
+    yield from (_input(each) for each in job.inputs if each.option.flag != "-")
+    has_maps = any("runs" in each.option.places and each.many for each in job.inputs)
+    for each in (*job.reading, *job.fields):
+        if each.option.local or (each.type is Path and has_maps):  # Each run has its own map.
             continue
-        plain: Any = str if is_path else option.type
-        more: Json = {"pattern": _NAME, "expected": _NAME_WORDS} if is_path else {}
-        described = replace(option.option, help=option.help, **more)
-        yield option.name, _ANNOTATED[plain | None if option.optional else plain, described], option.default
+        if each.type is Path:
+            yield _input(each)
+        else:
+            type_ = each.type | None if each.optional else each.type
+            yield each.name, _ANNOTATED[type_, replace(each.option, help=each.help)], each.default
 
 
-def _member_of(each: Field) -> tuple[str, Any, Any]:
-    """Return (name, type, default) of an input of a job."""
-    kind = KINDS[each.option.kind]
-    places = tuple(place for place in (kind.place, kind.also) if place)
-    option = replace(
-        each.option,
-        help=each.help,
-        group=kind.group,
-        offers=kind.choices,
-        places=("records", "runs") if places == ("records",) else places,
-        files=kind.files,
-        looks=kind.looks,
-        word=each.option.kind,
-    )
+def _input(each: Field) -> tuple[str, Any, Any]:
+    """Return (name, type, default) of a field that names items in the folder."""
+    option, default = replace(each.option, help=each.help), each.default
     if each.many:
-        most = 20_000 if kind.place == "runs" else 20
-        needed = each.required and kind.place != "runs"  # Without names the job reads all runs.
-        words = f"a list of names, {most} at most"
-        option = replace(option, most_items=most, least_items=int(needed), expected=words)
-        if kind.place == "runs":
-            return "files", _ANNOTATED[tuple[Name, ...] | None, option], None
-        return each.key, _ANNOTATED[tuple[Name, ...], option], _REQUIRED if needed else ()
-    is_word = each.option.kind in {"law", "name"}
-    pattern, words = (_WORD, _WORD_WORDS) if is_word else (_NAME, _NAME_WORDS)
-    option = replace(option, pattern=pattern, expected=words)
+        is_runs = option.places == ("runs",)  # Without names the job reads all runs.
+        needed = each.required and not is_runs
+        words = f"a list of names, {option.most_items} at most"
+        option = replace(option, least_items=int(needed), expected=words)
+        type_ = tuple[Name, ...] | None if is_runs else tuple[Name, ...]
+        return each.key, _ANNOTATED[type_, option], None if is_runs else MISSING if needed else ()
+    known = _NAME if option.places else _WORD
+    option = replace(option, pattern=known.pattern, expected=known.expected)
     if each.required:
-        default = "paper" if each.option.kind == "drawing" else _REQUIRED
-        return each.key, _ANNOTATED[str, option], default
-    return each.key, _ANNOTATED[str | None if each.default is None else str, option], each.default
-
-
-def read_order(kind: object, options: object) -> Order:
-    """Return a validated job request; raise one InputError that lists all faults."""
-    kinds = order_kinds()
-    if not isinstance(kind, str) or kind not in kinds:
-        raise unknown_name(f"kind is {str(kind)[:40]!r}", str(kind)[:40], kinds)
-    if not isinstance(options, dict):
-        raise InputError(place=kind, found=f"options are {type(options).__name__}", expected="an object")
-    found: object = read_record(_request_type(kind), options, kind)
-    return Order(kind, write_record(found, defaults=True, nulls=True))
+        return each.key, _ANNOTATED[str, option], MISSING if option.begins is None else option.begins
+    return each.key, _ANNOTATED[str | None if default is None else str, option], default
 
 
 # --------------------------------------------------------------------------------- queries of the pages
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fins:
-    """A heat sink design of a search."""
-
-    fins: Annotated[int, Option("Number of fins.", least=1, most=500)]
-    width_mm: Length
-    thickness_mm: Length
-    pitch_mm: Length
-    material: Name
-    emissivity: Share
-
-
-@dataclass(frozen=True, kw_only=True)
 class HeatCurve(HeatOptions):
     """A quick heating curve, with the options of the job."""
 
-    card: Name
+    card_name: Annotated[str, replace(_NAME, key="card")]
     damper: Name = "paper"
     amplitude_mm: Annotated[float, Option("Of the sine.", unit="mm", least=0.0, most=1000.0)] = 15.0
     frequency_Hz: Annotated[float, Option("Of the sine.", unit="Hz", above=0.0, most=100.0)] = 1.0
@@ -197,7 +131,7 @@ class DrawingRequest:
     name: Name | None = None
     replace: bool = False
     tables: Mapping[str, Mapping[str, Any]] | None = None
-    fins: Fins | None = None
+    fins: HeatSink | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -179,8 +179,9 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
     """Return a sink with the convection model of the original sink, as in the search for heat sinks."""
-    own = write_record(HeatedDamper(drawing, ()).pattern, defaults=True)
-    return read_record(HeatSink, {**own, **fins, "fins": int(fins["fins"])}, "fins")
+    own = HeatedDamper(drawing, ()).pattern
+    sink = read_record(HeatSink, fins, "fins")
+    return replace(sink, film_multiplier=own.film_multiplier, contact=own.contact)
 
 
 def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:

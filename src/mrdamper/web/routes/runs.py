@@ -71,7 +71,7 @@ def run_routes(context: AppContext) -> APIRouter:
         options = {each.name: asked.pop(each.name) for each in fields(HeatOptions)}
         query = Query(
             "heat_curve",
-            {"card": context.folder.card(order.card)},
+            {"card": context.folder.card(order.card_name)},
             {**asked, "damper": drawing_of(context, order.damper), "options": options},
         )
         return json_response(await context.heater.ask(query))
