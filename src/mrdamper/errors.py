@@ -57,14 +57,11 @@ class MrdamperError(Exception):
 
     def _message(self) -> str:
         if self.faults:
-            return _join_faults(self.faults)
+            return "\n".join(_first([f"{fault}" for fault in self.faults], _SHOWN_FAULTS_MAX, "like these"))
         message = f"{self.place}: {self.found}" if self.place else self.found
         message += f"; expected {self.expected}" if self.expected else ""
-        return (
-            message + f"{'; ' if self.remedy[:1].islower() else '. '}{self.remedy}"
-            if self.remedy
-            else message
-        )
+        mark = "; " if self.remedy[:1].islower() else ". "
+        return f"{message}{mark}{self.remedy}" if self.remedy else message
 
     def move_to(self, place: str) -> None:
         """Change the place, because only the caller has the path of a file that was passed as a value."""
@@ -84,12 +81,8 @@ class MrdamperError(Exception):
 
     def renamed(self, name: str, other: str) -> Self:
         """Return this error with every occurrence of a file name replaced."""
-        moved = copy.copy(self)
-        moved.faults = tuple(fault.renamed(name, other) for fault in self.faults)
-        for part in _PART_NAMES:
-            setattr(moved, part, getattr(self, part).replace(name, other))
-        moved.move_to(moved.place)
-        return moved
+        parts = {part: getattr(self, part).replace(name, other) for part in _PART_NAMES}
+        return type(self)(**parts, faults=[fault.renamed(name, other) for fault in self.faults])
 
     def __str__(self) -> str:
         return _shorten(self.args[0])
@@ -112,30 +105,21 @@ class MrdamperError(Exception):
         return {**answer, **({"faults": parts} if parts else {})}
 
 
-def _join_faults(faults: Sequence[MrdamperError]) -> str:
-    """Return a line for each of the first faults, and the number of the others."""
-    lines = [f"{fault}" for fault in faults[:_SHOWN_FAULTS_MAX]]
-    more = (
-        [f"... and {len(faults) - _SHOWN_FAULTS_MAX} more like these"]
-        if len(faults) > _SHOWN_FAULTS_MAX
-        else []
-    )
-    return "\n".join([*lines, *more])
+def _first(lines: Sequence[str], most: int, words: str) -> list[str]:
+    """Return the first lines, and a line with the number of the others."""
+    return [*lines[:most], *([f"... and {len(lines) - most} more {words}"] if len(lines) > most else [])]
 
 
 def _shorten(text: str) -> str:
-    """Return a text with a limited number of lines, and with limited lengths of the lines."""
-    lines = text.split("\n")
-    more = [f"... and {len(lines) - _LINE_COUNT_MAX} more lines"] if len(lines) > _LINE_COUNT_MAX else []
-    return "\n".join([*map(_cut, lines[:_LINE_COUNT_MAX]), *more])
-
-
-def _cut(line: str) -> str:
-    """Return a line with its middle shortened if it is very long; the remedy at its end remains."""
+    """Return a text with a limited number of lines. The middle of very long lines is cut."""
     half = _LINE_LENGTH_MAX // 2
-    if len(line) <= _LINE_LENGTH_MAX:
-        return line
-    return f"{line[:half]} ... ({len(line) - 2 * half} characters left out) ... {line[-half:]}"
+    lines = [
+        line
+        if len(line) <= _LINE_LENGTH_MAX
+        else f"{line[:half]} ... ({len(line) - 2 * half} characters left out) ... {line[-half:]}"
+        for line in text.split("\n")
+    ]
+    return "\n".join(_first(lines, _LINE_COUNT_MAX, "lines"))
 
 
 class InputError(MrdamperError, ValueError):

@@ -447,24 +447,24 @@ def motion_from_text(text: str) -> Motion:
         if kind in {"road", "random"} and not parts[2].isdecimal():
             raise InputError(found=f"seed is {parts[2]!r}", expected="a whole number")
         if kind == "road":
-            return Road(parts[0], _measure(parts[1], "velocity"), int(parts[2]))
-        amplitude = _measure(parts[0], "displacement")
+            return Road(parts[0], measure(parts[1], "velocity"), int(parts[2]))
+        amplitude = measure(parts[0], "displacement")
         if kind == "sine":
             return Sine(amplitude, _hertz(parts[1]))
         if kind == "triangle":
-            return Triangle(amplitude, _measure(parts[1], "velocity"))
+            return Triangle(amplitude, measure(parts[1], "velocity"))
         start, _, stop = parts[1].partition("-")
         low, high = _hertz(f"{start.removesuffix('Hz')}Hz"), _hertz(stop)
         if kind == "random":
             return RandomMotion(amplitude, low, high, int(parts[2]))
-        return Chirp(amplitude, low, high, _measure(parts[2], "time"))
+        return Chirp(amplitude, low, high, measure(parts[2], "time"))
     except InputError as error:
         raise InputError(
             place=f"motion {text!r}", found=f"{error}", expected=f"such as {_FORMS[kind]}"
         ) from error
 
 
-def _measure(text: str, role: str) -> float:
+def measure(text: str, role: str) -> float:
     """Return the value of a text such as 5mm, converted to the SI unit of a role."""
     number, unit = _number_and_unit(text)
     if not unit:

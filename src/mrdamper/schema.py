@@ -38,7 +38,7 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
@@ -83,7 +83,7 @@ class Option:
     least_items: int | None = None
     # Inputs and outputs of jobs:
     read: str = ""  # module:function that reads a path or preset; empty: the job gets the value unchanged
-    reading: type | None = None  # options for reading, which are keyword arguments of ``read``
+    reading: tuple[str, ...] = ()  # names of the options for reading, which are keyword arguments of ``read``
     argument: bool = False  # positional argument of the command line
     output: bool = False  # path of an output
     local: bool = False  # Servers have no such field, because it can execute code.
@@ -172,6 +172,9 @@ class Field:
     default: Any  # dataclasses.MISSING if the field is required
     option: Option
     record: type
+    many: bool  # The field is a list.
+    item: Any  # type of one value: of the items if the field is a list
+    item_option: Option  # option of one value
 
     @property
     def required(self) -> bool:
@@ -188,20 +191,6 @@ class Field:
         names = [(each.__module__, each.__name__) for each in self.record.__mro__ if each is not object]
         texts = (_field_texts(module).get((name, self.name)) for module, name in names)
         return self.option.help or next(filter(None, texts), "")
-
-    @cached_property  # Each check of a record uses it.
-    def item(self) -> Any:  # noqa: ANN401 - a type
-        """Return the type of one value: of the items if the field is a list."""
-        return _split_annotation(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
-
-    @property
-    def item_option(self) -> Option:
-        """Return the option of one value: of the items if the field is a list, otherwise of the field."""
-        return _split_annotation(get_args(self.type)[0])[1] if self.many else self.option
-
-    @cached_property
-    def many(self) -> bool:
-        return get_origin(self.type) is tuple
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -285,7 +274,10 @@ def _hints_of(record: type) -> dict[str, Any]:
 
 def _field(record: type, name: str, hint: object, default: object) -> Field:
     kind, option, optional = _split_annotation(hint)
-    return Field(name, option.key or name, kind, optional, default, option, record)
+    many = get_origin(kind) is tuple
+    item, item_option, _ = _split_annotation(get_args(kind)[0]) if many else (kind, option, optional)
+    key = option.key or name
+    return Field(name, key, kind, optional, default, option, record, many, item, item_option)
 
 
 def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
@@ -391,7 +383,8 @@ def _locate(record: type, place: Sequence[int | str]) -> tuple[tuple[Field, ...]
             field, tables = inner, list(_records_in(inner.type))
             known = fields_of(tables[0]) if tables else ()
         elif field is not None and isinstance(part, str) and get_origin(field.type) is Mapping:
-            field = dataclasses.replace(field, type=get_args(field.type)[1])
+            value = get_args(field.type)[1]
+            field = dataclasses.replace(field, type=value, item=value)
     return known, field
 
 

@@ -9,27 +9,22 @@ from __future__ import annotations
 
 import errno
 import io
-import json
 import os
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import click
 
-from mrdamper.cli.commands import GroupedCommands, HelpfulCommand, make_command, print_message
+from mrdamper.cli.commands import GroupedCommands, HelpfulCommand, JobCommand, print_message
 from mrdamper.errors import MissingExtraError, MrdamperError
-from mrdamper.registry import JOBS, Job
+from mrdamper.registry import JOBS
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
 
-Answer = dict[str, Any]
-
 _EXIT_INTERNAL, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 3, 4
-_STARTED_S = time.monotonic()
 
 
 def main() -> NoReturn:
@@ -51,10 +46,8 @@ def main() -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except Exception as error:  # No other code handles these errors.
-        if isinstance(error, OSError):
-            _exit_if_disk_full(error)
-        if _is_memory_error(error):
-            _exit("There is not enough memory. Read fewer or shorter runs at once.", _EXIT_INPUT)
+        if message := _resource_message(error):
+            _exit(message, _EXIT_INPUT)
         if os.environ.get("MRDAMPER_DEBUG") == "1":
             raise
         text = f"Internal error: {type(error).__name__}: {error}"
@@ -67,15 +60,6 @@ def _limit_libraries_to_one_thread() -> None:
     """Use one thread in linear algebra by default because the matrices are small and jobs use processes."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-
-
-def _is_memory_error(error: Exception) -> bool:
-    """Return True if an error is due to a lack of memory. SciPy's sparse solver reports it as text."""
-    return (
-        isinstance(error, MemoryError)
-        or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
-        or "_MALLOC fails" in str(error)
-    )
 
 
 def _interruption_message(error: BaseException) -> str:
@@ -105,19 +89,22 @@ def _replace_closed_streams() -> None:
             stream.reconfigure(errors="backslashreplace")  # The name of a file may be invalid UTF-8.
 
 
-def _exit_if_disk_full(error: OSError) -> None:
-    """Exit with a message if an error is due to a full disk or quota."""
+def _resource_message(error: Exception) -> str:
+    """Return the message about a full disk or a lack of memory; empty if the error has another cause."""
     from mrdamper.runtime.outputs import no_room
 
-    reason = no_room(error)
-    if not reason:
-        return
+    # SciPy's sparse solver reports a lack of memory as text.
+    is_memory = isinstance(error, MemoryError) or getattr(error, "errno", 0) == errno.ENOMEM
+    if is_memory or "_MALLOC fails" in str(error):
+        return "There is not enough memory. Read fewer or shorter runs at once."
+    if not (isinstance(error, OSError) and (reason := no_room(error))):
+        return ""
     path = error.filename
     if path is None:
         path = "standard output or a temporary file"
         with suppress(OSError):  # Python flushes the stream again at exit, which would fail, too.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    _exit(f"{path}: {reason}; free some space, or write to another folder", _EXIT_INPUT)
+    return f"{path}: {reason}; free some space, or write to another folder"
 
 
 def _exit(message: str, code: int) -> NoReturn:
@@ -188,25 +175,5 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     return 0
 
 
-def _finish(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # noqa: FBT001 - a callback
-    """Print the result of a job for a terminal or as JSON, and return the exit code."""
-    report = job.reported
-    if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
-    else:
-        from mrdamper.cli.terminal import open_console
-
-        console = open_console()
-        report.show(result, console)
-        first, *others = report.closing(result, answer) or [""]
-        if first:
-            first = f"{first.removesuffix('.')} ({time.monotonic() - _STARTED_S:.1f} s)."
-            console.print("\n".join([first, *others]), markup=False, soft_wrap=True)
-    outcome = report.outcome(result)
-    for message in outcome.messages:
-        print_message(message)
-    return outcome.exit_code
-
-
 for _job in JOBS.values():
-    (data if " " in _job.name else cli).add_command(make_command(_job, _finish))
+    (data if " " in _job.name else cli).add_command(JobCommand(_job))

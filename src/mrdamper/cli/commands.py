@@ -5,22 +5,24 @@ This module imports only click. A job's libraries are loaded when the job starts
 
 from __future__ import annotations
 
+import json
 import math
-import re
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
 from mrdamper.cli.help_texts import EXAMPLES, EXIT_CODES, GROUPS
-from mrdamper.cli.questions import print_questions, prompt_for_answers
+from mrdamper.cli.questions import answer_questions
 from mrdamper.errors import InputError, UsageError
 from mrdamper.registry import Job
-from mrdamper.schema import Field
+from mrdamper.schema import Field, Json
 
+_STARTED_S = time.monotonic()
 _PATH = click.Path(path_type=Path)
-_TIME_UNITS_S = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
 _UNIT_METAVARS = {"%": "PERCENT", "": "NUMBER"}  # All other units are written in capital letters.
 SUMMARY_LENGTH_MAX = 60  # A line of the command list has 80 characters.
 
@@ -30,46 +32,55 @@ def print_message(message: str) -> None:
     click.echo(f"mrdamper: {message}", err=True)
 
 
-def make_command(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]) -> click.Command:
-    """Return the command of a job.
+def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
+    """Run a job with the values of its command, print the result, and return the exit code."""
+    from mrdamper.cli.terminal import progress_line
 
-    Parameters
-    ----------
-    finish : prints the result of the job and returns the exit code
-    """
+    given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
+    paths = {output.name: values.pop(output.name) for output in job.outputs}
+    outputs = {name: path for name, path in paths.items() if path is not None}
+    if job.outputs and not outputs and not job.files_help:
+        flags = [f"{output.flag} {output.option.metavar}" for output in job.outputs]
+        raise click.UsageError(f"No output is given. Use {', '.join(flags[:-1])} or {flags[-1]}.")
+    options = job.options_type(**{name: value for name, value in values.items() if value is not None})
+    while True:
+        source: object
+        try:
+            with progress_line(job.progress_word, ctrl_c=job.ctrl_c or "writes no files") as progress:
+                result, answer = job.perform(
+                    given, options, out=out, outputs=outputs, on_progress=progress, resume=resume
+                )
+            source = result
+        except UsageError as error:
+            raise click.UsageError(str(error)) from error
+        except InputError as error:
+            source = error
+        answers = answer_questions(source, given, as_json=as_json)
+        if not answers:
+            break
+        given["answer"] = (*(given.get("answer") or ()), *answers)
+    if isinstance(source, InputError):
+        raise source
+    if as_json:
+        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
+    else:
+        _show(job, result, answer)
+    outcome = job.reported.outcome(result)
+    for message in outcome.messages:
+        print_message(message)
+    return outcome.exit_code
 
-    def run(*, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
-        from mrdamper.cli.terminal import progress_line
 
-        given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
-        paths = {output.name: values.pop(output.name) for output in job.outputs}
-        outputs = {name: path for name, path in paths.items() if path is not None}
-        if job.outputs and not outputs and not job.files_help:
-            flags = [f"{output.flag} {output.option.metavar}" for output in job.outputs]
-            raise click.UsageError(f"No output is given. Use {', '.join(flags[:-1])} or {flags[-1]}.")
-        options = job.options_type(**{name: value for name, value in values.items() if value is not None})
-        while True:
-            try:
-                with progress_line(job.progress_word, ctrl_c=job.ctrl_c or "writes no files") as progress:
-                    result, answer = job.perform(
-                        given, options, out=out, outputs=outputs, on_progress=progress, resume=resume
-                    )
-            except UsageError as error:
-                raise click.UsageError(str(error)) from error
-            except InputError as error:
-                answers = prompt_for_answers(error, given, as_json=as_json)
-                if not answers:
-                    if as_json:
-                        print_questions(error)
-                    raise
-            else:
-                answers = prompt_for_answers(result, given, as_json=as_json)
-                if not answers:
-                    break
-            given["answer"] = (*(given.get("answer") or ()), *answers)
-        return finish(job, result, answer, as_json)
+def _show(job: Job, result: object, answer: Json) -> None:
+    """Print the result of a job for people."""
+    from mrdamper.cli.terminal import open_console
 
-    return JobCommand(job, callback=run)
+    console = open_console()
+    job.reported.show(result, console)
+    first, *others = job.reported.closing(result, answer) or [""]
+    if first:
+        first = f"{first.removesuffix('.')} ({time.monotonic() - _STARTED_S:.1f} s)."
+        console.print("\n".join([first, *others]), markup=False, soft_wrap=True)
 
 
 class GroupedCommands(click.Group):
@@ -102,8 +113,8 @@ class HelpfulCommand(click.Command):
 class JobCommand(HelpfulCommand):
     """The command of a job. Its parameters are built on first use because the command list needs none."""
 
-    def __init__(self, job: Job, callback: Callable[..., int]) -> None:
-        super().__init__(job.name.split()[-1], help=job.help, callback=callback)
+    def __init__(self, job: Job) -> None:
+        super().__init__(job.name.split()[-1], help=job.help, callback=partial(_run, job))
         self.example_name = job.name
         self._job = job
 
@@ -179,14 +190,13 @@ class _Time(click.ParamType[float]):
     name = "time"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - required by click
-        match = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", str(value), re.IGNORECASE)
-        if match is None:
-            self.fail(
-                f"{value!r} is not a time; expected a number and a unit, such as 1ms, 500us or 0.001s",
-                param,
-                ctx,
-            )
-        return float(match[1]) * _TIME_UNITS_S[match[2].lower()]
+        from mrdamper.excitation import measure
+
+        try:
+            return measure(str(value), "time")
+        except InputError:
+            expected = "a number and a unit, such as 1ms, 500us or 0.001s"
+            self.fail(f"{value!r} is not a time; expected {expected}", param, ctx)
 
 
 class _Number(click.ParamType[float]):

@@ -10,11 +10,12 @@ from typing import Any
 import click
 
 
-def prompt_for_answers(source: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
+def answer_questions(source: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
     """Return the user's answers to the open questions, in the form of ``--answer``.
 
     Nothing is prompted if the command runs in a script or has no ``--answer``. An empty line leaves a
-    question open. A question that has an answer is not repeated.
+    question open. A question that has an answer is not repeated. With ``--json``, the questions of an
+    exception are printed in the format of ``check --json``.
 
     Parameters
     ----------
@@ -22,6 +23,9 @@ def prompt_for_answers(source: object, given: Mapping[str, Any], *, as_json: boo
     given : values of the command's options, by name
     """
     questions = getattr(source, "questions", ())
+    if as_json and questions and isinstance(source, Exception):
+        listed = [dict(question.to_dict()) for question in questions]
+        click.echo(json.dumps({"questions": listed}, ensure_ascii=False))
     if as_json or "answer" not in given or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return ()
     answered = {text.partition("=")[0] for text in given["answer"] or ()}
@@ -35,10 +39,3 @@ def prompt_for_answers(source: object, given: Mapping[str, Any], *, as_json: boo
         if value.strip():
             answers[question.key] = value.strip()
     return tuple(f"{key}={value}" for key, value in answers.items())
-
-
-def print_questions(source: object) -> None:
-    """Print the open questions of an exception as JSON, in the format of ``check --json``."""
-    questions = [dict(question.to_dict()) for question in getattr(source, "questions", ())]
-    if questions:
-        click.echo(json.dumps({"questions": questions}, ensure_ascii=False))

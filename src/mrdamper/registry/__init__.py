@@ -29,6 +29,7 @@ _ROWS = (
         """,
         run="mrdamper.jobs.check:check",
         report="mrdamper.report.check:REPORT",
+        progress_word="run",
         files_help="Write check.html, check.json and findings.csv to this folder.",
     ),
     Job(
@@ -52,7 +53,6 @@ _ROWS = (
         run="mrdamper.jobs.evaluate:evaluate",
         report="mrdamper.report.cards.evaluate:REPORT",
         files_help="Write evaluate.html and errors.csv to this folder.",
-        progress_word="",
     ),
     Job(
         name="simulate",
@@ -60,7 +60,6 @@ _ROWS = (
         run="mrdamper.jobs.simulate:simulate",
         report="mrdamper.report.simulate:REPORT",
         files_help="Write simulate.html, simulate.svg, simulate.json and simulate.csv to this folder.",
-        progress_word="",
     ),
     Job(
         name="compare",
@@ -72,7 +71,6 @@ _ROWS = (
         run="mrdamper.models.comparison:compare_cards",
         report="mrdamper.report.cards.compare:REPORT",
         files_help="Write compare.html and compare.json to this folder.",
-        progress_word="",
     ),
     Job(
         name="cycles",
@@ -83,7 +81,6 @@ _ROWS = (
         run="mrdamper.jobs.cycles:cycles",
         report="mrdamper.report.cycles:REPORT",
         files_help="Write cycles.csv, cycles.html and summary.json to this folder.",
-        progress_word="",
     ),
     Job(
         name="heat",
@@ -118,7 +115,6 @@ _ROWS = (
         """,
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
-        progress_word="",
         files_help="Write fluid.html, fluid.toml and fluid.svg to this folder.",
     ),
     Job(
@@ -129,6 +125,7 @@ _ROWS = (
         """,
         run="mrdamper.jobs.track:track",
         report="mrdamper.report.track:REPORT",
+        progress_word="run",
         files_help="Write track.html, track.json and track.csv to this folder.",
     ),
     Job(
@@ -139,6 +136,7 @@ _ROWS = (
         """,
         run="mrdamper.jobs.thermal.heatsink:heatsink",
         report="mrdamper.report.thermal.heatsink:REPORT",
+        progress_word="run",
         files_help="Write heatsink.html, heatsink.json, front.csv and best.toml to this folder.",
     ),
     Job(
@@ -160,21 +158,19 @@ _ROWS = (
         """,
         run="mrdamper.jobs.rig:rig",
         report="mrdamper.report.rig:REPORT",
+        progress_word="run",
         files_help="Write the runs (CSV) to this folder, and the exact values to DIR.truth.",
         out_required=True,
     ),
     Job(
         name="data list",
-        python="list_data",
         help="List the public data sets.",
         run="mrdamper.jobs.public_data.datasets:list_data",
         report="mrdamper.report.datasets:LISTED",
-        progress_word="",
     ),
     Job(
         name="data fetch",
         out="runs",
-        python="fetch_data",
         help="Fetch a public data set and print the paths of its files.",
         run="mrdamper.jobs.public_data.datasets:fetch_data",
         report="mrdamper.report.datasets:FETCHED",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mrdamper.report.base import Place, Report
     from mrdamper.runtime.progress import Progress
 
+_READING = "mrdamper.jobs.options:Reading"
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -33,15 +34,15 @@ class Job:
     files_help: str = ""  # Help of --out; empty if the job writes no folder.
     out_required: bool = False
     out_default: str = ""
-    progress_word: str = "run"  # Unit of progress; empty if ``run`` has no ``on_progress``.
+    progress_word: str = ""  # Unit of progress; empty if ``run`` has no ``on_progress``.
     checkpoint: str = ""  # module:function(folder, resume=) that opens the argument ``checkpoint`` of ``run``
     ctrl_c: str = ""  # Effect of an interrupt if the job does not end.
     out: str = ""  # Output folder on the server: "card" or "runs"; empty for a new folder.
-    python: str = ""  # Name of the Python function if it differs from the name.
 
     @property
     def attribute(self) -> str:
-        return self.python or self.name
+        """Return the name of the Python function, such as ``fetch_data`` for ``data fetch``."""
+        return "_".join(reversed(self.name.split()))
 
     @property
     def options_type(self) -> type:
@@ -65,9 +66,9 @@ class Job:
 
     @property
     def reading(self) -> tuple[Field, ...]:
-        """Return the options for reading the inputs, each once."""
-        fields = [field for each in self.inputs for field in _reading_of(each)]
-        return tuple({field.name: field for field in fields}.values())
+        """Return the options for reading the inputs."""
+        names = {name for each in self.inputs for name in each.option.reading}
+        return tuple(each for each in fields_of(load(_READING)) if each.name in names)
 
     @property
     def reported(self) -> Report[Any]:
@@ -98,10 +99,9 @@ class Job:
             raise InputError(f"{', '.join(missing)} is None", place=place, expected="a path or an object")
         options = self.options_from({field.name: given[field.name] for field in self.fields})
         things: dict[str, Any] = {each.name: given[each.name] for each in self.inputs}
-        for record in filter(None, dict.fromkeys(each.option.reading for each in self.inputs)):
-            names = [field.name for field in fields_of(record)]
-            checked: Any = read_record(record, {name: given[name] for name in names}, self.name)
-            things |= {name: getattr(checked, name) for name in names}
+        names = [each.name for each in self.reading]
+        checked: Any = read_record(load(_READING), {name: given[name] for name in names}, self.name)
+        things |= {name: getattr(checked, name) for name in names}
         progress = given.get("on_progress")
         outputs = {each.name: Path(given[each.name]) for each in self.outputs if given[each.name]}
         if outputs:
@@ -116,7 +116,11 @@ class Job:
             value = each.default if value is None and not each.required else value
             is_text = isinstance(value, str | Path)
             if each.option.read and (is_text or (each.many and value is not None)):
-                options = {field.name: given.get(field.name, field.default) for field in _reading_of(each)}
+                options = {
+                    field.name: given.get(field.name, field.default)
+                    for field in self.reading
+                    if field.name in each.option.reading
+                }
                 value = load(each.option.read)([value] if each.many and is_text else value, **options)
             things[each.name] = value
         return things
@@ -242,11 +246,6 @@ class Job:
 
         with self._staged(self._places(Path(out), _NOTHING)) as places:
             return write_report(self.reported, result, places, _NOTHING)
-
-
-def _reading_of(field: Field) -> tuple[Field, ...]:
-    """Return the options for reading an input."""
-    return fields_of(field.option.reading) if field.option.reading else ()
 
 
 def _files_read(given: Mapping[str, Any]) -> list[Path]:

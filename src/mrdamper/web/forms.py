@@ -14,6 +14,7 @@ from mrdamper.schema import Field, Json, fields_of
 from mrdamper.web.schemas import ORDER_JOBS, HeatCurve, request_fields
 
 _SHOWN_UNITS = {"degC": "°C", "ohm": "Ω"}
+_SHOWN = ("group", "offers", "slider", "places", "files", "looks", "word", "part")
 _TYPES = {bool: "yes", int: "whole", float: "number"}
 
 
@@ -21,26 +22,21 @@ def all_forms(choices: Mapping[str, Any]) -> Json:
     """Return the fields of all requests and of the quick curve; ``choices`` contains the offered names."""
     forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in ORDER_JOBS}
     written = {
-        f"{kind}-{table.key}": _table(table, choices)
+        f"{kind}-{table.key}": [_written(each, choices) for each in fields_of(table.item)]
         for kind, record in WRITTEN.items()
         for table in fields_of(record)
     }
     return {**forms, **written, "heat curve": [_field(each, choices) for each in fields_of(HeatCurve)]}
 
 
-def _table(table: Field, choices: Mapping[str, Any]) -> list[Json]:
-    """Return the fields of a table in a file; empty fields are not written."""
-    return [_written(each, choices) for each in fields_of(table.item)]
-
-
 def _written(field: Field, choices: Mapping[str, Any]) -> Json:
-    usual = None if field.required else field.default
-    if field.option.key and isinstance(usual, int | float):
-        usual = field.option.from_si(usual)
-    said = field.option.default_help or ("" if usual is None else str(usual))
-    shown = usual if isinstance(usual, bool) else None
-    row = _field(replace(field, default=shown), choices)
-    return {**row, "group": "", "none": said, "required": field.required}
+    """Return a field of a table in a file. Empty fields are not written."""
+    default = None if field.required else field.default
+    if field.option.key and isinstance(default, int | float):
+        default = field.option.from_si(default)
+    shown = field.option.default_help or ("" if default is None else str(default))
+    row = _field(replace(field, default=default if isinstance(default, bool) else None), choices)
+    return {**row, "none": shown, "required": field.required}
 
 
 def label_of(field: Field) -> str:
@@ -67,17 +63,9 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "none": option.default_help or ("none" if option.places else ""),
         "unit": _SHOWN_UNITS.get(option.unit, option.unit),
         "choices": _choices(field, choices),
-        "free": not field.choices
-        and not option.places
-        and option.offers in {"", "runs"},  # Other values are possible.
-        "group": option.group,
-        "offers": option.offers,
-        "slider": option.slider,
-        "places": option.places,
-        "files": option.files,
-        "looks": option.looks,
-        "word": option.word,
-        "part": option.part,
+        # Other values are possible.
+        "free": not field.choices and not option.places and option.offers in {"", "runs"},
+        **{name: getattr(option, name) for name in _SHOWN},
     }
 
 
