@@ -26,8 +26,8 @@ from mrdamper.data.formats.text import read_text
 from mrdamper.data.proposal.recordings import runs_in
 from mrdamper.data.tables import read_tables
 from mrdamper.errors import MrdamperError
+from mrdamper.files import toml_text
 from mrdamper.models.card_schema import card_from_json, card_text, read_card, signed
-from mrdamper.schema import toml_text
 from tests.support.cards import DAMPERS, card_of
 
 MESSAGE_MAX_CHARACTERS = 1_000_000

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
+from mrdamper.files import toml_text
 from mrdamper.schema import (
     Option,
     read_record,
-    toml_text,
     write_record,
 )
 

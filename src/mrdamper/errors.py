@@ -18,7 +18,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 _PART_NAMES = ("place", "found", "expected", "remedy")
 _LINE_LENGTH_MAX = 4000
@@ -97,12 +97,6 @@ class MrdamperError(Exception):
             return {"found": str(self)}
         parts = {name: getattr(self, name) for name in _PART_NAMES}
         return {name: _shorten(text) for name, text in parts.items() if text}
-
-    def to_json(self) -> dict[str, Any]:
-        """Return kind, message and parts of the error and of its faults."""
-        parts = [fault.parts() for fault in self.faults[:_SHOWN_FAULTS_MAX]]
-        answer = {"kind": type(self).__name__, "message": str(self), **self.parts()}
-        return {**answer, **({"faults": parts} if parts else {})}
 
 
 def _first(lines: Sequence[str], most: int, words: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Checks of input files, and TOML documents.
+"""Checks of input files; reading and writing of TOML documents.
 
 Pipes, folders and documents of gigabytes are rejected with a message before reading. The callers interpret
 the content.
@@ -6,8 +6,11 @@ the content.
 
 from __future__ import annotations
 
+import json
+import math
 import stat
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -131,3 +134,46 @@ def _require_whole_numbers(value: object) -> None:
             _require_whole_numbers(each)
     elif isinstance(value, int) and not -_PAST_INTEGERS <= value < _PAST_INTEGERS:
         raise OverflowError
+
+
+def toml_text(document: Mapping[str, Any], title: str = "") -> str:
+    """Return a document as TOML: plain values first, then tables, lists of tables last."""
+    lines = [*(f"# {line}" for line in title.splitlines()), *_toml_lines(document, "")]
+    return "\n".join(lines).strip("\n") + "\n"
+
+
+def _toml_lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
+    for key, value in table.items():
+        if _is_plain(value):
+            yield f"{_toml_key(key)} = {_toml_value(value)}"
+    for many in (False, True):
+        for key, value in table.items():
+            if _is_plain(value) or isinstance(value, Mapping) is many:
+                continue
+            place = f"{path}{_toml_key(key)}"
+            for row in value if many else [value]:
+                if many or not row or any(map(_is_plain, row.values())):
+                    yield from ("", f"[[{place}]]" if many else f"[{place}]")
+                yield from _toml_lines(row, f"{place}.")
+
+
+def _is_plain(value: object) -> bool:
+    """Return False if a value is a table or a list of tables."""
+    rows = value if isinstance(value, list | tuple) else [value]
+    return not (rows and all(isinstance(each, Mapping) for each in rows))
+
+
+def _toml_key(key: str) -> str:
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else json.dumps(key)
+
+
+def _toml_value(value: object) -> str:
+    """Return the TOML text of a number, text, boolean or list, which equals JSON for these types."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml_value, value))}]"
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "nan" if math.isnan(value) else f"{value:+}"
+        short = f"{value + 0.0:.12g}"  # "-0" would be read as the integer 0
+        return short if float(short) == value else repr(value)  # The text is read as the same number.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # DEL is invalid in TOML.

@@ -1,27 +1,21 @@
 """Records: one declaration for reading, checking, writing and describing TOML, JSON, options and requests.
 
-A record is a frozen dataclass. The type of a field defines its values (``float``, ``int``, ``bool``,
-``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``). An
-``Option`` adds unit, range and the key in files if it differs from the name of the field. The text below a
-field is its help::
+A record is a frozen dataclass. The type of a field defines its values. An ``Option`` adds unit and range. The
+text below a field is its help::
 
     @dataclass(frozen=True, kw_only=True)
     class Body:
         length: Annotated[float, Option(key="length_mm", unit="mm", above=0.0)]
         '''Length including the caps.'''
-        orientation: Literal["horizontal", "vertical"] = "horizontal"
 
-    body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06, ...): SI inside
-    table = write_record(body)                                      # {"length_mm": 60.0, ...}
+    body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06): SI inside
+    table = write_record(body)                                      # {"length_mm": 60.0}
 
-A field with a ``key`` contains a value in SI (kelvin), and its file contains the value in ``unit``. Other
-fields contain the value of the file.
+A field with a ``key`` and a unit contains a value in SI (kelvin). Its file contains the value in the unit.
 
 All faults of a document are reported in one ``InputError``, one line for each: place, key, found value and
-expected value. The message for an unknown key contains the nearest known key. ``__post_init__`` checks
-combinations of fields and raises an ``InputError``. This module adds the place to that error.
-
-Pydantic checks the values. It is loaded on first use, and the modules of records do not import it.
+expected value. ``__post_init__`` checks combinations of fields and raises an ``InputError``. This module adds
+the place to that error. Pydantic checks the values. It is loaded on first use.
 """
 
 from __future__ import annotations
@@ -244,32 +238,33 @@ def _field_texts(module: str) -> dict[tuple[str, str], str]:
     }
 
 
-@cache
 def fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a dataclass
     """Return the fields of a record, in order. Pydantic is not loaded."""
-    hints, fields = _hints_of(record), []
-    for each in dataclasses.fields(record):
-        default: Any = each.default if each.default_factory is dataclasses.MISSING else each.default_factory()
-        fields += [_field(record, each.name, hints[each.name], default)] if each.init else []
-    return tuple(fields)
+    return _declared(record)[0]
+
+
+def class_fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a dataclass
+    """Return the class variables of a record as fields, in order."""
+    return _declared(record)[1]
 
 
 @cache
-def class_fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a class
-    """Return the class variables of a record as fields, in order."""
-    return tuple(
-        _field(record, name, get_args(hint)[0], getattr(record, name, dataclasses.MISSING))
-        for name, hint in _hints_of(record).items()
-        if get_origin(hint) is ClassVar
-    )
-
-
-def _hints_of(record: type) -> dict[str, Any]:
+def _declared(record: Any) -> tuple[tuple[Field, ...], tuple[Field, ...]]:  # noqa: ANN401
     # Use the names of the module: a lambda in an annotation looks there when it is called.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
         names |= vars(sys.modules[base.__module__])
-    return typing.get_type_hints(record, globalns=names, include_extras=True)
+    hints = typing.get_type_hints(record, globalns=names, include_extras=True)
+    fields = []
+    for each in dataclasses.fields(record):
+        default: Any = each.default if each.default_factory is dataclasses.MISSING else each.default_factory()
+        fields += [_field(record, each.name, hints[each.name], default)] if each.init else []
+    variables = (
+        _field(record, name, get_args(hint)[0], getattr(record, name, dataclasses.MISSING))
+        for name, hint in hints.items()
+        if get_origin(hint) is ClassVar
+    )
+    return tuple(fields), tuple(variables)
 
 
 def _field(record: type, name: str, hint: object, default: object) -> Field:
@@ -334,13 +329,11 @@ def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapte
 
 def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
     """Generate the dataclasses in a type, including the type itself."""
-    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+    is_record = isinstance(kind, type) and dataclasses.is_dataclass(kind)
+    if is_record:
         yield kind
-        for hint in typing.get_type_hints(kind, include_extras=True).values():
-            yield from _records_in(hint)
-    else:
-        for each in get_args(kind):
-            yield from _records_in(each)
+    for part in (field.type for field in fields_of(kind)) if is_record else get_args(kind):
+        yield from _records_in(part)
 
 
 def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
@@ -353,7 +346,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
         return (error.prepend_place(own) if own else error).prepend_place(place)
     where = ".".join(str(part)[:_VALUE_LENGTH_MAX] for part in parents)
     whole = f"{where}.{last}".strip(".")
-    if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
+    if kind.startswith(("unexpected", "extra")):
         known, _ = _locate(record, parents)
         words = f"{where} has no key" if where else "unknown key"
         unknown = str(last)[:_VALUE_LENGTH_MAX]
@@ -367,7 +360,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     if field is not None:  # The location is an item if the field is a list.
         expected = field.words if last == field.key else field.item_words
         remedy = field.option.remedy
-    if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
+    if kind.startswith("missing"):
         return InputError(f"{whole} is missing", place=place, expected=expected)
     if not whole:
         return InputError(f"it is {_shown(fault['input'])}", place=place, expected="a table")
@@ -427,25 +420,22 @@ def check_ranges(record: object, place: str) -> None:
     """
     faults = []
     for field in fields_of(type(record)):
-        value = getattr(record, field.name)
+        value, option = getattr(record, field.name), field.option
         for each in value if field.many and isinstance(value, tuple) else (value,):
-            number = isinstance(each, int | float) and not isinstance(each, bool)
-            found = field.option.from_si(each) if field.option.key and number else each
-            if not _fits(field, found):
-                words = field.item_words if each is not value else field.words
-                found_words = f"{place}.{field.key} is {_shown(found)}"
-                faults.append(InputError(found_words, expected=words, remedy=field.option.remedy))
+            found = each
+            if isinstance(each, int | float) and not isinstance(each, bool):
+                found = option.from_si(each) if option.key else each
+                is_valid = option.holds(found) and (field.item is not int or found == int(found))
+            elif field.item in (int, float):
+                is_valid = not isinstance(each, str | bool)
+            else:
+                is_valid = not isinstance(each, str) or not field.choices or each in field.choices
+            if not is_valid:
+                words = f"{place}.{field.key} is {_shown(found)}"
+                expected = field.words if each is value else field.item_words
+                faults.append(InputError(words, expected=expected, remedy=option.remedy))
     if faults:
         raise InputError(faults=faults)
-
-
-def _fits(field: Field, value: object) -> bool:
-    """Return True if a value of a field, in file units, is in the range or among the choices of the field."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return field.option.holds(value) and (field.item is not int or value == int(value))
-    if field.item in (int, float) and isinstance(value, str | bool):
-        return False
-    return not isinstance(value, str) or not field.choices or value in field.choices
 
 
 # ------------------------------------------------------------------------------------------- writing
@@ -457,54 +447,14 @@ def write_record(record: object, *, defaults: bool = False, nulls: bool = False)
     Fields with None are omitted unless ``nulls`` (null in JSON). Fields with their default are omitted
     unless ``defaults``.
     """
-    options = {"by_alias": True, "exclude_defaults": not defaults, "exclude_none": not nulls}
-    table: Json = _adapter(type(record)).dump_python(record, mode="json", warnings=False, **options)
+    adapter = _adapter(typing.cast("Any", type(record)))
+    leave_out = {"exclude_defaults": not defaults, "exclude_none": not nulls}
+    table: Json = adapter.dump_python(
+        record, mode="json", by_alias=True, warnings=False, fallback=dict, **leave_out
+    )
     return table
 
 
 def finite_or_none(value: float) -> float | None:
     """Return a number for JSON, or None (null) if the number is not finite."""
     return float(value) if math.isfinite(value) else None
-
-
-def toml_text(document: Mapping[str, Any], title: str = "") -> str:
-    """Return a document as TOML: plain values first, then tables, lists of tables last."""
-    lines = [*(f"# {line}" for line in title.splitlines()), *_toml_lines(document, "")]
-    return "\n".join(lines).strip("\n") + "\n"
-
-
-def _toml_lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
-    for key, value in table.items():
-        if _is_plain(value):
-            yield f"{_toml_key(key)} = {_toml_value(value)}"
-    for many in (False, True):
-        for key, value in table.items():
-            if _is_plain(value) or isinstance(value, Mapping) is many:
-                continue
-            place = f"{path}{_toml_key(key)}"
-            for row in value if many else [value]:
-                if many or not row or any(map(_is_plain, row.values())):
-                    yield from ("", f"[[{place}]]" if many else f"[{place}]")
-                yield from _toml_lines(row, f"{place}.")
-
-
-def _is_plain(value: object) -> bool:
-    """Return False if a value is a table or a list of tables."""
-    rows = value if isinstance(value, list | tuple) else [value]
-    return not (rows and all(isinstance(each, Mapping) for each in rows))
-
-
-def _toml_key(key: str) -> str:
-    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else json.dumps(key)
-
-
-def _toml_value(value: object) -> str:
-    """Return the TOML text of a number, text, boolean or list, which equals JSON for these types."""
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml_value, value))}]"
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return "nan" if math.isnan(value) else f"{value:+}"
-        short = f"{value + 0.0:.12g}"  # "-0" would be read as the integer 0
-        return short if float(short) == value else repr(value)  # The text is read as the same number.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # DEL is invalid in TOML.

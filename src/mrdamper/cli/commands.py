@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -125,15 +125,13 @@ class JobCommand(HelpfulCommand):
 
 def parameters_of(job: Job) -> Iterator[click.Parameter]:
     """Yield the arguments and options of a job: inputs, output paths, own options, ``--json``."""
-    inputs = [each for each in job.inputs if each.option.flag != "-"]
-    yield from (_argument(each) for each in inputs if each.option.argument)
-    named = [each for each in inputs if not each.option.argument]
-    yield from map(_option, (*named, *job.reading, *job.outputs))
+    paths = (*job.inputs, *job.reading, *job.outputs)
+    yield from (_parameter(field) for field in paths if field.option.flag != "-")
     if job.files_help:
         default = _default(Path(job.out_default) if job.out_default else None)
         help_text, required = job.files_help, job.out_required
         yield click.Option(["--out"], type=_PATH, metavar="DIR", help=help_text, required=required, **default)
-    yield from (_option(field) for field in job.fields if field.option.flag != "-")
+    yield from (_parameter(field) for field in job.fields if field.option.flag != "-")
     if job.checkpoint:
         text = "Continue an interrupted run of the same command. Complete tasks are not repeated."
         yield click.Option(["--resume"], is_flag=True, help=text)
@@ -141,91 +139,67 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
     yield click.Option(["--json", "as_json"], is_flag=True, help=text)
 
 
-def _argument(field: Field) -> click.Argument:
-    nargs, metavar = -1 if field.many else 1, field.option.metavar
-    return click.Argument(
-        [field.name], nargs=nargs, type=_type(field), required=field.required, metavar=metavar
-    )
-
-
 def _default(value: object) -> dict[str, Any]:
     """Return click's arguments for a default. An explicit None would mark the option as required."""
     return {} if value is None else {"default": value, "show_default": True}
 
 
-def _option(field: Field) -> click.Option:
-    option, names = field.option, [field.flag, field.name]
-    help_text = field.help
+def _parameter(field: Field) -> click.Parameter:
+    """Return the argument or option of a field. The placeholder of a number is its unit."""
+    option, names, help_text = field.option, [field.flag, field.name], field.help
     if field.type is bool:
         # The flag inverts the default. An option that is on by default has a flag that turns it off.
         return click.Option(names, is_flag=True, flag_value=not field.default, default=None, help=help_text)
+    unit = _UNIT_METAVARS.get(option.unit, option.unit.upper()) if field.item in (int, float) else None
+    common: Json = {"type": _type(field), "required": field.required, "metavar": option.metavar or unit}
+    if option.argument:
+        return click.Argument([field.name], nargs=-1 if field.many else 1, **common)
     default = None if field.many or field.required else field.default
     if default is None and option.default_help and not field.required:
         help_text += f"  [default: {option.default_help}]"
     if option.metavar == "TIME":
         default = f"{1e3 * field.default:g}ms"
-    return click.Option(
-        names,
-        type=_type(field),
-        required=field.required,
-        **_default(default),
-        multiple=field.many,
-        help=help_text,
-        metavar=_metavar(field),
-        callback=(lambda _, __, values: values or None) if field.many else None,
-    )
+    callback = (lambda _, __, values: values or None) if field.many else None
+    common |= {"help": help_text, "multiple": field.many, "callback": callback}
+    return click.Option(names, **common, **_default(default))
 
 
-def _metavar(field: Field) -> str | None:
-    """Return the placeholder of a value: its unit if it is a number."""
-    if field.option.metavar or field.item not in (int, float):
-        return field.option.metavar or None
-    unit = field.option.unit
-    return _UNIT_METAVARS.get(unit, unit.upper())
+def _time(text: str) -> float:
+    """Return the seconds of a time such as 1ms, 500us or 0.001s."""
+    from mrdamper.excitation import measure
+
+    try:
+        return measure(text, "time")
+    except InputError as error:
+        expected = "a number and a unit, such as 1ms, 500us or 0.001s"
+        raise click.BadParameter(f"{text!r} is not a time; expected {expected}") from error
 
 
-class _Time(click.ParamType[float]):
-    """A time such as 1ms, 500us or 0.001s, converted to seconds."""
+def _number_type(field: Field) -> Callable[[str], float]:
+    """Return the function that reads a number. Its message about a wrong number has range and unit."""
+    option = field.item_option
+    words = [field.item_words, option.range_words if field.many else ""]
+    expected = f"{', '.join(filter(None, words))}. {field.option.remedy}".removesuffix(". ")
 
-    name = "time"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - required by click
-        from mrdamper.excitation import measure
-
+    def number(text: str) -> float:
         try:
-            return measure(str(value), "time")
-        except InputError:
-            expected = "a number and a unit, such as 1ms, 500us or 0.001s"
-            self.fail(f"{value!r} is not a time; expected {expected}", param, ctx)
-
-
-class _Number(click.ParamType[float]):
-    """A number within a range. The message about an invalid number states range and unit."""
-
-    name = "number"
-
-    def __init__(self, field: Field) -> None:
-        self._type, self._option = field.item, field.item_option
-        words = [field.item_words, self._option.range_words if field.many else ""]
-        self._expected = f"{', '.join(filter(None, words))}. {field.option.remedy}".removesuffix(". ")
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - required by click
-        try:
-            number: float = self._type(value)
+            value: float = field.item(text)
         except ValueError:
-            number = math.nan
-        if not self._option.holds(number):
-            self.fail(f"{value!r}; expected {self._expected}", param, ctx)
-        return number
+            value = math.nan
+        if not option.holds(value):
+            raise click.BadParameter(f"{text!r}; expected {expected}")
+        return value
+
+    return number
 
 
-def _type(field: Field) -> click.ParamType[Any]:
+def _type(field: Field) -> click.ParamType[Any] | Callable[[str], float]:
     """Return the type with which click checks a value."""
     option = field.item_option
     if option.metavar == "TIME":
-        return _Time()
+        return _time
     if field.choices and option.among is None:
         return click.Choice(field.choices)
     if field.item in (int, float):
-        return _Number(field)
+        return _number_type(field)
     return _PATH if field.item is Path else click.STRING

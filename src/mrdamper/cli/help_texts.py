@@ -18,14 +18,8 @@ EXAMPLES = {
     "simulate": ("card.json sine:10mm:1Hz:1A:2s", "card.json lab/run_7.csv --out simulation"),
     "compare": ("new/card.json worn/card.json", "new/card.json worn/card.json --out comparison"),
     "cycles": ("endurance.csv", "endurance.csv --least-stroke-mm 2 --out cycles"),
-    "heat": (
-        "card.json --damper paper",
-        "card.json --damper paper --duty sine:15mm:1Hz:2A:600s --out heat",
-    ),
-    "derate": (
-        "card.json --damper paper",
-        "card.json --damper mine.toml --quantity stroke --out limits",
-    ),
+    "heat": ("card.json --damper paper", "card.json --damper paper --duty sine:15mm:1Hz:2A:600s --out heat"),
+    "derate": ("card.json --damper paper", "card.json --damper mine.toml --quantity stroke --out limits"),
     "heatsink": (
         "card.json --damper paper --network-only",
         "card.json --damper mine.toml --mass-g 300 --out sink",

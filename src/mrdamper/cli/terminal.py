@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-
-Answer = Mapping[str, Any]
 
 REFRESH_INTERVAL_MIN_S = 0.1  # Terminals over a network are slow.
 FILE_WIDTH = 110  # Tables in a file need not fit a window.

@@ -14,9 +14,9 @@ from mrdamper.data.finding import Inference
 from mrdamper.data.proposal.recordings import ONE_FOR_EACH, RigFile
 from mrdamper.data.readers import ReadFiles
 from mrdamper.errors import InputError
-from mrdamper.files import parse_toml
+from mrdamper.files import parse_toml, toml_text
 from mrdamper.quantities import QUANTITIES, to_degC
-from mrdamper.schema import toml_text, write_record
+from mrdamper.schema import write_record
 
 _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "temperature_degC"}
 

@@ -193,9 +193,8 @@ _ROWS = (
         name="sweep",
         help="""Run many fits, simulations or optimisations.
 
-        PATH is a file, a folder or a pattern. A model is fitted to each path. With --samples, controllers
-        of a
-        card are tested on random dampers. With --damper, the heat sinks of several dampers are optimised.
+        PATH is a file, a folder or a pattern. A model is fitted to each path. With --samples, controllers of
+        a card are tested on random dampers. With --damper, the heat sinks of several dampers are optimised.
         """,
         run="mrdamper.jobs.sweep.sweep:sweep",
         report="mrdamper.report.sweep:REPORT",

@@ -76,22 +76,13 @@ class Job:
         return result
 
     def options_from(self, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the job's options
-        """Return checked options.
-
-        Raises
-        ------
-        InputError
-            If an option is invalid; one line for each fault.
-        """
+        """Return checked options, or raise ``InputError`` with a line for each fault."""
         return read_record(self.options_type, given, self.name)
 
     def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
         """Run the job with the arguments of its Python function.
 
-        Raises
-        ------
-        InputError
-            An input is None, or an option is invalid.
+        ``InputError`` is raised if an input is None or an option is invalid.
         """
         missing = [each.name for each in self.inputs if each.required and given[each.name] is None]
         if missing:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Annotated
 
 from mrdamper.errors import InputError
-from mrdamper.files import parse_toml, read_text
-from mrdamper.schema import Json, Option, did_you_mean, fields_of, read_record, toml_text, write_record
+from mrdamper.files import parse_toml, read_text, toml_text
+from mrdamper.schema import Json, Option, did_you_mean, fields_of, read_record, write_record
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,

@@ -26,8 +26,8 @@ from mrdamper.excitation import (
     Triangle,
     motion_from_text,
 )
-from mrdamper.files import read_toml
-from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
+from mrdamper.files import read_toml, toml_text
+from mrdamper.schema import Option, check_ranges, read_record, write_record
 from mrdamper.virtual_rig.damper import HydraulicDamper, VirtualDamper, find_preset
 from mrdamper.virtual_rig.sensors import Sensors
 

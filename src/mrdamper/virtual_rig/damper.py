@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from mrdamper.errors import InputError
-from mrdamper.files import read_toml
-from mrdamper.schema import read_record, toml_text, unknown_name, write_record
+from mrdamper.files import read_toml, toml_text
+from mrdamper.schema import read_record, unknown_name, write_record
 from mrdamper.virtual_rig.hydraulic import HYDRAULIC, HydraulicDamper
 from mrdamper.virtual_rig.lumped import LUMPED, LumpedDamper
 

@@ -17,12 +17,12 @@ from typing import Any, TypeVar
 
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
-from mrdamper.files import parse_toml
+from mrdamper.files import parse_toml, toml_text
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import changed_drawing, start_of
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.schema import Json, finite_or_none, read_record, toml_text, write_record
+from mrdamper.schema import Json, finite_or_none, read_record, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawing, text_of
 from mrdamper.thermal.duty import Duty, Segment, segment_of

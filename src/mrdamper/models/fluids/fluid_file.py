@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 from mrdamper.errors import InputError
-from mrdamper.files import parse_toml, read_text
+from mrdamper.files import parse_toml, read_text, toml_text
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m
 from mrdamper.models.fluids.fluid import Collapse, Fluid
 from mrdamper.models.temperature import FACTORS, TemperatureFactor, make_factor
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.schema import Json, Option, fields_of, read_record, toml_text, write_record
+from mrdamper.schema import Json, Option, fields_of, read_record, write_record
 
 PRESETS = ("paper", "lord-mrf-132dg")
 """The fluids that come with the package."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from rich.console import Console
 from rich.markup import escape
 
+from mrdamper.files import toml_text
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
@@ -15,7 +16,7 @@ from mrdamper.report.figures.heatsink import draw_sweeps, front_figure
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json, toml_text, write_record
+from mrdamper.schema import Json, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, SinkEffect, Sweep
