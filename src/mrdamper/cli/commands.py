@@ -34,7 +34,7 @@ def print_message(message: str) -> None:
 
 def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
     """Run a job with the values of its command, print the result, and return the exit code."""
-    from mrdamper.cli.terminal import progress_line
+    from mrdamper.cli.terminal import open_console, progress_line
 
     given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
     paths = {output.name: values.pop(output.name) for output in job.outputs}
@@ -61,26 +61,20 @@ def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = Fal
         given["answer"] = (*(given.get("answer") or ()), *answers)
     if isinstance(source, InputError):
         raise source
+    report = job.reported
     if as_json:
         click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
     else:
-        _show(job, result, answer)
-    outcome = job.reported.outcome(result)
+        console = open_console()
+        report.show(result, console)
+        first, *others = report.closing(result, answer) or [""]
+        if first:
+            first = f"{first.removesuffix('.')} ({time.monotonic() - _STARTED_S:.1f} s)."
+            console.print("\n".join([first, *others]), markup=False, soft_wrap=True)
+    outcome = report.outcome(result)
     for message in outcome.messages:
         print_message(message)
     return outcome.exit_code
-
-
-def _show(job: Job, result: object, answer: Json) -> None:
-    """Print the result of a job for people."""
-    from mrdamper.cli.terminal import open_console
-
-    console = open_console()
-    job.reported.show(result, console)
-    first, *others = job.reported.closing(result, answer) or [""]
-    if first:
-        first = f"{first.removesuffix('.')} ({time.monotonic() - _STARTED_S:.1f} s)."
-        console.print("\n".join([first, *others]), markup=False, soft_wrap=True)
 
 
 class GroupedCommands(click.Group):

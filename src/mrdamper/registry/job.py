@@ -80,10 +80,7 @@ class Job:
         return read_record(self.options_type, given, self.name)
 
     def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
-        """Run the job with the arguments of its Python function.
-
-        ``InputError`` is raised if an input is None or an option is invalid.
-        """
+        """Check the arguments of the job's Python function, and run the job."""
         missing = [each.name for each in self.inputs if each.required and given[each.name] is None]
         if missing:
             place = f"mrdamper.{self.attribute}"
