@@ -32,7 +32,7 @@ WITHOUT_MOTION = (
 )
 """Effect and remedy of a run without motion, for messages."""
 
-_CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
+CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 LEAST_SAMPLES = 16
 _SPEED_MAX_m_s = 10.0  # No damper rig is faster.
 _STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
@@ -61,7 +61,7 @@ class Recording:
     source: str = ""
 
     def __post_init__(self) -> None:
-        for channel in _CHANNELS:
+        for channel in CHANNELS:
             given = getattr(self, channel)
             if given is not None:
                 object.__setattr__(self, channel, read_only(given))
@@ -125,7 +125,7 @@ class RigRun(Recording, Picture):
         if to_s is not None:
             kept &= self.time <= to_s
         cut: dict[str, Any] = {
-            name: column[kept] for name in _CHANNELS if (column := getattr(self, name)) is not None
+            name: column[kept] for name in CHANNELS if (column := getattr(self, name)) is not None
         }
         return replace(self, **cut)
 
@@ -172,7 +172,7 @@ class Dataset(Picture):
         digest = hashlib.sha256()
         for run in sorted(self.runs, key=lambda run: run.name):
             digest.update(f"{run.name}\0{run.command_unit}\0{len(run)}\0".encode())
-            for channel in (getattr(run, name) for name in _CHANNELS):
+            for channel in (getattr(run, name) for name in CHANNELS):
                 digest.update(b"\0" if channel is None else np.ascontiguousarray(channel, dtype="<f8").data)
         return digest.hexdigest()
 
