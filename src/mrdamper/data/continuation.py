@@ -14,13 +14,13 @@ import numpy as np
 
 from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
 
-_SEAM_STEPS_MAX = 2.5  # time from the last sample of a part to the first sample of the next one
+_SEAM_STEPS_MAX = 2.5  # Limit of the time from the last sample of a part to the first of the next part.
 _RMS_RATIO_MAX = 1.3  # Parts of one record have similar displacements and speeds.
 _SEAM_TEMPERATURE_K_MAX = 1.0
 
 
 def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
-    """Return the runs with all continuations appended to the runs that they continue, and their names.
+    """Return the joined runs, and the names of the runs that were appended to another run.
 
     A run continues another run if it is from another file, has the same constant command, starts at most
     2.5 time steps after its end, and continues its motion and its temperature. A joined run has the name of
@@ -46,7 +46,7 @@ def _continues(run: RigRun, previous: RigRun) -> bool:
 
 
 def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
-    """Return True for another file with the same channels, command and temperature."""
+    """Return True if the runs are from different files with the same channels, command and temperature."""
     if run.source and run.source == previous.source:
         return False
     settings = [(each.command_unit, each.session, each.velocity is None) for each in (run, previous)]
@@ -61,7 +61,7 @@ def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
 
 
 def _has_same_motion(run: RigRun, previous: RigRun) -> bool:
-    """Return True if the displacement is continuous, and spread and speed are similar."""
+    """Return True if the displacement continues without a jump, at a similar rms stroke and speed."""
     steps_m = [np.abs(np.diff(each.displacement)) for each in (previous, run)]
     seam_m = abs(float(run.displacement[0] - previous.displacement[-1]))
     return (
@@ -76,7 +76,7 @@ def _similar(first: float, second: float) -> bool:
 
 
 def _join(parts: Sequence[RigRun]) -> RigRun:
-    """Return the parts as one run; a sample that ends one part and starts the next one is used once."""
+    """Return the parts as one run. A sample that is in two adjacent parts is used once."""
     kept = [parts[0]]
     for part in parts[1:]:
         kept.append(part.between(float(np.nextafter(kept[-1].time[-1], np.inf)), None))

@@ -144,7 +144,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
 
 
 def _decode_on_use(columns: Mapping[str, Value], path: Path, what: str) -> OnUse[Value]:
-    """Return columns that are decoded when they are used, with the same errors as the file."""
+    """Return columns that are decoded on each access. A decoding error is raised as InputError."""
 
     def read(name: str) -> Value:
         with decoding(path, what):

@@ -36,7 +36,7 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Return the first part of an answer to this question."""
+        """Return the first part of an answer to this question, such as ``force.unit``."""
         return f"{self.role}.{self.topic}"
 
     def to_dict(self) -> Mapping[str, object]:
@@ -100,7 +100,7 @@ class Answer:
 def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
     """Parse answers of the form ``ROLE.TOPIC=VALUE`` with an optional pattern of files.
 
-    Raise InputError if an answer has another form, or an unknown role or topic.
+    Raise InputError if an answer has a different form, or an unknown role or topic.
     """
     answers = []
     for text in given:

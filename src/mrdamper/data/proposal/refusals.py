@@ -25,7 +25,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMANDS = ("current", "voltage")
-LEVEL_PARTS = 16  # Medians of this number of parts show a change of level despite noise.
+LEVEL_PARTS = 16  # A column is divided into this number of parts. Their medians reveal a step despite noise.
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:

@@ -1,7 +1,7 @@
 """Headers of columns: word, unit, and the roles that word and unit may mean.
 
-A unit selects a column if only one has a unit of the role. Words select among several columns, and
-separate a command from its set point.
+The unit determines the column of a role if only one column has a unit of the role. Otherwise the words
+determine the column. They also distinguish a measured quantity from its set point.
 """
 
 from __future__ import annotations
@@ -165,9 +165,10 @@ def parse_header(header: str) -> tuple[str, str] | None:
 
 
 def is_unit_beside(text: str, role: str) -> bool:
-    """Return True if a text next to a word of a role is a unit: of the role, of another role, or volts.
+    """Return True if the text next to a word of a role is a unit.
 
-    One letter of another role may number a sensor, as in ``force_A``.
+    A text of one letter must be a unit of the role or V because a letter may number a sensor, as in
+    ``force_A``.
     """
     roles = roles_of_unit(text)
     return role in roles or "voltage" in roles or (bool(roles) and len(text.strip("[]() ")) > 1)
