@@ -35,7 +35,7 @@ def parts(run: RigRun, *, shared_sample: bool = False) -> list[RigRun]:
 
 @pytest.mark.parametrize("shared_sample", [False, True])
 def test_parts_give_the_original_run(shared_sample: bool):
-    """Three parts in any order have the samples of the original, and other runs stay as they are."""
+    """Three parts in any order are joined to the samples of the original. Unrelated runs are unchanged."""
     run, other = sine_run(), sine_run("other", amplitude_m=1e-2, start_s=0.5)
     first, second, third = parts(run, shared_sample=shared_sample)
     joined, continued = join_continuations(Dataset((third, other, first, second)))
@@ -58,8 +58,8 @@ def test_parts_give_the_original_run(shared_sample: bool):
     ],
     ids=["clock from zero", "gap", "current", "amplitude", "jump", "temperature", "same file"],
 )
-def test_other_tests_are_not_joined(change):
-    """A run with another clock, current, motion or temperature is another test."""
+def test_different_tests_are_not_joined(change):
+    """A run with a different clock, current, motion or temperature is a different test."""
     first, second, _ = parts(sine_run())
     joined, continued = join_continuations(Dataset((first, change(second))))
     assert continued == ()
