@@ -175,7 +175,7 @@ def test_file_order_does_not_change_parameters(case: Case, fitted: FitResult) ->
 
 
 def test_duplicate_file_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
-    """A second file with the data of another one is ignored, and a note reports it."""
+    """A second file with the same data is ignored, and a note reports the repetition."""
     first = next(iter(case.runs))
     repeated = case.fit(Dataset((*case.runs, replace(first, name="copy"))))
     assert_equal(fitted, repeated)
@@ -209,7 +209,7 @@ def test_units_hardly_change_model(case: Case, fitted: FitResult, tmp_path: Path
 
 
 def test_flipped_force_gives_same_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
-    """A load cell with the other sign, and the option for it, give the same model."""
+    """A load cell with the opposite sign, together with the option ``flip_force``, gives the same model."""
     runs = written(case.runs, tmp_path, force_sign=-1.0)
     assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)
 

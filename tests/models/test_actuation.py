@@ -206,7 +206,7 @@ def test_flux_and_current_are_inverse(level, bend):
 
 
 def test_two_hysteresis_widths_superpose():
-    """From 2 A down, both loops open; the narrow loop saturates first. A small swing closes only this loop."""
+    """From 2 A down, both loops open; the narrow one saturates first. A small swing closes only this loop."""
     narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
     felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).apply(commands, 1e-3)

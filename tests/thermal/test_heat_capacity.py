@@ -63,7 +63,7 @@ def test_polynomial_in_celsius_is_evaluated_in_kelvin():
 
 
 def test_variable_capacity_gives_temperature_from_heat():
-    """A whole damper whose heat capacity rises from 900 J/K at 20 degC by 5 J/K a kelvin: a quadratic."""
+    """The heat is quadratic if the heat capacity of the damper is 900 J/K at 20 degC and rises by 5 J/K^2."""
     model = coarse(paper(WHOLE, fins=False), insulated=True)
     load = replace(LOAD, duration=1200.0, coil_W=0.0)
     course = simulate_field(model.equation, [load])
@@ -87,7 +87,7 @@ def test_variable_capacity_agrees_when_reduced(fins: bool):
 
 @pytest.mark.nightly
 def test_variable_capacity_agrees_with_scipy_integrator():
-    """The reduced equation by an implicit method of SciPy's, tight; our error falls by four with the step."""
+    """The reference is an implicit SciPy method. The error falls by four if the step is halved."""
     equation = reduce_field(coarse(paper(STEEP))).equation
     system = FieldSystem(equation)
     system.take(LOAD)
