@@ -15,8 +15,8 @@ from mrdamper.core.native import DOUBLE, SINGLE, doubles, ffi, lib
 
 __all__ = ["Tracker", "follow"]
 
-# Table of a power function (as in controller.h): exponent, smallest and largest argument, log2 of the number
-# of cells, scale of each octave, cells.
+# Table of a power function (as in controller.h): exponent, smallest and largest argument,
+# log2 of the number of cells, scale of each octave, cells.
 Power = tuple[float, float, float, int, FloatArray, FloatArray]
 # Table of a function: offset, largest argument, log2 of the number of cells in an octave, cells.
 Lookup = tuple[float, float, int, FloatArray]
@@ -24,8 +24,8 @@ Lookup = tuple[float, float, int, FloatArray]
 # power functions, other functions.
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
 # Settings of a closed loop: plant steps per sample, delay in samples, additional delay in plant steps, True
-# if the force is measured, gain and offset of the damper force, largest current, resolution of the converters
-# of current and force.
+# if the force is measured, gain and offset of the damper force, largest current, resolutions of the
+# converters of current and force.
 Settings = tuple[int, int, int, bool, float, float, float, float, float]
 
 PIECES_MAX = 10_000
