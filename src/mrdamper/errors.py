@@ -4,7 +4,7 @@
     ├── InputError                    3  invalid data, file, unit or option
     │   ├── EnvelopeError             3  a value outside the valid range of a law or correlation
     │   ├── MissingExtraError         3  an optional library is not installed
-    │   └── UsageError                2  options that exclude each other, or one that is missing
+    │   └── UsageError                2  options that exclude each other, or a missing option
     ├── ConvergenceError              4  a fit or solve that did not reach its tolerance
     └── CheckError                    5  a result did not pass its own check
 
@@ -34,7 +34,7 @@ class MrdamperError(Exception):
     found, expected : the actual and the expected value
     place : file, run or field with the fault
     remedy : action of the user, as a sentence, or as a clause if it starts with a small letter
-    faults : several errors that are reported as one; the common error then has no parts of its own
+    faults : several errors that are reported as one error, which then has no other parts
 
     The message consists of place, found, expected and remedy, in this order. Each of several faults has its
     own line. Very long texts are cut.

@@ -190,12 +190,12 @@ class Field:
 
     @cached_property  # Each check of a record uses it.
     def item(self) -> Any:  # noqa: ANN401 - a type
-        """Return the type of one value: of the items if the field is a list."""
+        """Return the type of the value, or of the items if the field is a list."""
         return _split_annotation(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
 
     @property
     def item_option(self) -> Option:
-        """Return the option of one value: of the items if the field is a list, otherwise of the field."""
+        """Return the option of the field, or of its items if the field is a list."""
         return _split_annotation(get_args(self.type)[0])[1] if self.many else self.option
 
     @cached_property

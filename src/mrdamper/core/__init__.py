@@ -443,6 +443,8 @@ def squared_errors(
 ) -> FloatArray:
     """Return the sum of squared errors [N^2] of every candidate on every run, shape (candidates, runs).
 
+    A candidate is one set of coefficients.
+
     Parameters
     ----------
     coefficients : constant over each run, shape (candidates, runs, m)

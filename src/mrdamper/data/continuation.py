@@ -22,9 +22,9 @@ _SEAM_TEMPERATURE_K_MAX = 1.0
 def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
     """Return the joined runs, and the names of the runs that were appended to another run.
 
-    A run continues another run if it is from another file, has the same constant command, starts at most
-    2.5 time steps after its end, and continues its motion and its temperature. A joined run has the name of
-    its first part.
+    A run continues a previous run if it is from a different file, has the same constant command, starts at
+    most 2.5 time steps after the end of the previous run, and continues the motion and the temperature. A
+    joined run has the name of its first part.
     """
     first_parts: dict[str, list[RigRun]] = {}  # last run of each record -> its parts
     for run in sorted(runs, key=lambda run: (float(run.time[0]), run.name)):

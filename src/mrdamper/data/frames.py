@@ -61,8 +61,8 @@ class Frame:
     def read(self, chosen: ChannelMap) -> RigFile:
         """Return the runs of the frame.
 
-        Raise AskingError if a needed column is missing, or has no unit. Raise InputError if a column does not
-        have shape (n,), or has another length than the other columns.
+        Raise AskingError if a needed column is missing or has no unit. Raise InputError if a column does not
+        have shape (n,), or if the columns differ in length.
         """
         try:
             return runs_in((self._table(),), chosen, Path(self.name), name=self.name)

@@ -116,13 +116,12 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     rounding. Otherwise, the run is resampled to the median step: displacement by a cubic spline, the other
     channels linearly.
 
-    *Smoothing.* Noise is the median level of the upper quarter of the displacement's spectrum (at least its
-    rounding). The cut-off is the frequency above which noise exceeds the signal in velocity, and at least
+    *Smoothing.* Noise is the median magnitude in the upper quarter of the displacement's spectrum (at least
+    its rounding). The cut-off is the frequency above which noise exceeds the signal in velocity, and at least
     five times the motion's mean frequency. There is no smoothing if noise is below 0.1 % of the rms velocity
-    (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half
-    period of the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and
-    acceleration are its derivatives. A measured velocity is used only if requested and if it agrees
-    within 10 % of its rms.
+    (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half period of
+    the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and acceleration are
+    its derivatives. A measured velocity is used only if requested and if it agrees within 10 % of its rms.
 
     *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 

@@ -247,7 +247,7 @@ def command_slack(command: float) -> float:
 
 
 def _faults(run: RigRun) -> list[InputError]:
-    """Return all faults of a run, without the name of the run."""
+    """Return all faults of a run. The faults do not contain the name of the run."""
     faults: list[InputError] = []
     if not run.name:
         faults.append(InputError("has no name", remedy="Pass a name"))

@@ -144,7 +144,7 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
 
 
 def _unit_in(header: str, what: str) -> str | None:
-    """Return the unit at the end of a header ("" if it is missing); None for another quantity."""
+    """Return the unit at the end of a header ("" if missing), None if the header names another quantity."""
     for word in _QUANTITIES[what].words:
         spelled = word.replace(" ", r"[\s_]+")
         case = re.IGNORECASE if len(word) > 1 else re.NOFLAG

@@ -185,7 +185,10 @@ def _require_unicode(text: str, place: str) -> None:
 
 
 def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
-    """Return a read-only copy with tables in alphabetical order; raise InputError if it is not JSON."""
+    """Return a read-only copy of a JSON value, with sorted keys unless ``ordered``.
+
+    Raise InputError if the value is not JSON.
+    """
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
         if not all(isinstance(key, str) for key in keys):

@@ -63,7 +63,7 @@ class Comparison(JobResult):
 
     @property
     def verdict(self) -> str:
-        """One sentence: how the second damper differs from the first, and where most."""
+        """One sentence: how the second damper differs from the first, and where the difference is largest."""
         first, second = self.names
         before = self.found[0].damping
         difference = self.found[1].damping - before
@@ -189,7 +189,7 @@ def _common_temperature(
 
 
 def _temperatures_of(card: ModelCard) -> Range | None:
-    """Return the temperature range [K] of the runs, or of the assumed factors if the runs have only one."""
+    """Return the temperature range [K] of the runs, or of the assumed factors if this range is one value."""
     tested, assumed = card.envelope.temperature, card.damper.temperature_range
     single = tested is None or tested[1] - tested[0] < TEMPERATURE_TOLERANCE_K
     if single and card.damper.temperature_dependent and assumed is not None:

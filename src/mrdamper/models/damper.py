@@ -282,7 +282,7 @@ class Damper:
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
         """Return the violations of 1 + position_gain x > 0, one sentence each.
 
-        The force of the valve would change its sign.
+        If the condition is violated, the force of the valve changes its sign.
         """
         commands = envelope.commands()
         for x in envelope.displacement:

@@ -160,7 +160,7 @@ def _values_of(run: Recording) -> _Values:
 
 
 def _frequency(run: Recording) -> float | None:
-    """Return the frequency of a steady sine [Hz] from its zero crossings, None for other motions."""
+    """Return the frequency of a motion [Hz] from its zero crossings, None if it is not a steady sine."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
     swing = 0.25 * float(high - low)

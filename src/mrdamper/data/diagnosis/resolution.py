@@ -15,8 +15,8 @@ from mrdamper.data.prepare import PreparedRun
 SAMPLE_COUNT_MIN = 60.0
 SAMPLE_COUNT_FAULT = 20.0
 REVERSAL_RATIO_MIN = 0.3  # Smaller motions, as a fraction of the stroke range, are not reversals.
-NOISE_MAX_PERCENT = 5.0  # Percent of the force's standard deviation.
-DEVIATION_MAX_PERCENT = 5.0  # Percent of the force's standard deviation.
+NOISE_MAX_PERCENT = 5.0  # Noise above this percentage of the force's standard deviation is reported.
+DEVIATION_MAX_PERCENT = 5.0  # Larger deviations of cycles, in the same unit, are reported.
 LINE_RATIO_MIN = 0.03  # RMS of a spectral line divided by the force's standard deviation.
 LINE_POWER_RATIO_MIN = 0.5  # Fraction of the power of the deviation from the mean cycle.
 # Smallest distance of a line to a harmonic: in bins of the spectrum, and the limits in harmonic numbers.

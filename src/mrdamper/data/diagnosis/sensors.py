@@ -83,7 +83,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
-                continue  # The motion is slow and between two levels of the converter.
+                continue  # The motion is slow, so that the converter does not change its value.
             share = MOTION_RATIO if role == "force" else 0.5  # The force may relax at rest.
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
@@ -167,7 +167,7 @@ def resolution_of(values: FloatArray) -> float:
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
     apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors of one level.
+    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors of equal values.
     resolution = float(np.median(apart))
     multiples = apart / resolution
     nearest = np.round(multiples)

@@ -21,7 +21,7 @@ from mrdamper.errors import InputError, MissingExtraError
 
 MOST_UNPACKED = 1032  # The largest possible compression ratio of deflate.
 MOST_WHOLE = 1 << 28  # Larger files [bytes] are not kept in memory as a whole.
-MOST_SAMPLES = 400_000_000  # A longer column (3.2 GB) is a damaged header or an attack.
+MOST_SAMPLES = 400_000_000  # A header that states a longer column (3.2 GB) is damaged or malicious.
 CONTINUATION_MAX_STEPS = 1.5  # A piece after a longer pause is a separate recording.
 MOST_HEADER_LINES = 400  # The first row of a text or a sheet is within these lines.
 MOST_COLUMNS = 64  # A wider matrix is not a table of channels.

@@ -346,7 +346,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a purely numeric block, which NumPy reads faster; None for other blocks."""
+    """Return the columns of a block, which NumPy reads faster, or None if the block is not purely numeric."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":

@@ -23,7 +23,7 @@ from mrdamper.quantities import to_si
 _BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
 _DATA_SET = 58
 _TIME_RESPONSE = 1
-_REAL = (2, 4)  # Single and double precision.
+_REAL = (2, 4)  # Data types of real numbers in single and double precision.
 _QUANTITIES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 13: "force"}
 
 

@@ -60,7 +60,7 @@ class AskingError(InputError):
 
 
 class NoRunError(AskingError):
-    """Error for a file without damper samples, such as results or the data of another instrument."""
+    """Error for a file without damper samples, such as results or the data of a different instrument."""
 
 
 def ask(
@@ -73,7 +73,7 @@ def ask(
     remedy: str = "",
     candidates: Sequence[str] = (),
 ) -> AskingError:
-    """Return the error with one question."""
+    """Return an AskingError with one question about a role in the file ``place``."""
     text = found + (f"; expected {expected}" if expected else "")
     question = Question(role, topic, place, text, tuple(candidates))
     return AskingError(place=place, found=found, expected=expected, remedy=remedy, questions=(question,))

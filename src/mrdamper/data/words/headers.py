@@ -44,7 +44,7 @@ _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\
 
 
 def word_and_unit(header: str) -> tuple[str, str]:
-    """Return the word and the unit of a header, "" if missing. Other text belongs to the word."""
+    """Return the word and the unit of a header, "" if missing. All text except the unit is the word."""
     text = header.translate(_NARROW).strip()
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
@@ -97,12 +97,12 @@ def is_set_point(word: str) -> bool:
 
 
 def says_command(word: str) -> bool:
-    """Return True if a header of volts names a command. Other volts may be a sensor output."""
+    """Return True if the header of a column in volts names a command. Otherwise it may be a sensor output."""
     return _COMMAND.search(_split_words(word)) is not None and not is_monitor(word)
 
 
 def is_monitor(word: str) -> bool:
-    """Return True if a header names a sensor output, which has volts for another quantity."""
+    """Return True if a header names a sensor output, whose volts represent a different quantity."""
     return _MONITOR.search(_split_words(word)) is not None
 
 

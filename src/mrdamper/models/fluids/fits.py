@@ -50,7 +50,7 @@ class LawFit:
     factor: TemperatureFactor
     parameters: tuple[FittedParameter, ...]
     rms_percent: float  # root mean square of the relative residuals
-    aicc: float  # Akaike information criterion for few points; infinite with too few
+    aicc: float  # Akaike information criterion for few points; infinite if there are too few points
     fall_percent: float  # decrease from 20 to 100 degC
     fall_standard_error_percent: float
     at_reference: float = 1.0

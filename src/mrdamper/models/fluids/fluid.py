@@ -59,7 +59,7 @@ class Fluid:
     particle_fraction: float  # volume fraction of iron [-]
     density_kg_m3: Positive | None = None
     heat_capacity_J_kg_K: Positive | None = None
-    conductivity_W_m_K: Positive | None = None  # thermal
+    conductivity_W_m_K: Positive | None = None  # thermal conductivity
     collapse: Collapse | None = None
     valid_K: tuple[float, float]
 

@@ -204,7 +204,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
 
 
 def _names_in_comment(text: str, count: int) -> list[str]:
-    """Return the names in a comment ``columns: time [s], force [N]``; empty for other comments."""
+    """Return the names in a comment ``columns: time [s], force [N]``; empty if the comment has no list."""
     names = _LEAD.sub("", text)
     lists = (split_line(names, sign) for sign in DELIMITERS[:-1])
     return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
