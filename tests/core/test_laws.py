@@ -759,7 +759,7 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
             rows = [*columns, measured[k] - force]
             scored = np.array(rows)[:, starts[k] :]
             size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
-            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)  # less is rounding
+            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)  # else rounding
             size[: len(told)] = np.maximum(size[: len(told)], told)
             pairs, expected = np.outer(size, size), scored @ scored.T
             np.testing.assert_allclose(found[j, k] / pairs, expected / pairs, atol=1e-3)

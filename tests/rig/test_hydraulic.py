@@ -138,7 +138,7 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     stored += 0.5 * p.piston_kg * s["piston_m_s"] ** 2 + 0.5 * inertance * s["flow_m3_s"] ** 2
     stored += 0.5 * p.joint_N_m * e**2 + 0.25 * p.joint_N_m3 * e**4 + 0.4 * p.pin_N * beyond**2.5
     stored += 0.5 * seal**2 @ stiff
-    # the atmosphere pushes on the rod's end; a flow's enthalpy falls by more than its inertance takes up
+    # The atmosphere acts on the end of the rod. The loss of a flow is its enthalpy drop minus inertance work.
     stored += 101325.0 * (of.A2 - of.A1) * s["piston_m"]
     flow = s["flow_m3_s"] + _bypass(of, one - two)
     power = (enthalpy(one) - enthalpy(two)) * flow
@@ -169,7 +169,7 @@ def test_adaptive_integrator_finds_the_same_force(preset, degrees):
     time = np.arange(451) * 1e-3
     expected = reference_force(HYDRAULIC[preset], motion, command, degrees, np.asarray(time, np.float64))
     x, v = motion.displacement(time), motion.velocity(time)
-    held = command.current(time - 0.5e-3)  # a sample's command holds over the step that it ends
+    held = command.current(time - 0.5e-3)  # constant over the step before a sample
     errors = [
         np.abs(
             simulate(HYDRAULIC[preset], x, v, held, degrees, step_s=1e-3, solver_step_s=step).force - expected

@@ -48,7 +48,7 @@ def test_narrow_gaps_have_developed_flow(ratio):
         np.zeros((2, 50)),
         tol=1e-9,
     )
-    enters = 2.0 * (1.0 - ring.sol(1.0)[1])  # through the lower half of the rim, over the speed Ra / 12
+    enters = 2.0 * (1.0 - ring.sol(1.0)[1])  # lower half of the rim, divided by the speed Ra / 12
     exact = enters / (12.0 * math.pi * (1.0 - inner**2))  # S / D, and both faces
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 

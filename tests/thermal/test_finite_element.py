@@ -89,7 +89,7 @@ def test_heated_tube_has_logarithmic_profile():
     outside = power / (film * 2.0 * math.pi * outer * length)
     per_length = power / length
     at_middle = outside + per_length * math.log(outer / middle) / (2.0 * math.pi * k_wall)
-    # an annulus heated evenly, tight inside
+    # The annulus is heated evenly and insulated inside.
     heat = per_length / (math.pi * (middle**2 - inner**2))
     at_inner = at_middle + heat / (4.0 * k_core) * (
         middle**2 - inner**2 - 2.0 * inner**2 * math.log(middle / inner)

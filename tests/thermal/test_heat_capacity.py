@@ -70,7 +70,8 @@ def test_variable_capacity_gives_temperature_from_heat():
     mean = float(model.equation.uniform @ (model.equation.mass @ course.state[-1]))
     mean /= float(model.equation.uniform @ (model.equation.mass @ model.equation.uniform))
     expected = (np.sqrt(900.0**2 + 2.0 * 5.0 * 95.0 * 1200.0) - 900.0) / 5.0
-    assert mean == pytest.approx(expected, rel=2e-3)  # each part by its own mean, not by the whole's
+    # The capacity of each part depends on its own temperature, ``expected`` uses the mean temperature.
+    assert mean == pytest.approx(expected, rel=2e-3)
     assert course.closure < 1e-12
 
 
@@ -82,7 +83,7 @@ def test_variable_capacity_agrees_when_reduced(fins: bool):
     assert np.abs(full.hottest("coil") - small.hottest("coil")).max() < 50e-3
     assert max(full.closure, small.closure) < 1e-9
     constant = simulate_field(replace(model.equation, storage=()), [LOAD])
-    assert np.abs(constant.fluid - full.fluid).max() > 0.5  # it makes a difference
+    assert np.abs(constant.fluid - full.fluid).max() > 0.5  # The effect of the variable capacity is large.
 
 
 @pytest.mark.nightly

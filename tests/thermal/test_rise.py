@@ -220,7 +220,8 @@ def test_reported_force_belongs_to_its_segment():
     duty = Duty((moving, rest, moving), "A", "")
     rise = simulate_rise(works, BARE, duty, model="network")
     for k, at in enumerate(rise.time):
-        which = 0 if at < 60.0 - 1e-6 else 1 if at < 120.0 - 1e-6 else 2  # an end is the next one's start
+        # A time at the end of a segment belongs to the next segment.
+        which = 0 if at < 60.0 - 1e-6 else 1 if at < 120.0 - 1e-6 else 2
         force = float(works[which].peak_at(rise.fluid[k]))
         assert np.isnan(rise.peak_force_N[k]) if which == 1 else rise.peak_force_N[k] == pytest.approx(force)
     fall = 1.0 - float(works[2].peak_at(rise.fluid[-1])) / 500.0

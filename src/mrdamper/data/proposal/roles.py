@@ -77,7 +77,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return an AskingError: was the factor above the table already applied to its column?"""
+    """Return the error for a column to which the factor above the table may already be applied."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
