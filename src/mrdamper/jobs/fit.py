@@ -222,24 +222,24 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
     """Return a note if controllers and accuracy need different laws: the other law and its error."""
     chosen = selection.scores[0]
     if _tracked(damper):
-        better = [row for row in selection.scores[1:] if row.cv_rms_percent < 0.99 * chosen.cv_rms_percent]
+        better = [row for row in selection.scores[1:] if row.cv_mean_percent < 0.99 * chosen.cv_mean_percent]
         other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (
-            f"--law {other.law} has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
-            f"{chosen.cv_rms_percent:.2f} %, but no controller can be made from it",
+            f"--law {other.law} has a cross-validation error of {other.cv_mean_percent:.2f} % instead of "
+            f"{chosen.cv_mean_percent:.2f} %, but no controller can be made from it",
         )  # fmt: skip
     known = [
         row
         for row in selection.scores
-        if row.law in (*TABULATED, *STEPPED) and not math.isnan(row.cv_rms_percent)
+        if row.law in (*TABULATED, *STEPPED) and not math.isnan(row.cv_mean_percent)
     ]
     if not known:
         return (f"no controller can be made from the law {selection.chosen.candidate.title}",)
-    best = min(known, key=lambda row: row.cv_rms_percent)
+    best = min(known, key=lambda row: row.cv_mean_percent)
     return (
         f"no controller can be made from the law {selection.chosen.candidate.title}; controllers support "
         f"{' --term '.join((f'--law {best.law}', *best.terms))}, with a cross-validation error of "
-        f"{best.cv_rms_percent:.2f} % instead of {chosen.cv_rms_percent:.2f} %",
+        f"{best.cv_mean_percent:.2f} % instead of {chosen.cv_mean_percent:.2f} %",
     )
 
 

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 class SelectionSettings:
     """Limits and thresholds of the model selection.
 
-    Errors are root-mean-square errors in percent of the standard deviation of the force. A *ratio* divides an
-    error by the smallest error of the same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
+    The error of a run is the root-mean-square error in percent of the standard deviation of the force. The
+    training error of a candidate is the root mean square over the runs, because a fit minimises it. The
+    cross-validation error is the mean over the runs. A *ratio* divides an error by the smallest error of the
+    same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
     """
 
     # Data: the selection is repeated with more windows if the error of the chosen candidate on all runs is
