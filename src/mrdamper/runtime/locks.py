@@ -1,4 +1,4 @@
-"""Locks on files and folders. The operating system releases them when the process ends for any reason."""
+"""Locks on files and folders. When a process ends for any reason, the operating system releases its locks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ except ImportError:  # everywhere else
 
 
 def lock(handle: int) -> bool | None:
-    """Take the lock of an open file or folder for this process.
+    """Lock an open file or folder for this process.
 
     Return True if this process has the lock now, False if another process has the lock, and None if the
     operating system or the disk does not support locks.
