@@ -31,9 +31,9 @@ class Verification:
     seed: int = 0
     tolerance_relative: float = 0.0  # 0: bit-identical
     outputs: Mapping[str, Difference] = field(default_factory=dict)
-    thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference by output of the thermal model
+    thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference by temperature
     problems: tuple[str, ...] = ()  # reasons why the verification failed
-    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # number of samples by part and flag
+    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # samples by part and flag
     compiler: str = ""
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()

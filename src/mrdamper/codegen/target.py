@@ -40,7 +40,7 @@ _KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # Names of the kernel 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """The input of an export. A part that ``content`` excludes (model or controller) is None."""
+    """The input of an export. The field of an excluded part (model or controller) has the value None."""
 
     name: str  # C identifier; prefix of all names and files of the code
     card: ModelCard

@@ -54,7 +54,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     )  # fmt: skip
     counts = [int(fraction * samples) for fraction, _ in segments]
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
-    pieces.append(_random(limits, samples - sum(counts), rng))  # At the end, all readings are valid again.
+    pieces.append(_random(limits, samples - sum(counts), rng))  # All readings are valid again at the end.
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
     rows["temperature"][:20] = np.nan  # The temperature is unknown at first.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
@@ -199,7 +199,7 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             length = int(rng.choice([1, 3, 15, 60, 150]))
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
-    # At 1 kHz and 1e5 samples, these faults last long enough that the controller uses the nominal temperature
+    # These faults are long enough (at 1 kHz, 1e5 samples) that the controller uses the nominal temperature
     # and detects the frozen displacement.
     temperature, displacement = (rows[name] for name in ("temperature", "displacement"))
     temperature[int(0.5 * count) : int(0.95 * count)] = np.nan

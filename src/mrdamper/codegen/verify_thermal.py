@@ -77,7 +77,8 @@ def thermal_problems(differences: Mapping[str, float], *, single: bool) -> list[
 def _draw_load(power: float, coil_W: float) -> CompactLoad:
     """Return a random load with up to twice the typical power [W] and a constant command.
 
-    Power, ambient temperature and air speed change at random times."""
+    Power, ambient temperature and air speed change at random times.
+    """
     rng = np.random.default_rng(1)
     of = np.sort(rng.integers(0, SEGMENT_COUNT, UPDATE_COUNT))
 

@@ -118,7 +118,7 @@ def small_bare_degC(found: Findings) -> float:
 def slim_damper_degC(found: Findings) -> float:
     """Return the steady temperature of a finless damper of 23 mm diameter [degC].
 
-    The power is that of the simulated damper at 120 degC.
+    The power is equal to the power of the simulated damper at 120 degC.
     """
     body = found.warm_up.drawing.body
     surface = np.pi * 0.023 * (body.length + 0.5 * 0.023)

@@ -24,8 +24,8 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 
-# Steps of the difference quotients: command step divided by the largest command, and parameter step divided
-# by the scale of the parameter.
+# Steps of the difference quotients: command step divided by the largest command, and step of a parameter
+# divided by the scale of the parameter.
 COMMAND_STEP_RATIO = 0.01
 DIFFERENCE_RATIO = 0.01
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
