@@ -79,9 +79,8 @@ SEALS_DEGC: Mapping[str, float] = MappingProxyType(
 )
 """Maximum continuous temperature of elastomers [degC].
 
-Source: standard compounds of https://www.bodeseal.com/technical-support. Other sources state 20 K more for
-NBR
-and 20 K less for PU."""
+Source: standard compounds of https://www.bodeseal.com/technical-support. Other sources
+state 20 K more for NBR and 20 K less for PU."""
 
 
 def find_material(name: str, place: str = "") -> Material:

@@ -119,10 +119,12 @@ def forced_side_film(
     Parameters
     ----------
     speed : air speed U [m/s], positive
-    gap, tube, outer : gap S, tube diameter d, outer diameter D [m]; D / d as in ``nusselt_annular_fins``, or d = 0
+    gap, tube, outer : gap S, tube diameter d, outer diameter D [m]; d = 0, or D / d in the range of
+        ``nusselt_annular_fins``
     viscosity, prandtl : properties of air at film temperature [m^2/s], [-], equal shape
-    driving, correction : c_d, and a factor on the coefficient. The factor phi of ``nusselt_annular_fins``, which is
-        exact for narrow gaps, is always included. The values 1, 1 and d = 0 describe a disc without tube
+    driving, correction : c_d, and a factor on the coefficient. The factor phi of ``nusselt_annular_fins``,
+        which is exact for narrow gaps, is always included. The values 1, 1 and d = 0 describe a disc without
+        tube.
 
     Raises
     ------
