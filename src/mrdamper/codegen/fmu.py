@@ -29,7 +29,7 @@ from mrdamper.codegen.verify import FLAGS, compile_c, find_compiler
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
 
-_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # keys: system and machine; values: names of FMI 2.0
+_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # folder names of FMI 2.0, by operating system and machine
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
 # Longest communication step. The inputs are known only at the beginning of a communication step. Therefore

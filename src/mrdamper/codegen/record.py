@@ -53,7 +53,7 @@ class Verification:
         return max((each.relative for each in self.outputs.values()), default=0.0)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the record as one JSON object."""
+        """Return the record as a JSON object."""
         plain = asdict(self)
         return {
             "passed": plain.pop("passed"),

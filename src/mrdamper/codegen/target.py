@@ -27,7 +27,7 @@ Precision = Literal["float", "double"]
 CONTENTS: tuple[Content, ...] = ("model", "controller", "both")
 PRECISIONS: tuple[Precision, ...] = ("float", "double")
 
-STEP_RANGE_S = (50e-6, 10e-3)  # The motion filter is designed for this range.
+STEP_RANGE_S = (50e-6, 10e-3)  # The filter of the motion signal is designed for this range.
 _C_WORDS = (
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
     "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
@@ -35,7 +35,7 @@ _C_WORDS = (
     "volatile", "while", "asm", "main", "bool", "class", "namespace", "template", "new", "delete", "this",
     "public", "private", "try",
 )  # fmt: skip
-_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # Names of the kernel begin with these words.
+_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # The names of kernel files begin with these words.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

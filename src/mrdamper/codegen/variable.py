@@ -54,7 +54,7 @@ class Variable:
     kind: Kind
     causality: Causality
     variability: Variability
-    unit: str = ""  # only for real variables
+    unit: str = ""  # unit of a real variable; empty for other kinds
     start: float | None = None  # start value; None: the FMU computes the value
     low: float = -math.inf
     high: float = math.inf

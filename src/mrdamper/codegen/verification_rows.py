@@ -56,7 +56,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
     pieces.append(_random(limits, samples - sum(counts), rng))  # All readings are valid again at the end.
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    rows["temperature"][:20] = np.nan  # The temperature is unknown at first.
+    rows["temperature"][:20] = np.nan  # The temperature is unknown in the first samples.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"][~velocity_known] = np.nan
     return rows
@@ -96,7 +96,7 @@ def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
-    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # half width around the centre
+    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # amplitude of a sine
     motion = Sine(within, speed / (2.0 * np.pi * within))
     strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
@@ -170,7 +170,7 @@ def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[st
     speed = (
         limits.speed * 10.0 ** (-3.0 * random_steps(1, 120)) * np.where(random_steps(1, 120) < 0.5, -1.0, 1.0)
     )
-    # Fold the path at the ends of the stroke.
+    # Reflect the path at the ends of the stroke.
     path = np.cumsum(speed * limits.step)
     folded = np.abs((path + limits.stroke) % (4.0 * limits.stroke) - 2.0 * limits.stroke) - limits.stroke
     wanted = limits.force * (2.0 * random_steps(20, 400) - 1.0)

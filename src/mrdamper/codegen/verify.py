@@ -322,7 +322,7 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
 
 
 def _first(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the first error message of a program."""
+    """Return the first error message in the output of a finished program."""
     lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
     worst = [line for line in lines if "error" in line]
     return (worst or lines)[0].strip()

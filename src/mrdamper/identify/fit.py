@@ -68,7 +68,7 @@ class Identification(FittedDamper):
 
     @property
     def converged(self) -> bool:
-        """True if the search ended at a minimum; False for an interrupted fit."""
+        """True if the search ended at a minimum; False if it did not converge or was interrupted."""
         return self.result.converged and not self.result.cancelled
 
     @property

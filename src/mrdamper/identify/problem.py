@@ -109,7 +109,7 @@ class FitProblem:
                     kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
                 )
             )
-            # Contribution of the parameters that are not fitted.
+            # ``fixed`` is the contribution of the parameters that are not fitted.
             held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
             fixed = law.with_parameters(held).value(commands, temperatures)
             gradients = law.gradient(commands, temperatures)[at].T

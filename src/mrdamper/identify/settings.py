@@ -1,4 +1,4 @@
-"""Settings of a fit: thresholds and limits that decide its result."""
+"""Settings of a fit: thresholds and limits that affect the result."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class FitWindow:
     """A section of one run that a fit simulates and scores."""
 
     run: int  # index of the run
-    drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
+    drive: Drive  # motion, current and temperature in the format of the kernel, including the warm-up
     force: FloatArray  # measured force [N], shape (n,)
     start: int  # index of the first scored sample
     fraction: float  # weight of the window in the cost; all windows of a fit sum up to 1

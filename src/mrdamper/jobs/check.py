@@ -77,7 +77,7 @@ class CheckedRun:
     stroke_mm: float | None
     force_range_N: float | None
     findings: tuple[Finding, ...]
-    samples_drawn: FloatArray = field(repr=False, compare=False)  # displacement [mm], force [N], shape (n, 2)
+    samples_drawn: FloatArray = field(repr=False, compare=False)  # for a plot: displacement [mm], force [N]
 
     @property
     def max_severity(self) -> Severity | None:
@@ -93,7 +93,7 @@ class CheckResult(JobResult):
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
     channel_map: WrittenMap
-    groups: tuple[Finding, ...] = ()  # findings about several runs, and the reason for a missing joint test
+    groups: tuple[Finding, ...] = ()  # findings about several runs, or the reason for a missing joint test
 
     @property
     def questions(self) -> tuple[Question, ...]:

@@ -50,7 +50,7 @@ LoadCycle = Annotated[str, Option(_DUTY_HELP, kind="duty")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapReading:
-    """Options for reading one record."""
+    """Options for reading a single record."""
 
     channels: Annotated[
         Path | None,

@@ -91,7 +91,7 @@ def simulate(
 
 
 def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
-    """Return the requested run, and True if its force was measured."""
+    """Return the run that defines the motion, and True if its force was measured."""
     part = parts_of(motion)[0]
     if isinstance(part, RigRun):
         return part, True

@@ -44,7 +44,7 @@ from mrdamper.virtual_rig.plant import Plant as RigPlant
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
-_REACHED_FRACTION_MIN = 0.5  # minimum fraction of the time in which the target force is attainable
+_REACHED_FRACTION_MIN = 0.5  # min fraction of the time with attainable target force
 _STROKE_RATIO_MAX = 1.05  # max displacement of a target, divided by the displacement of the card
 _FORCE_RATIO_MAX = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")

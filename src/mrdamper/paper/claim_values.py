@@ -36,7 +36,7 @@ def largest_stroke_mm(found: Findings, motion: str) -> float | None:
 
 
 def viscosity_fall_percent(found: Findings, cold: float, hot: float) -> float:
-    """Return the decrease of the viscosity between two temperatures in percent of the value at 20 degC."""
+    """Return the decrease of the viscosity from ``cold`` to ``hot`` [degC] [% of the value at 20 degC]."""
     factor = found.fluid.viscosity_factor
     return 100.0 * float(
         (factor.value(cold + ZERO_CELSIUS_K) - factor.value(hot + ZERO_CELSIUS_K))
@@ -122,7 +122,8 @@ def slim_damper_degC(found: Findings) -> float:
     """
     body = found.warm_up.drawing.body
     surface = np.pi * 0.023 * (body.length + 0.5 * 0.023)
-    power = work_J(found)[-1] + float(bare(found).coil_W[0])  # A cycle takes 1 s.
+    # A cycle takes 1 s. Therefore the energy per cycle [J] is equal to the power [W].
+    power = work_J(found)[-1] + float(bare(found).coil_W[0])
     return 20.0 + float(power / (_STILL_AIR_W_m2K * surface))
 
 

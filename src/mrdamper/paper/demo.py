@@ -109,7 +109,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
     steps = _report_steps(on_progress)
     quick = options.quick
     settings = FitSettings(random_start_count=1 if quick else 3)  # settings of all fits except the selection
-    with interrupt_ends_all():  # Claims require complete fits.
+    with interrupt_ends_all():  # Claims require complete fits, so that an interrupt ends the demo.
         next(steps)
         campaign = rig(RigOptions(seed=NOISE_SEED), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out

@@ -198,7 +198,7 @@ def _settle(hidden: Path, place: Path) -> None:
         try:
             files.rename(place)
         except OSError:
-            if not place.exists():  # If it exists, another job has created it in the meantime.
+            if not place.exists():  # Another job may have created the folder at the same time.
                 raise
         else:
             _WRITTEN.append(place)

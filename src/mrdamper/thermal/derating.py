@@ -182,7 +182,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
             state = steady_field(equation, load)
             for k, part in enumerate(parts):
                 found[k, ~finite] = float((getattr(equation.spots, part) @ state).max())
-    except (EnvelopeError, ConvergenceError):  # The temperature is above all limits.
+    except (EnvelopeError, ConvergenceError):  # The model has no valid temperature. The rise stays infinite.
         pass
     return found
 

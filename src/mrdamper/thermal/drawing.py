@@ -71,7 +71,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Piston:
-    """The piston in the middle of the bore, which is its mean position; lengths in metres."""
+    """The piston in its mean position in the middle of the bore; lengths in metres."""
 
     diameter: Annotated[float, length_option("diameter_mm")]
     """Diameter of the piston."""
@@ -95,7 +95,7 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """The winding: a ring in the middle of the piston's outer surface; lengths in metres."""
+    """The winding, which is a ring in the middle of the outer surface of the piston; lengths in metres."""
 
     resistance: Annotated[float, Option(key="resistance_ohm", unit="ohm", least=0.0)]
     """Resistance at 20 degC."""

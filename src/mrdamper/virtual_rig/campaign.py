@@ -155,7 +155,7 @@ class Campaign:
         return {text: motion_from_text(text) for text in self.motions}
 
     def _times(self, motion: Motion) -> tuple[float, float]:
-        """Return the durations of the log and of the run-in before the log [s]."""
+        """Return two durations for a motion [s]: the log, and the run-in before the log."""
         if isinstance(motion, Sine | Triangle):
             period = motion.period
             logged, run_in = (
@@ -206,7 +206,7 @@ class Campaign:
 
 
 CAMPAIGNS: Mapping[str, Mapping[str, Any]] = {
-    "short": {  # three temperatures, four currents, two motions and current steps: enough for a first card
+    "short": {  # small campaign that is sufficient for a first card
         "motions": ["sine5mm1Hz", "sine3mm2Hz"],
         "currents_A": [0.0, 0.5, 1.0, 2.0],
         "temperatures_degC": [20.0, 60.0, 100.0],

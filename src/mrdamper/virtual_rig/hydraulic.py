@@ -76,7 +76,7 @@ class HydraulicDamper:
     particle_share: Annotated[float, Option(above=0.0, below=0.6)] = 0.32  # phi20: volume fraction at 20 degC
     walther_a: Positive = 2.863929  # Aw of log10 log10(nu + 0.7 cSt) = Aw - Bw log10 T (ASTM D341)
     walther_b: Positive = 1.028887
-    viscosity_scale: Positive = 1.0  # factor of the viscosity
+    viscosity_scale: Positive = 1.0  # factor on the viscosity
     flow_index: Positive = 0.92  # nhb: exponent of the Herschel-Bulkley law
     flow_rate_1_s: Positive = 1000.0  # gref: shear rate with the same stress as in a Bingham fluid
     creep: Positive = 300.0  # viscosity before yield divided by the viscosity after yield

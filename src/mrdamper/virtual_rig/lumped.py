@@ -18,7 +18,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import NotNegative, Option, Positive, check_ranges, fields_of
 
-_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # valid beginning of a file name
+_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # pattern of a name that is valid in a file name
 _OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # parameters that random variants do not change
 
 

@@ -172,7 +172,9 @@ class Plant:
         *,
         whole: bool,
     ) -> FloatArray:
-        """Return the force, shape (1, n), or force, coil current and effective field, shape (3, n)."""
+        """Advance by one step per sample; return the force, shape (1, n).
+
+        With ``whole``, return force, coil current and effective field, shape (3, n)."""
         x = np.ascontiguousarray(displacement, dtype=np.float64)
         v = np.ascontiguousarray(velocity, dtype=np.float64)
         out = np.empty((3 if whole else 1, x.size))

@@ -19,9 +19,9 @@ from mrdamper.virtual_rig.plant import STEP_S
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """Logged samples, arrays of shape (n,)."""
+    """Sensor signals of a run, arrays of shape (n,)."""
 
-    time: FloatArray  # [s], from zero
+    time: FloatArray  # time since the first sample [s]
     displacement: FloatArray  # [m]
     force: FloatArray  # [N]
     temperature_degC: FloatArray

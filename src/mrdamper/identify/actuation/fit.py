@@ -54,7 +54,7 @@ class ActuationFit:
     t63_fall_s: float  # time to 63 % of the change of force after a downward step; NaN without such a step
     t63_error_s: float  # standard error of t63_s
     t63_fall_error_s: float  # standard error of t63_fall_s
-    driver_quadrants: int | None  # 1: the driver cannot pull the current down; None: unknown
+    driver_quadrants: int | None  # 1: the driver cannot pull the current down; 2: it can; None: unknown
 
     def to_dict(self) -> dict[str, float | None]:
         """Return response times, force errors and driver quadrants as JSON values; None instead of NaN."""
@@ -73,7 +73,7 @@ class ActuationFit:
 
 
 class _Candidate(NamedTuple):
-    squared_error: float  # mean over runs [%^2]
+    squared_error: float  # squared error, averaged over runs [%^2]
     damper: Damper
     fit: ActuationFit
     share: float
@@ -216,5 +216,5 @@ def _with_follow_share(damper: Damper, share: float) -> Damper:
 
 
 def _squared_error(damper: Damper, runs: Sequence[PreparedRun]) -> float:
-    """Return the mean over runs of the squared error [%^2]."""
+    """Return the squared error of a damper [%^2], averaged over runs."""
     return float(np.mean([score_run(damper, run).nrmse_percent ** 2 for run in runs]))

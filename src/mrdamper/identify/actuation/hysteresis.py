@@ -73,7 +73,7 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
     step = 0.01 * span
     force = simulate(damper, path)
     slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
-    slope *= 2.0 * HYSTERESIS_WEIGHT  # The hysteresis acts on a part of the field.
+    slope *= 2.0 * HYSTERESIS_WEIGHT  # Only a part of the magnetic field has hysteresis.
     last_change, since_s = _last_change(path.command, path.step)
     settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
     parts = []

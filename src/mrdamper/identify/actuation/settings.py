@@ -13,13 +13,13 @@ class ActuationSettings:
     loops and free-wheeling were tuned on randomised virtual dampers with even seeds.
     """
 
-    # Steps of the command, as fractions of its range
-    step_size_min: float = 0.05  # a smaller change is not a step
+    # Command steps. The first two limits are divided by the range of the command.
+    step_size_min: float = 0.05  # A smaller change of the command is not a step.
     level_tolerance: float = 0.05  # Commands are rounded to multiples of this to find equal commands.
     settling_time_s: float = 0.1  # The force counts as settled this time after a step.
 
     # Step responses
-    response_duration_min_s: float = 0.04  # A shorter record ends before a slow response reaches 63 %.
+    response_duration_min_s: float = 0.04  # A shorter response is ignored because it may not reach 63 %.
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # min change of force in a step, divided by the largest force of the run
     change_force_min: float = 0.003  # min change of force in a usable run, divided by the force of all runs

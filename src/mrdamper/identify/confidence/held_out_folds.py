@@ -191,7 +191,7 @@ def with_errors_between_motions(
 def _motion_distances(
     runs: Sequence[PreparedRun], folds: Sequence[Fold]
 ) -> tuple[tuple[MotionSize, ...], float]:
-    """Return each motion once, and the mean distance of a run to the nearest run of another fold."""
+    """Return the sizes of all motions, and the mean distance of a run to the nearest run in other folds."""
     sizes = [MotionSize.from_motion(run.trajectory) for run in runs]
     distances = [
         sizes[k].distance([size for j, size in enumerate(sizes) if j not in fold.runs])
@@ -202,7 +202,7 @@ def _motion_distances(
 
 
 def _mean_square(errors: Sequence[HeldOutError]) -> float:
-    """Return the mean over the runs of the squared error [%^2]."""
+    """Return the squared error [%^2], averaged over runs."""
     return float(np.mean([run.nrmse_percent**2 for run in errors]))
 
 
@@ -215,7 +215,7 @@ def _errors_on(damper: Damper, windows: Sequence[FitWindow]) -> tuple[HeldOutErr
 
 
 def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> FloatArray:
-    """Return the jackknife covariance of parameters from the dampers of the refits."""
+    """Return the jackknife covariance matrix of parameters, computed from the refitted dampers."""
     values = np.array([[damper.parameters_and_lag[name] for name in names] for damper in dampers])
     deviations = values - values.mean(axis=0)
     return np.asarray((len(values) - 1) / len(values) * deviations.T @ deviations)

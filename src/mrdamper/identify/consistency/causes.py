@@ -20,13 +20,13 @@ class Cause:
     size_min: float  # [unit]; for a wrong command label multiplied by the command range, if that exceeds 1
     scatter_ratio_min: float  # min deviation, divided by the scatter of the deviations of all runs
     deviation_min: float
-    words: str  # format string with the fields ``size`` and ``unit``
+    words: str  # message, a format string with the fields ``size`` and ``unit``
     effect: str
     remedy: str
     weight: float = 1.0  # weight in the comparison of causes; below 1 for a less common cause
 
 
-# The causes are sorted; the simplest cause is the first.
+# The causes are sorted from simple to complex.
 CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "force_delay": Cause(

@@ -13,7 +13,7 @@ class ConsistencySettings:
     """
 
     # Single runs
-    run_count_min: int = 6  # fitted runs; the scatter of fewer runs is not significant
+    run_count_min: int = 6  # min number of fitted runs; the scatter of fewer runs is not significant
     # Minimum delay, divided by the period. The model error of a slow motion resembles a delay.
     delay_period_ratio_min: float = 0.002
     # A more complex cause is reported only if a simpler cause explains less than this fraction as much.
@@ -48,7 +48,7 @@ class ConsistencySettings:
     second_cause_ratio_min: float = 0.5  # explained fraction of a second cause, divided by the first fraction
 
     # Errors of one result
-    training_cv_ratio_max: float = 1.5  # training error divided by cross-validation error
+    training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
 
 
 DEFAULTS = ConsistencySettings()

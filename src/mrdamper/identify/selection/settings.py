@@ -46,8 +46,8 @@ class SelectionSettings:
     small_cv_gain_t_min: float = 2.0
 
     # Backward elimination
-    removal_loss_max: float = 0.003  # increase of the cross-validation error
-    removal_screening_loss_max: float = 0.01  # increase of the error on the screening windows
+    removal_loss_max: float = 0.003  # max relative increase of the cross-validation error
+    removal_screening_loss_max: float = 0.01  # max relative increase of the error on the screening windows
 
     # Thorough search
     # Max number of candidates that are searched. After a search, another candidate can be the best one.

@@ -142,7 +142,7 @@ def draw_damper(
     document: Json = parse_toml(text_of(damper))
     if tables is not None:
         document = {name: dict(table) for name, table in tables.items() if table}
-        read_record(DrawingTables, document, shown)  # Only values of the geometry are written.
+        read_record(DrawingTables, document, shown)  # Unknown tables and keys are rejected.
     if fins is not None:
         drawing = drawing_of(toml_text(document, shown), shown)
         document["sink"] = write_record(_finned(drawing, fins), defaults=True)

@@ -105,7 +105,7 @@ def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
 
 @dataclass(kw_only=True)
 class FileView:
-    """The contents of a file as a page displays them."""
+    """Preview of a file, with the fields that a web page displays."""
 
     name: str
     bytes: int

@@ -72,7 +72,8 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
         from distributed import Client, KilledWorker, as_completed
     except ImportError as fault:
         raise MissingExtraError.for_package("a sweep on a cluster", "dask.distributed", "scale") from fault
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # One error message is enough.
+    # Dask would print messages in addition to the error of this function.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     place = f"scheduler {address!r}"
     try:
         client = Client(address, timeout=CONNECT_MAX_S, set_as_default=False)

@@ -38,7 +38,7 @@ _MOST_CAPPED = 1.0  # A note reports a fluid temperature that is farther outside
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class HeatResult(JobResult):
-    """Result of ``mrdamper heat``."""
+    """Result of ``heat``: temperature rise with uncertainty, with and without heat sink."""
 
     _job = "heat"
     card: ModelCard

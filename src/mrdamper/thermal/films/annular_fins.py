@@ -142,7 +142,8 @@ def forced_side_film(
     pr = np.asarray(prandtl, dtype=np.float64)[..., None]
     drive = driving * speed**2
     log_speed = np.broadcast_to(0.5 * math.log(drive), np.broadcast_shapes(nu.shape, chord.shape)).copy()
-    # The left side is proportional to u^1 to u^2, so each iteration more than halves the error.
+    # The left side of the equation is proportional to a power 1 to 2 of u. Therefore each iteration reduces
+    # the error by more than half.
     for _ in range(ITERATION_COUNT):
         within = np.exp(log_speed)
         resistance = 1.0 + 2.0 * _friction(chord, gap, within, nu) * chord / gap

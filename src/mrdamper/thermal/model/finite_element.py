@@ -50,7 +50,7 @@ class FieldModel:
     nodes: FloatArray  # (r, z) [m], shape (n, 2)
     elements: IntArray  # shape (t, 6)
     equation: HeatEquation
-    surface: IntArray  # surface of each surface point of the equation, shape (p,)
+    surface: IntArray  # index of the surface at each surface point, shape (p,)
 
     def field(self, state: FloatArray) -> FloatArray:
         """Return the temperatures at the nodes [K] for unknowns above ambient [K]."""

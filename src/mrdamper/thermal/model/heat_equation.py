@@ -33,7 +33,7 @@ from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
 
-Matrix = Any  # sparse matrix or array; both have @ and .T
+Matrix = Any  # sparse or dense matrix
 
 _ROUNDING_K = 1e-5  # Newton steps that are smaller than this can be rounding errors.
 

@@ -97,7 +97,7 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
         fluid=basis.T @ equation.fluid,
         coil=basis.T @ equation.coil,
         wall=basis.T @ equation.wall,
-        uniform=heat.T @ equation.uniform,  # the basis is orthonormal with respect to the mass
+        uniform=heat.T @ equation.uniform,  # The basis is orthonormal with respect to the mass matrix.
         spots=HotSpots(
             *(np.asarray(points @ basis) for points in (spots.gap, spots.coil, spots.seal)),
         ),

@@ -68,7 +68,7 @@ class Surface:
     """A kind of outer surface and its cooling by convection, radiation and mounting."""
 
     name: str
-    law: int  # row of ``Section.films``
+    law: int  # row of ``Section.films`` with the convective coefficients
     emissivity: float
     mount: float  # conductance to the mountings divided by area [W/(m^2 K)]
     convection_path: str  # name of the path, one of network.PATHS
