@@ -77,7 +77,7 @@ class CheckedRun:
     stroke_mm: float | None
     force_range_N: float | None
     findings: tuple[Finding, ...]
-    samples_drawn: FloatArray = field(repr=False, compare=False)  # for a plot: displacement [mm], force [N]
+    samples_drawn: FloatArray = field(repr=False, compare=False)  # displacement [mm], force [N], shape (n, 2)
 
     @property
     def max_severity(self) -> Severity | None:

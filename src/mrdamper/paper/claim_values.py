@@ -36,7 +36,7 @@ def largest_stroke_mm(found: Findings, motion: str) -> float | None:
 
 
 def viscosity_fall_percent(found: Findings, cold: float, hot: float) -> float:
-    """Return the decrease of the viscosity from ``cold`` to ``hot`` [degC] [% of the value at 20 degC]."""
+    """Return the decrease of the viscosity from ``cold`` to ``hot`` (in degC) [% of the value at 20 degC]."""
     factor = found.fluid.viscosity_factor
     return 100.0 * float(
         (factor.value(cold + ZERO_CELSIUS_K) - factor.value(hot + ZERO_CELSIUS_K))

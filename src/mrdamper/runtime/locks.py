@@ -12,7 +12,7 @@ except ImportError:  # Windows
     fcntl = None
 try:
     import msvcrt
-except ImportError:  # not Windows
+except ImportError:  # all systems except Windows
     msvcrt = None
 
 
@@ -31,6 +31,6 @@ def lock(handle: int) -> bool | None:
             return None
     except BlockingIOError:
         return False
-    except OSError:  # With fcntl, the disk does not support locks. With msvcrt, another process has the lock.
+    except OSError:  # fcntl: the disk has no locks. msvcrt: another process has the lock.
         return None if fcntl is not None else False
     return True

@@ -174,7 +174,8 @@ class Plant:
     ) -> FloatArray:
         """Advance by one step per sample; return the force, shape (1, n).
 
-        With ``whole``, return force, coil current and effective field, shape (3, n)."""
+        With ``whole``, return force, coil current and effective field, shape (3, n).
+        """
         x = np.ascontiguousarray(displacement, dtype=np.float64)
         v = np.ascontiguousarray(velocity, dtype=np.float64)
         out = np.empty((3 if whole else 1, x.size))
