@@ -44,18 +44,20 @@ class FittedCandidate:
 class ValidatedCandidate:
     """A fitted candidate with its errors on held-out windows.
 
-    All runs with constant current together have the same weight as all runs with changing current, because
-    a laboratory keeps the current constant, but a controller never does. Arrays have one value per window.
+    In the total error, all runs with constant current together have the same weight as all runs with changing
+    current. Most laboratory runs have constant current, but a controller changes the current all the time.
+    Arrays have one value per window.
     """
 
     fitted: FittedCandidate  # fit to all windows
-    dampers: tuple[Damper, ...]  # fits without one fold, in the order of the folds
-    squared_errors: FloatArray  # [%^2], held out; NaN if no fold holds the window out
-    fractions: FloatArray  # weights
-    folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if none does
-    runs: NDArray[np.intp]  # index of the run
+    dampers: tuple[Damper, ...]  # fits that each omit one fold, in the order of the folds
+    squared_errors: FloatArray  # [%^2] of each held-out window; NaN if no fold holds out the window
+    fractions: FloatArray  # weight of each window
+    folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
+    runs: NDArray[np.intp]  # index of the run of each window
     cpu_s: float
-    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))  # [%^2] of each run
+    # Squared error [%^2] of each run with changing current.
+    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def cv_percent_by_run(self) -> FloatArray:
@@ -73,7 +75,7 @@ class ValidatedCandidate:
 
     @property
     def cv_rms_percent(self) -> float:
-        """Root of the mean squared error [%] of held-out data."""
+        """Root of the mean squared error [%] of held-out windows and of runs with changing current."""
         held_out = self._is_held_out
         weight = self.fractions[held_out]
         means = [float(weight @ self.squared_errors[held_out] / weight.sum())]
