@@ -57,7 +57,8 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 class Option:
     """Properties of a field beyond its type: help, unit, range, and its name in each interface.
 
-    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. All are in ``unit``.
+    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. These limits are in
+    ``unit``.
     """
 
     help: str = ""  # if there is no text below the field
@@ -81,7 +82,7 @@ class Option:
     argument: bool = False  # positional argument of the command line
     output: bool = False  # path of an output
     local: bool = False  # Servers have no such field, because it can execute code.
-    # Forms:
+    # Properties of the field in a web form:
     label: str = ""  # empty: derived from the name
     group: str = ""  # heading of the field; empty: above all headings
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
@@ -250,7 +251,7 @@ def class_fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a datac
 
 @cache
 def _declared(record: Any) -> tuple[tuple[Field, ...], tuple[Field, ...]]:  # noqa: ANN401
-    # Use the names of the module: a lambda in an annotation looks there when it is called.
+    # Use the names of the module because a lambda in an annotation uses these names when it is called.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
         names |= vars(sys.modules[base.__module__])

@@ -1,7 +1,7 @@
 """Inputs, options and outputs of every job: one class for each job, and one declaration for all interfaces.
 
 Commands and their help, requests and forms of the server, Python functions and tables of the documentation
-are made from these classes. The text below a field is its help. The class of the job ``heat`` is
+are generated from these classes. The text below a field is its help. The class of the job ``heat`` is
 ``HeatOptions``. Its class variables are the inputs and outputs of the job, its fields are the options. A job
 without options gets no argument ``options``.
 """
@@ -319,7 +319,7 @@ _LIMIT = Option(group=_DESIGN, above=0.0, below=1e6, default_help="the drawing's
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions(HeatingInputs):
-    """Inputs and options of ``heatsink``. Default limits: the heat sink of the geometry file."""
+    """Inputs and options of ``heatsink``. Default limits are those of the sink in the geometry file."""
 
     span_mm: Annotated[float | None, replace(_LIMIT, unit="mm", label="Length")] = None
     """Limit the length of the finned body, in mm."""
