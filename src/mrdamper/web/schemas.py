@@ -15,9 +15,9 @@ from typing import Annotated, Any
 
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatOptions
+from mrdamper.jobs.previews.choices import HeatSink
 from mrdamper.registry import JOBS, Job
 from mrdamper.schema import MORE, Field, Json, Option, fields_of, read_record, unknown_name, write_record
-from mrdamper.thermal.heatsink import HeatSink
 
 _NAME = Option(
     pattern=r"^[^/\\\x00-\x1f]{1,160}$", expected="a name in the folder, of at most 160 characters"

@@ -16,9 +16,12 @@ from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import QUANTITIES
 from mrdamper.thermal.drawing_file import DRAWINGS, DrawingTables
+from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.virtual_rig.campaign import CAMPAIGNS
 from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
+
+__all__ = ["WRITTEN", "HeatSink", "choices", "run_formats"]
 
 WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
 """Kinds of files that a web form can edit table by table, with the class of the content of each kind."""
