@@ -61,7 +61,7 @@ _ROWS = (
         help="Simulate the damper force for a motion.",
         run="mrdamper.jobs.simulate:simulate",
         report="mrdamper.report.simulate:REPORT",
-        files_help="Write simulate.html, simulate.svg, simulate.json and simulate.csv to this folder.",
+        files_help="Write simulate.html, simulate.json and simulate.csv to this folder.",
         progress_word="",
     ),
     Job(
@@ -121,7 +121,7 @@ _ROWS = (
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
         progress_word="",
-        files_help="Write fluid.html, fluid.toml and fluid.svg to this folder.",
+        files_help="Write fluid.html and fluid.toml to this folder.",
     ),
     Job(
         name="track",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,14 +12,20 @@ from mrdamper.data.finding import Finding, Severity, by_kind
 from mrdamper.data.readers import UnreadableFile
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
-from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
+from mrdamper.report.base import (
+    DONE,
+    FirstScreen,
+    Outcome,
+    Page,
+    Report,
+    Tile,
+    WrittenFile,
+    csv_file,
+    text_file,
+)
+from mrdamper.report.figures.check import runs_figure
 from mrdamper.report.page import sentence
 from mrdamper.report.sections import Column, Section, Table, print_compact
-from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # The terminal shows the most important lines. The report has all of them.
 RUN_COUNT_MAX = 8
@@ -43,6 +48,7 @@ _COLUMNS = (
     "effect",
     "remedy",
 )
+_RUN_FIELDS = ("name", "source", "samples", "rate_Hz", "duration_s", "stroke_mm", "force_range_N")
 
 
 def _first(result: CheckResult) -> FirstScreen:
@@ -78,12 +84,6 @@ def _range(values: Sequence[float], unit: str) -> str:
         return "–"
     low, high = min(values), max(values)
     return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
-
-
-def _figure(result: CheckResult) -> Figure | None:
-    from mrdamper.report.figures.check import runs_figure  # imports Matplotlib
-
-    return runs_figure(result)
 
 
 # ------------------------------------------------------------------------------------------- the tables
@@ -151,42 +151,32 @@ def _runs_table(runs: Sequence[CheckedRun]) -> Table[CheckedRun]:
 # ------------------------------------------------------------------------------------------- the answer
 
 
-def _answer(result: CheckResult) -> Json:
+def _fields(result: CheckResult) -> dict[str, object]:
     return {
         "usable": result.usable,
         "counts": result.counts,
         "files": [
             {
-                "path": str(file.path),
+                "path": file.path,
                 "understood": file.layout.in_words(),
                 "layout": file.layout.to_dict(),
-                "columns": [
-                    {"role": each.role, "name": each.name, "unit": each.unit, "source": each.source}
-                    for each in file.columns
-                ],
-                "runs": list(file.runs),
-                "inferred": [asdict(each) for each in file.inferred],
+                "columns": file.columns,
+                "runs": file.runs,
+                "inferred": file.inferred,
             }
             for file in result.files
         ],
-        "runs": [_run(run) for run in result.runs],
-        "findings": [dict(finding.to_dict()) for finding in result.findings],
-        "questions": [dict(question.to_dict()) for question in result.questions],
-        "unreadable": [{"path": str(each.path), "error": each.error} for each in result.unreadable],
-    }
-
-
-def _run(run: CheckedRun) -> Json:
-    return {
-        "name": run.name,
-        "source": run.source,
-        "samples": run.samples,
-        "rate_Hz": run.rate_Hz,
-        "duration_s": run.duration_s,
-        "stroke_mm": run.stroke_mm,
-        "force_range_N": run.force_range_N,
-        "worst": run.max_severity,
-        "findings": [finding.kind for finding in run.findings],
+        "runs": [
+            {
+                **{name: getattr(run, name) for name in _RUN_FIELDS},
+                "worst": run.max_severity,
+                "findings": [finding.kind for finding in run.findings],
+            }
+            for run in result.runs
+        ],
+        "findings": [finding.to_dict() for finding in result.findings],
+        "questions": [question.to_dict() for question in result.questions],
+        "unreadable": result.unreadable,
     }
 
 
@@ -278,22 +268,17 @@ def _outcome(result: CheckResult) -> Outcome:
     return DONE if result.usable else Outcome(exit_code=CheckError.exit_code)
 
 
-_PAGE = Page(name="check.html", first=_first, picture=_figure, label="Measured loops", sections=_sections)
+_PAGE = Page(name="check.html", first=_first, picture=runs_figure, label="Measured loops", sections=_sections)
 
 REPORT: Report[CheckResult] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=_PAGE,
     files=(
         WrittenFile(name="check.json"),
-        WrittenFile(
-            name="findings.csv",
-            write=lambda result, path: write_table(path, _rows(result) or [dict.fromkeys(_COLUMNS)]),
-        ),
-        WrittenFile(
-            name="channels.toml",
-            key="channel_map",
-            write=lambda result, path: path.write_text(result.channel_map.text, encoding="utf-8"),
+        csv_file("findings.csv", lambda result: _rows(result) or [dict.fromkeys(_COLUMNS)]),
+        replace(
+            text_file("channels.toml", lambda result: result.channel_map.text, key="channel_map"),
             when=lambda _: False,  # Only --write-map writes it.
             output="write_map",
         ),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -20,9 +19,9 @@ from mrdamper.report.base import (
     WrittenFile,
 )
 from mrdamper.report.check import findings_table
-from mrdamper.report.figures.style import HELD_OUT, TRAINING, WIDTH_INCH
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import HELD_OUT, TRAINING
 from mrdamper.report.sections import Column, Section, Table
-from mrdamper.schema import Json
 
 TITLES = {
     "energy_J": "energy per cycle, J",
@@ -81,29 +80,17 @@ def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
 def _over_cycles(result: CyclesResult) -> Figure | None:
     """Return one panel for each value versus cycle number, with the means and ranges of the groups."""
     groups, number = result.groups, result.group_number
-    panels = [panel for panel in _PANELS if panel[0] in groups]
-    if not panels:
-        return None
-    count = -(-len(panels) // 2)
-    height = 1.35 * count + 0.4
-    figure = Figure(figsize=(WIDTH_INCH, height))
-    places = figure.subplots(count, min(len(panels), 2), sharex=True, squeeze=False).ravel(order="F")
-    for axes, panel in zip(places, panels, strict=False):
-        for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
-            mean, low, high = groups[name]
-            if result.group_size > 1:
-                axes.fill_between(number, low, high, color=colour, alpha=0.25, linewidth=0)
-            axes.plot(number, mean, "-" if len(number) > 1 else ".", color=colour, linewidth=1.0)
-        text = "; ".join(TITLES[name] for name in panel)
-        axes.set_title(text[0].upper() + text[1:], loc="left", pad=3)
-    for axes in places[len(panels) :]:
-        axes.remove()
-    for axes in places[count - 1 : len(panels) : count]:
-        axes.set_xlabel("cycle", labelpad=1.5)
-    figure.subplots_adjust(
-        left=0.06, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.3, wspace=0.14
-    )
-    return figure
+    drawn = []
+    for names in (panel for panel in _PANELS if panel[0] in groups):
+        text = "; ".join(TITLES[name] for name in names)
+        lines = [
+            Line(number, mean, colour, style="-" if len(number) > 1 else ".", band=(low, high))
+            for (mean, low, high), colour in zip(
+                (groups[name] for name in names), (TRAINING, HELD_OUT), strict=False
+            )
+        ]
+        drawn.append(Panel(text[0].upper() + text[1:], "cycle", lines))
+    return panel_figure(drawn, 2) if drawn else None
 
 
 # ------------------------------------------------------------------------------------------- the tables
@@ -148,8 +135,7 @@ def _change(name: str, figure: FigureSummary) -> float | None:
 # ------------------------------------------------------------------------------------------- the answer
 
 
-def _answer(result: CyclesResult) -> Json:
-    """Return the object that ``mrdamper cycles --json`` prints, without the paths of the files."""
+def _fields(result: CyclesResult) -> dict[str, object]:
     return {
         "record": result.source,
         "understood": result.understood,
@@ -159,8 +145,8 @@ def _answer(result: CyclesResult) -> Json:
         "breaks": result.breaks,
         "energy_J": result.energy_J,
         "group_cycles": result.group_size,
-        "figures": {name: asdict(summary) for name, summary in result.figures.items()},
-        "findings": [dict(finding.to_dict()) for finding in result.findings],
+        "figures": result.figures,
+        "findings": [finding.to_dict() for finding in result.findings],
     }
 
 
@@ -210,7 +196,7 @@ _PAGE = Page(
 )
 
 REPORT: Report[CyclesResult] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=_PAGE,
     files=(

@@ -43,7 +43,7 @@ def _show_list(found: PublicData, console: Console) -> None:
 
 
 LISTED = Report(
-    answer=lambda found: {"datasets": _entries(found)},
+    fields=lambda found: {"datasets": _entries(found)},
     show=_show_list,
     closing=lambda _, __: [],
     summary=lambda found: [f"{each.name}: {each.title}" for each in found.sets],
@@ -82,7 +82,7 @@ def _write_runs(found: FetchedData, folder: Path) -> None:
 
 
 FETCHED = Report(
-    answer=_fetched,
+    fields=_fetched,
     show=_show_fetched,
     closing=lambda _, __: [],
     summary=lambda found: [f"{found.data.name}: {len(found.runs)} files in {found.folder}"],

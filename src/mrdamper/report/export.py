@@ -22,7 +22,7 @@ LISTED_FILE_COUNT_MAX = 3  # The closing line gives only the number of files if 
 _CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
 
 
-def _answer(found: ExportResult) -> Json:
+def _fields(found: ExportResult) -> dict[str, object]:
     return {
         "title": found.card.title,
         "law": found.card.damper.law.name,
@@ -44,7 +44,7 @@ def _code_answer(code: CodeExport, notes: tuple[str, ...]) -> Json:
         "command_unit": target.command_unit,
         **{f"{part}_bytes": record.sizes_bytes.get(part) for part in ("tables", "state", "code")},
         "verification": record.as_json(),
-        "notes": list(notes),
+        "notes": notes,
     }
 
 
@@ -203,7 +203,7 @@ def _write_matlab(found: ExportResult, folder: Path) -> None:
 
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     closing=_closing,
     summary=_summary,

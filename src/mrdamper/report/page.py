@@ -102,7 +102,9 @@ class Page(Generic[Result]):
 
     def render(self, result: Result) -> str:
         """Return the HTML text of the page."""
-        first, picture = self.first(result), self._svg(result)
+        from mrdamper.report.figures.style import svg_drawn_by  # imports Matplotlib
+
+        first, picture = self.first(result), svg_drawn_by(lambda: self.picture(result), self.label)
         template = environment().get_template(self.template)
         context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
         return template.render(**context, **self.values(result))
@@ -117,17 +119,6 @@ class Page(Generic[Result]):
             "notes": [sentence(note) for note in first.notes],
             "tables": [each.web_json() for each in self.sections(result) if isinstance(each, Table)],
         }
-
-    def _svg(self, result: Result) -> str:
-        from mrdamper.report.figures.style import drawing_style, svg_of  # imports Matplotlib
-
-        with drawing_style():
-            figure = self.picture(result)
-            return "" if figure is None else svg_of(figure, self.label)
-
-    def figure(self, result: Result) -> Figure | None:
-        """Return the figure of the first screen. The caller sets the drawing style."""
-        return self.picture(result)
 
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""

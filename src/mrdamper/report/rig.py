@@ -26,7 +26,7 @@ from mrdamper.virtual_rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.virtual_rig.measurement import Truth
 
 
-def _answer(found: RigResult) -> Json:
+def _fields(found: RigResult) -> dict[str, object]:
     return {
         "damper": found.damper.name,
         "seed": found.seed,
@@ -182,7 +182,7 @@ def _channel_map(damper: VirtualDamper) -> str:
 
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     closing=_closing,
     summary=_summary,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -12,8 +12,9 @@ from rich.table import Table as RichTable
 
 from mrdamper.identify.scores import RunError, Split, summary
 from mrdamper.jobs.intervals import ForceInterval
-from mrdamper.report.sections import Column, Table, terminal_table
-from mrdamper.schema import Json, finite_or_none
+from mrdamper.report.identification.groups import levels_of, pooled_rms
+from mrdamper.report.sections import Column, Table
+from mrdamper.schema import Json
 
 RUN_COUNT_MAX = 40  # More runs are shown by motion and temperature.
 WORST_RUN_COUNT = 10
@@ -30,13 +31,11 @@ def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
 
 
 def summaries(errors: Iterable[RunError]) -> Json:
-    """Return median and worst of ``nrmse_percent`` by split as JSON."""
-    return {split: in_percent(values) for split, values in by_split(errors).items()}
-
-
-def in_percent(values: Mapping[str, float]) -> Json:
-    """Return a summary whose keys contain the unit."""
-    return {f"{name}_nrmse_percent": finite_or_none(value) for name, value in values.items()}
+    """Return median and worst of ``nrmse_percent`` by split, with keys that contain the unit."""
+    return {
+        split: {f"{name}_nrmse_percent": value for name, value in values.items()}
+        for split, values in by_split(errors).items()
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,29 +51,12 @@ class PooledError:
 
 def pooled_by_temperature(errors: Iterable[RunError]) -> tuple[PooledError, ...]:
     """Return the errors of all currents pooled by temperature. Runs without a temperature are ignored."""
-    groups: dict[tuple[str, int, Split], list[float]] = {}
+    groups: dict[tuple[str, int, Split], list[RunError]] = {}
     for error in errors:
         if error.temperature_degC is not None:
             key = (error.motion, round(error.temperature_degC), error.split)
-            groups.setdefault(key, []).append(error.rmse_N**2)
-    return tuple(
-        PooledError(motion, degrees, split, len(squares), math.sqrt(sum(squares) / len(squares)))
-        for (motion, degrees, split), squares in sorted(groups.items())
-    )
-
-
-def pooled_json(errors: Iterable[RunError]) -> list[Json]:
-    """Return the pooled errors as JSON."""
-    return [
-        {
-            "motion": each.motion,
-            "temperature_degC": each.temperature_degC,
-            "split": each.split,
-            "runs": each.runs,
-            "rmse_N": each.rmse_N,
-        }
-        for each in pooled_by_temperature(errors)
-    ]
+            groups.setdefault(key, []).append(error)
+    return tuple(PooledError(*key, len(runs), pooled_rms(runs)) for key, runs in sorted(groups.items()))
 
 
 # --------------------------------------------------------------------------------------------- the terminal
@@ -86,9 +68,7 @@ def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
     if len(errors) <= RUN_COUNT_MAX:
         console.print(_terminal_table(errors, title))
         return
-    pooled = pooled_by_temperature(errors)
-    if pooled:
-        console.print(_pooled_table(pooled, law))
+    console.print(pooled_table(errors).printed())
     worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:WORST_RUN_COUNT]
     console.print(
         _terminal_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} runs (errors.csv has all)")
@@ -100,25 +80,12 @@ def _terminal_table(errors: Sequence[RunError], title: str) -> RichTable:
     return error_table(ordered, title=title).printed()
 
 
-def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
-    """Generate a line for each split: median and worst errors."""
-    for split, values in by_split(errors).items():
-        text = ", ".join(
-            f"{word} {percent(values[name])}"
-            for word, name in (
-                ("median", "median"),
-                ("worst with current", "worst_above_zero"),
-                ("worst", "worst"),
-            )
-        )
-        yield f"{split.replace('_', ' ')}: {text}"
-
-
 def show_summaries(errors: Iterable[RunError], console: Console) -> None:
     """Print median and worst errors by split."""
-    for line in summary_lines(errors):
-        split, _, text = line.partition(":")
-        console.print(f"[bold]{split}[/bold]:{text}")
+    words = {"median": "median", "worst with current": "worst_above_zero", "worst": "worst"}
+    for split, values in by_split(errors).items():
+        text = ", ".join(f"{word} {percent(values[name])}" for word, name in words.items())
+        console.print(f"[bold]{split.replace('_', ' ')}[/bold]: {text}")
 
 
 def percent(value: float) -> str:
@@ -176,19 +143,27 @@ def _command(error: RunError) -> str:
     return "varies" if error.command is None else f"{error.command:g} {error.command_unit}"
 
 
-def _pooled_table(pooled: Sequence[PooledError], law: str) -> RichTable:
-    """Return the RMS error by motion and temperature. Held-out errors are in brackets."""
-    degrees = sorted({each.temperature_degC for each in pooled})
-    rows = []
-    for motion in dict.fromkeys(each.motion for each in pooled):
-        cells = []
-        for degree in degrees:
-            found = [each for each in pooled if (each.motion, each.temperature_degC) == (motion, degree)]
-            values = [
-                f"{each.rmse_N:.1f}" if each.split == "training" else f"({each.rmse_N:.1f})" for each in found
-            ]
-            cells.append(" ".join(values))
-        rows.append((motion, *cells))
-    title = f"{law}: RMS error in N of all currents, held-out runs in brackets"
-    names = ("motion", *(f"{degree} degC" for degree in degrees))
-    return terminal_table(title, names, rows, left=("motion",))
+def pooled_table(errors: Sequence[RunError]) -> Table[tuple[str, Sequence[RunError]]]:
+    """Return the RMS error by motion and temperature (or current). Held-out errors are in brackets."""
+    levels = levels_of(errors)
+    placed = [error for error in errors if levels.level_of(error) is not None]
+
+    def column(level: float) -> Column[tuple[str, Sequence[RunError]]]:
+        def value(row: tuple[str, Sequence[RunError]]) -> str | None:
+            parts = []
+            for split, form in (("training", "{:.1f}"), ("held_out", "({:.1f})")):
+                members = [e for e in row[1] if levels.level_of(e) == level and e.split == split]
+                if members:
+                    parts.append(form.format(pooled_rms(members)))
+            return " ".join(parts) or None
+
+        return Column(levels.label(level), value, form="s")
+
+    motions = dict.fromkeys(error.motion for error in placed)
+    rows = [(motion, [error for error in placed if error.motion == motion]) for motion in motions]
+    return Table(
+        title="RMS error in N by motion",
+        columns=[Column("motion", lambda row: row[0]), *map(column, levels.values)],
+        rows=[*rows, ("all motions", placed)],
+        caption="RMS error in N of the runs of one motion. Held-out runs are in brackets.",
+    )

@@ -9,16 +9,24 @@ from rich.markup import escape
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
-from mrdamper.report.figures.damper_section import draw_dampers
-from mrdamper.report.figures.heatsink import draw_sweeps, front_figure
+from mrdamper.report.base import (
+    FirstScreen,
+    Page,
+    Report,
+    Tile,
+    WrittenFile,
+    csv_file,
+    print_notes,
+    text_file,
+)
+from mrdamper.report.figures.damper_section import dampers_figure
+from mrdamper.report.figures.heatsink import front_figure, sweeps_figure
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
-from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, toml_text, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
-from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, SinkEffect, Sweep
+from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
 
 DESIGN_COUNT_MAX = 8  # The terminal shows evenly spaced designs of the front, the report all.
 
@@ -79,14 +87,14 @@ def _lightest_band(run: HeatsinkResult) -> str:
 def _sections(run: HeatsinkResult) -> list[Section]:
     found: list[Section] = [
         _front_table(run),
-        Picture("To scale", lambda: draw_dampers(_dampers(run), "Best sink and reference, to scale")),
+        Picture("Best sink and reference, to scale", lambda: dampers_figure(_dampers(run))),
     ]
-    if run.sweeps is not None:
+    if (sweeps := run.sweeps) is not None:
         caption = (
             f"Eq. (10) of the paper is not legible and was assumed as {EFFICIENCY_FORMULA}. The values are "
             "from the zone network."
         )
-        found.append(Picture("Parameter studies of the paper", lambda: draw_sweeps(run), caption))
+        found.append(Picture("Parameter studies of the paper", lambda: sweeps_figure(sweeps), caption))
     return found
 
 
@@ -158,14 +166,14 @@ def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
 # ------------------------------------------------------------------------------------------- the answer
 
 
-def _answer(run: HeatsinkResult) -> Json:
-    """Return the object that ``mrdamper heatsink --json`` prints, without the paths of the files."""
+def _fields(run: HeatsinkResult) -> dict[str, object]:
+    """Return the values that ``mrdamper heatsink --json`` prints, without the paths of the files."""
     limits, lightest = run.limits, run.lightest
     return {
         "duty": run.duty.text,
         "reference": _design(run.reference),
         "bare": _design(run.bare),
-        "front": [_design(each) for each in run.front],
+        "front": _rows(run),
         "best": _design(run.best),
         "cooler_K": run.gain.middle,
         "cooler_interval_K": [run.gain.low, run.gain.high],
@@ -174,7 +182,7 @@ def _answer(run: HeatsinkResult) -> Json:
         "limits": {
             "span_m": limits.span,
             "width_m": limits.width,
-            "mass_kg": limits.mass if limits.mass < float("inf") else None,
+            "mass_kg": limits.mass,
             "least_thickness_m": limits.least_thickness,
             "least_gap_m": limits.least_gap,
             "materials": [material.name for material in limits.materials],
@@ -185,7 +193,7 @@ def _answer(run: HeatsinkResult) -> Json:
             "front": len(run.found.designs),
         },
         "study": None if run.sweeps is None else _study(run.sweeps),
-        "notes": list(run.notes),
+        "notes": run.notes,
         "cpu_s": round(run.cpu_s, 3),
     }
 
@@ -208,25 +216,27 @@ def _design(design: SinkDesign) -> Json:
     }
 
 
+def _rows(run: HeatsinkResult) -> list[Json]:
+    return [_design(each) for each in run.front]
+
+
 def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
-    width, fins = sweeps
-    return {
-        "formula": EFFICIENCY_FORMULA,
-        "follows_paper": {"width": width.follows_paper, "fins": fins.follows_paper},
-        "width": [_sweep_row(effect) for effect in width.effects],
-        "fins": [_sweep_row(effect) for effect in fins.effects],
-    }
-
-
-def _sweep_row(effect: SinkEffect) -> Json:
-    return {
-        "fins": effect.sink.fins,
-        "width_m": effect.sink.width,
-        "temperature_degC": effect.finned - ZERO_CELSIUS_K,
-        "efficiency_percent": 100.0 * effect.efficiency,
-        "rise_reduction_percent": 100.0 * effect.rise_reduction,
-        "fin_efficiency": effect.fin_efficiency,
-    }
+    """Return the parameter studies of the paper: width of the fins, and their number."""
+    study: Json = {"formula": EFFICIENCY_FORMULA, "follows_paper": {}}
+    for name, sweep in zip(("width", "fins"), sweeps, strict=True):
+        study["follows_paper"][name] = sweep.follows_paper
+        study[name] = [
+            {
+                "fins": effect.sink.fins,
+                "width_m": effect.sink.width,
+                "temperature_degC": effect.finned - ZERO_CELSIUS_K,
+                "efficiency_percent": 100.0 * effect.efficiency,
+                "rise_reduction_percent": 100.0 * effect.rise_reduction,
+                "fin_efficiency": effect.fin_efficiency,
+            }
+            for effect in sweep.effects
+        ]
+    return study
 
 
 def _toml(run: HeatsinkResult) -> str:
@@ -256,10 +266,6 @@ def _degrees(kelvin: float | None) -> str:
     return "-" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.1f}"
 
 
-def _rows(run: HeatsinkResult) -> list[Json]:
-    return [_design(each) for each in run.front]
-
-
 _PAGE = Page(
     name="heatsink.html",
     first=_first,
@@ -269,13 +275,13 @@ _PAGE = Page(
 )
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=_PAGE,
     files=(
         WrittenFile(name="heatsink.json", key="file"),
-        WrittenFile(name="front.csv", write=lambda run, path: write_table(path, _rows(run))),
-        WrittenFile(name="best.toml", write=lambda run, path: path.write_text(_toml(run), encoding="utf-8")),
+        csv_file("front.csv", _rows),
+        text_file("best.toml", _toml),
     ),
     curves=lambda run: {"listed": [_design(each) for _, each in _designs(run)]},
     rows=_rows,
