@@ -96,12 +96,14 @@ def _sections(result: CheckResult) -> list[Section]:
         found.append(Table(title="Files that could not be read", columns=[error], rows=result.unreadable))
     if result.findings:
         found.append(findings_table(result.findings, of_runs=True))
-    columns: list[Column[CheckedFile]] = [
-        Column("file", lambda file: str(file.path)),
-        Column("format", lambda file: file.layout.in_words()),
-        Column("columns", lambda file: "; ".join(f"{c.role}: {c.name} in {c.unit}" for c in file.columns)),
-    ]
-    files = Table(title="Formats of the files", columns=columns, rows=result.files)
+    files = Table(
+        title="Formats of the files",
+        columns=[
+            Column("files", lambda each: each[1]),
+            Column("format and columns", lambda each: each[0]),
+        ],
+        rows=list(_by_layout(result.files).items()),
+    )
     return [*found, _runs_table(result.runs), files]
 
 
@@ -209,8 +211,7 @@ def _show(result: CheckResult, console: Console) -> None:
     _show_questions(result, console)
     layouts = _by_layout(result.files)
     for words, paths in list(layouts.items())[:FORMAT_COUNT_MAX]:
-        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        console.print(f"{escape(paths[0])}{more}: {escape(words)}")
+        console.print(f"{escape(paths)}: {escape(words)}")
     _print_rest(len(layouts) - FORMAT_COUNT_MAX, "formats", console)
 
 
@@ -252,13 +253,16 @@ def _verdict(result: CheckResult) -> tuple[str, str]:
     return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 
-def _by_layout(files: Sequence[CheckedFile]) -> dict[str, list[str]]:
-    """Return the paths of the files by format and columns."""
+def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
+    """Return the first path and the number of other paths, by format and columns."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)
         paths.setdefault(f"{file.layout.in_words()}; {columns}", []).append(str(file.path))
-    return paths
+    return {
+        words: first + (f" and {len(others)} more" if others else "")
+        for words, (first, *others) in paths.items()
+    }
 
 
 def _outcome(result: CheckResult) -> Outcome:

@@ -18,7 +18,7 @@ from mrdamper.report.figures.style import HELD_OUT, INK, TOP_INCH, Share, add_le
 
 LETTER_INCH = 0.072  # Width of a letter of a title.
 LEGEND_TOP_INCH = 0.5
-SHARED_GAP_INCH = 0.12  # Inner axes have no labels of y if the limits are shared.
+SHARED_GAP_INCH = 0.2  # Inner axes have no labels of y if the limits are shared.
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,14 +36,15 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
     if campaign.warm:
         strongest = max(campaign.commands, key=abs, default=None)
         for motion in (campaign.main, *others) if campaign.main else others:
-            rows = LOOPS if motion == campaign.main else LOOPS[:1]
+            rows = LOOPS if motion == campaign.main else LOOPS[1:]
             runs = _over_levels(campaign, motion, strongest)
             at = f"{runs[0][2].command:g} {runs[0][2].command_unit}, " if runs and runs[0][2].command else ""
             drawn.append((f"{motion}: {at}each temperature", rows, runs))
     else:
-        drawn += [(motion, LOOPS, _over_commands(campaign, motion, None)) for motion in others]
-    worst = find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX]
-    drawn.append(("The worst run of each motion", LOOPS[:1], _named(campaign, worst)))
+        drawn += [(motion, LOOPS[1:], _over_commands(campaign, motion, None)) for motion in others]
+    if len({*motions}) != len(others) or not others:
+        worst = find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX]
+        drawn.append(("The worst run of each motion", LOOPS[1:], _named(campaign, worst)))
     return [Picture(title, partial(_loops, campaign, runs, rows)) for title, rows, runs in drawn if runs]
 
 
