@@ -110,7 +110,7 @@ def panel_figure(
         # The last label of x would touch the first one of the next panel.
         axes.locator_params(nbins=4 if share else 5, prune="upper" if share else None, axis="x")
         axes.locator_params(nbins=5, axis="y")
-        if share != "row" and all(np.nanmin(line.y, initial=0.0) >= 0.0 for line in panel.lines):
+        if share != "row" and all(np.fmin.reduce(line.y, initial=0.0) >= 0.0 for line in panel.lines):
             axes.set_ylim(bottom=0.0)
         if not common and any(line.label for line in panel.lines):
             axes.legend(loc="best")

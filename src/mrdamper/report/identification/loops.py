@@ -32,20 +32,21 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
         return []
     motions = [error.motion for error in campaign.errors if error.motion != campaign.main]
     others = list(dict.fromkeys(motions))[:OTHER_MOTION_COUNT_MAX]
-    drawn: list[tuple[str, Sequence[str], list[Drawn]]] = []
+    drawn: list[tuple[str, list[Drawn]]] = []
     if campaign.warm:
         strongest = max(campaign.commands, key=abs, default=None)
         for motion in (campaign.main, *others) if campaign.main else others:
-            rows = LOOPS if motion == campaign.main else LOOPS[1:]
             runs = _over_levels(campaign, motion, strongest)
             at = f"{runs[0][2].command:g} {runs[0][2].command_unit}, " if runs and runs[0][2].command else ""
-            drawn.append((f"{motion}: {at}each temperature", rows, runs))
+            drawn.append((f"{motion}: {at}each temperature", runs))
     else:
-        drawn += [(motion, LOOPS[1:], _over_commands(campaign, motion, None)) for motion in others]
+        drawn += [(motion, _over_commands(campaign, motion, None)) for motion in others]
     if len({*motions}) != len(others) or not others:
         worst = find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX]
-        drawn.append(("The worst run of each motion", LOOPS[1:], _named(campaign, worst)))
-    return [Picture(title, partial(_loops, campaign, runs, rows)) for title, rows, runs in drawn if runs]
+        drawn.append(("The worst run of each motion", _named(campaign, worst)))
+    return [
+        Picture(title, partial(_loops, campaign, runs, ["velocity_mm_s"])) for title, runs in drawn if runs
+    ]
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list[Drawn]:
@@ -113,7 +114,7 @@ def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LO
 
 
 def residual_figure(campaign: Campaign) -> Figure:
-    """Return measured minus modelled force, coloured by current.
+    """Return measured minus modelled force versus velocity, coloured by current.
 
     The panels are the temperatures of the main motion, or the motions without temperatures.
     """
@@ -132,21 +133,20 @@ def residual_figure(campaign: Campaign) -> Figure:
             found[title] = campaign.traces(known)
 
     drawn: list[Panel] = []
-    for name in LOOPS[::-1]:
-        for title, traces in found.items():
-            lines = [
-                Line(
-                    getattr(trace, name),
-                    trace.measured_N - trace.modelled_N,
-                    colour_of(trace.error.command, campaign.highest),
-                    width=0.8,
-                    style="-" if trace.error.split == "training" else "--",
-                )
-                for trace in traces
-            ]
-            label = "" if len(drawn) % len(found) else "meas. − mod., N"
-            drawn.append(Panel("" if name == LOOPS[0] else title, _X_LABELS[name], lines, y_label=label))
-    return panel_figure(drawn, len(found), height=1.2, share="row")
+    for title, traces in found.items():
+        lines = [
+            Line(
+                trace.velocity_mm_s,
+                trace.measured_N - trace.modelled_N,
+                colour_of(trace.error.command, campaign.highest),
+                width=0.8,
+                style="-" if trace.error.split == "training" else "--",
+            )
+            for trace in traces
+        ]
+        label = "" if drawn else "measured - modelled, N"
+        drawn.append(Panel(title, _X_LABELS["velocity_mm_s"], lines, y_label=label))
+    return panel_figure(drawn, len(found), height=1.6, share="row")
 
 
 def find_worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
