@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.data.finding import Finding, Severity, by_kind
+from mrdamper.data.finding import SEVERITIES, Finding, Severity, by_kind
 from mrdamper.data.readers import UnreadableFile
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
@@ -23,12 +25,14 @@ from mrdamper.report.base import (
     csv_file,
     text_file,
 )
-from mrdamper.report.figures.check import runs_figure
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import TRAINING
 from mrdamper.report.page import sentence
 from mrdamper.report.sections import Column, Section, Table, print_compact
 
 # The terminal shows the most important lines. The report has all of them.
 RUN_COUNT_MAX = 8
+PANEL_COUNT_MAX = 8
 FINDING_COUNT_MAX = 4
 QUESTION_COUNT_MAX = 4
 FORMAT_COUNT_MAX = 2
@@ -86,7 +90,27 @@ def _range(values: Sequence[float], unit: str) -> str:
     return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
 
 
-# ------------------------------------------------------------------------------------------- the tables
+def _figure(result: CheckResult) -> Figure | None:
+    """Return force versus displacement of the runs with the worst findings, or None without runs."""
+    drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
+    if not drawable:
+        return None
+    return panel_figure(
+        [
+            Panel(
+                run.name,
+                "displacement, mm",
+                [Line(run.samples_drawn[:, 0], run.samples_drawn[:, 1], TRAINING, style=",")],
+                run.max_severity == "fault",
+                "force, N",
+            )
+            for run in sorted(drawable, key=_severity)[:PANEL_COUNT_MAX]
+        ]
+    )
+
+
+def _severity(run: CheckedRun) -> int:
+    return len(SEVERITIES) if run.max_severity is None else SEVERITIES.index(run.max_severity)
 
 
 def _sections(result: CheckResult) -> list[Section]:
@@ -150,9 +174,6 @@ def _runs_table(runs: Sequence[CheckedRun]) -> Table[CheckedRun]:
     return Table(title="Runs", columns=columns, rows=runs)
 
 
-# ------------------------------------------------------------------------------------------- the answer
-
-
 def _fields(result: CheckResult) -> dict[str, object]:
     return {
         "usable": result.usable,
@@ -186,9 +207,6 @@ def _rows(result: CheckResult) -> list[dict[str, object]]:
     """Return the findings as a table."""
     rows = [finding.to_dict() for finding in result.findings]
     return [{name: row[name] for name in _COLUMNS} for row in rows]
-
-
-# --------------------------------------------------------------------------------------------- the terminal
 
 
 def _show(result: CheckResult, console: Console) -> None:
@@ -272,7 +290,7 @@ def _outcome(result: CheckResult) -> Outcome:
     return DONE if result.usable else Outcome(exit_code=CheckError.exit_code)
 
 
-_PAGE = Page(name="check.html", first=_first, picture=runs_figure, label="Measured loops", sections=_sections)
+_PAGE = Page(name="check.html", first=_first, picture=_figure, label="Measured loops", sections=_sections)
 
 REPORT: Report[CheckResult] = Report(
     fields=_fields,

@@ -93,9 +93,6 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
     return panel_figure(drawn, 2) if drawn else None
 
 
-# ------------------------------------------------------------------------------------------- the tables
-
-
 def _sections(result: CyclesResult) -> list[Section]:
     found: list[Section] = [findings_table(result.findings)] if result.findings else []
     return [*found, _figures_table(result, "Over the cycles")] if len(result.cycles) else found
@@ -130,9 +127,6 @@ def _figures_table(
 def _change(name: str, figure: FigureSummary) -> float | None:
     """Return the change from the first to the last cycles [%], or None for temperatures."""
     return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
-
-
-# ------------------------------------------------------------------------------------------- the answer
 
 
 def _fields(result: CyclesResult) -> dict[str, object]:
@@ -174,9 +168,6 @@ def _write_table(result: CyclesResult, path: Path) -> None:
         table.writerow(columns)
         for row in zip(*columns.values(), strict=True):
             table.writerow(["" if value != value else value for value in row])  # noqa: PLR0124 - NaN
-
-
-# --------------------------------------------------------------------------------------------- the terminal
 
 
 def _show(result: CyclesResult, console: Console) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -14,7 +15,8 @@ from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
-from mrdamper.report.cards.picture import card_figure
+from mrdamper.report.figures.characteristics import card_figure
+from mrdamper.report.identification.verdict import expected_tile
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json
 
@@ -108,9 +110,6 @@ def _closing(_: ExportResult, answer: Json) -> list[str]:
     return [f"Wrote {len(files)} files to {', '.join(folders)}."]
 
 
-# -------------------------------------------------------------------------------------------- the page
-
-
 def _first(found: ExportResult) -> FirstScreen:
     """Return the first screen: result of the verification, sizes, and the card's expected error."""
     code = found.code
@@ -118,7 +117,11 @@ def _first(found: ExportResult) -> FirstScreen:
         title=f"Exported: {found.card.title or 'a card'}",
         subject="" if code is None else _summary(found)[0] + ".",
         verdict="No code was exported" if code is None else _verdict(code.record),
-        tiles=(_comparison_tile(code), _size_tile(code), _error_tile(found)),
+        tiles=(
+            _comparison_tile(code),
+            _size_tile(code),
+            expected_tile(found.card.force_band) or Tile("–", "the card has no expected error"),
+        ),
         caption="Force versus peak velocity of the card's damper, one curve for each command",
         notes=() if code is None else [*_thermal(code.target, code.record), *found.notes],
     )
@@ -150,14 +153,6 @@ def _size_tile(code: CodeExport | None) -> Tile:
     return Tile(f"{1e-3 * sizes['code']:.1f} kB", "code size, compiled on this computer", rest)
 
 
-def _error_tile(found: ExportResult) -> Tile:
-    band = found.card.force_band
-    if band is None:
-        return Tile("–", "the card has no expected error")
-    worst = f"worst {band.worst_nrmse_percent:.1f} %, over {band.folds} left-out {band.left_out}"
-    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of the model", worst)
-
-
 def _output_rows(found: ExportResult) -> list[dict[str, object]]:
     """Return one row for each compared output."""
     outputs = {} if found.code is None else found.code.record.outputs
@@ -170,9 +165,6 @@ def _output_rows(found: ExportResult) -> list[dict[str, object]]:
         }
         for name, each in outputs.items()
     ]
-
-
-# ------------------------------------------------------------------------------------------- the files
 
 
 def _write_folder(found: ExportResult, folder: Path) -> None:
@@ -202,6 +194,15 @@ def _write_matlab(found: ExportResult, folder: Path) -> None:
     write_matlab(found.table, folder)
 
 
+def _output(key: str, ending: str, write: Callable[[ExportResult, Path], None]) -> WrittenFile[ExportResult]:
+    return WrittenFile(
+        name=lambda found: f"{found.name}{ending}",
+        output=key,
+        write=write,
+        when=lambda found: key in found.what,
+    )
+
+
 REPORT = Report(
     fields=_fields,
     show=_show,
@@ -215,30 +216,10 @@ REPORT = Report(
         sections=lambda found: table_of(_output_rows(found), "Compiled code compared with the model"),
     ),
     files=(
-        WrittenFile(
-            name=lambda found: f"{found.name}_c",
-            output="c",
-            write=_write_folder,
-            when=lambda found: "c" in found.what,
-        ),
-        WrittenFile(
-            name=lambda found: f"{found.name}.fmu",
-            output="fmu",
-            write=_write_fmu,
-            when=lambda found: "fmu" in found.what,
-        ),
-        WrittenFile(
-            name=lambda found: f"{found.name}_map.csv",
-            output="table",
-            write=_write_table,
-            when=lambda found: "table" in found.what,
-        ),
-        WrittenFile(
-            name=lambda found: f"{found.name}_matlab",
-            output="matlab",
-            write=_write_matlab,
-            when=lambda found: "matlab" in found.what,
-        ),
+        _output("c", "_c", _write_folder),
+        _output("fmu", ".fmu", _write_fmu),
+        _output("table", "_map.csv", _write_table),
+        _output("matlab", "_matlab", _write_matlab),
     ),
     lists_files=True,
 )

@@ -100,9 +100,6 @@ def _summary(found: RigResult) -> list[str]:
     ]
 
 
-# ------------------------------------------------------------------------------------------- the files
-
-
 def write_runs(found: RigResult, folder: Path) -> None:
     """Write the runs as CSV files with a channel map, in the format of a data logger."""
     for each in found.runs:

@@ -125,9 +125,6 @@ def _outcome(run: SweepResult) -> Outcome:
     return interrupted(remaining) if run.cancelled else DONE
 
 
-# ------------------------------------------------------------------------------------------- the files
-
-
 def _write_cards(run: SweepResult, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for task in run.tasks_with_values:

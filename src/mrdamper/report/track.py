@@ -55,12 +55,7 @@ def _first(run: TrackResult) -> FirstScreen:
             ),
         ),
         caption=_CAPTION,
-        flags=[
-            (
-                "This is a simulation, not a measurement",
-                "The damper is virtual. The controllers use only the card",
-            )
-        ],
+        flags=[("This is a simulation, not a measurement", "The controllers use only the card")],
         notes=[*_posterior_words(run), *run.notes],
     )
 
@@ -149,9 +144,6 @@ def _temperatures(run: TrackResult) -> list[float]:
     return sorted({row.temperature_degC for row in run.rows})
 
 
-# ------------------------------------------------------------------------------------------- the answer
-
-
 def _fields(run: TrackResult) -> dict[str, object]:
     return {
         "rows": _rows(run),
@@ -202,9 +194,6 @@ def _trace(each: Traced) -> dict[str, object]:
             for one in each.runs
         ],
     }
-
-
-# ------------------------------------------------------------------------------------------- a terminal
 
 
 def _show(run: TrackResult, console: Console) -> None:

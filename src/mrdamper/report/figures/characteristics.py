@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-from mrdamper.models.characteristics import PeakVelocityCurve
+from mrdamper.models.card import ModelCard
+from mrdamper.models.characteristics import PeakVelocityCurve, characterise, default_scope
+from mrdamper.quantities import to_degC
 from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_figure
 from mrdamper.report.figures.style import INK, colour_of
 
@@ -59,3 +61,14 @@ def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: S
         share="all",
         legend="",
     )
+
+
+def card_figure(card: ModelCard) -> Figure:
+    """Return force versus peak velocity within the range of the card, a panel for each temperature."""
+    scope = default_scope(card.damper, card.envelope)
+    found = characterise(card.damper, scope)
+    panels = [
+        PickPanel("" if kelvin is None else f"{to_degC(kelvin):.0f} °C", (curves,))
+        for kelvin, curves in zip(scope.temperatures, found.curves, strict=True)
+    ]
+    return peak_velocity_figure(panels, card.damper.command_unit)

@@ -61,9 +61,6 @@ def pooled_rms(errors: Sequence[RunError]) -> float:
     return rms(np.array([error.rmse_N for error in errors]))
 
 
-# ------------------------------------------------------------------------------------------- motions
-
-
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
     """Return the sine with runs at most levels and currents, or None. The longest stroke breaks a tie."""
     counts: dict[str, set[tuple[float | None, float | None]]] = {}
@@ -86,9 +83,6 @@ def _stroke_in(motion: str) -> float:
     """Return the amplitude in the label of a motion, for sorting."""
     parts = motion.split()
     return float(parts[1]) if len(parts) > 1 and parts[1].replace(".", "", 1).isdigit() else 0.0
-
-
-# ------------------------------------------------------------------------------------------- measured
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,12 +34,13 @@ from mrdamper.report.identification.tables import (
     correlation_table,
     error_summary_table,
 )
-from mrdamper.report.identification.temperature import (
-    assumption_sentence,
-    characteristics_section,
-    temperature_section,
+from mrdamper.report.identification.temperature import characteristics_section, temperature_section
+from mrdamper.report.identification.verdict import (
+    assumption_flags,
+    convergence_sentence,
+    expected_tile,
+    verdict_lines,
 )
-from mrdamper.report.identification.verdict import convergence_sentence, verdict_lines
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Picture, Section
 
@@ -58,9 +59,7 @@ def _first(fitted: FitResult) -> FirstScreen:
     known = sum(each.identifiable for each in fitted.estimates)
     over = _range(envelope_of(fitted.training).command, unit)
     flags = [("These runs are simulated, not measured", fitted.simulated)] if fitted.simulated else []
-    if assumed := assumption_sentence(campaign):
-        text = f"{assumed} Values based on it are marked as assumed"
-        flags.append(("The temperature dependence is assumed", text))
+    flags += assumption_flags(fitted.damper)
     if not fitted.converged:
         flags.insert(0, ("Not converged", convergence_sentence(fitted)))
     if not unseen:
@@ -80,7 +79,7 @@ def _first(fitted: FitResult) -> FirstScreen:
             Tile(
                 f"{np.median(rms):.3g} N", f"RMS error on {what}, median", f"{rms[0]:.3g} to {rms[-1]:.3g} N"
             ),
-            _expected(fitted)
+            expected_tile(fitted.force_band)
             or Tile(f"{known} of {len(fitted.estimates)}", "parameters that these runs determine"),
         ),
         caption=f"{campaign.main or 'the worst runs'}: measured force in grey, modelled force in colour. The "
@@ -92,15 +91,6 @@ def _first(fitted: FitResult) -> FirstScreen:
             *(f"Suggested test: {test}." for test in fitted.next_tests),
         ),
     )
-
-
-def _expected(fitted: FitResult) -> Tile | None:
-    """Return the expected error of new runs from cross-validation."""
-    band = fitted.force_band
-    if band is None:
-        return None
-    worst = f"worst {band.worst_nrmse_percent:.1f} %, cross-validation over {band.left_out}"
-    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of new runs, median", worst)
 
 
 def _picture(fitted: FitResult) -> Figure:
@@ -169,9 +159,6 @@ def _order(error: RunError, levels: OperatingPoints) -> tuple[list[tuple[str, fl
     return motion, warm or 0.0, np.inf if error.command is None else error.command, error.name
 
 
-# ------------------------------------------------------------------------------------------- numbers
-
-
 def _range(pair: tuple[float, float], unit: str, scale: float = 1.0) -> str:
     low, high = (scale * end for end in pair)
     return f"{low:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
@@ -195,35 +182,17 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
     chosen = fitted.preparation
     cut = sorted(run.cutoff_Hz for run in fitted.training)
     dead = sorted(1e6 * run.dead_band_m for run in fitted.training)
-    by_rule = "computed from each run: "
+    zero = {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference]
+    smoothed = chosen.velocity == "displacement"
+    offset = f"an offset of {chosen.force_offset_N:g} N was subtracted"
+    rate = f"at most {fitted.problem.settings.rate_Hz:g} Hz. Errors are computed at the rate of the file"
     return [
-        (
-            "low-pass of the displacement",
-            ("" if chosen.cutoff_Hz is not None else by_rule)
-            + f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase",
-        ),
-        (
-            "reversal dead band",
-            ("" if chosen.dead_band_m is not None else by_rule) + f"{dead[0]:.3g} to {dead[-1]:.3g} µm",
-        ),
-        (
-            "zero of displacement",
-            {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference],
-        ),
-        (
-            "velocity",
-            "from the smoothed displacement" if chosen.velocity == "displacement" else "measured channel",
-        ),
-        (
-            "force",
-            f"an offset of {chosen.force_offset_N:g} N was subtracted"
-            if chosen.force_offset_N
-            else "as measured",
-        ),
-        (
-            "sample rate of the fit",
-            f"at most {fitted.problem.settings.rate_Hz:g} Hz. Errors are computed at the rate of the file",
-        ),
+        ("low-pass of the displacement", f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase"),
+        ("reversal dead band", f"{dead[0]:.3g} to {dead[-1]:.3g} µm"),
+        ("zero of displacement", zero),
+        ("velocity", "from the smoothed displacement" if smoothed else "measured channel"),
+        ("force", offset if chosen.force_offset_N else "as measured"),
+        ("sample rate of the fit", rate),
     ]
 
 

@@ -18,7 +18,7 @@ from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import DONE, NO_FILES, Outcome, Report, WrittenFile, csv_file, interrupted
 from mrdamper.report.identification.page import PAGE
-from mrdamper.report.identification.scores import pooled_by_temperature, summaries
+from mrdamper.report.identification.scores import summaries
 from mrdamper.report.identification.tables import (
     best_candidates,
     error_summary_table,
@@ -53,7 +53,6 @@ def _fields(found: FitResult) -> dict[str, object]:
         "cancelled": found.cancelled,
         "errors": found.errors,
         "notes": [*result.notes, *judged.words],
-        "by_temperature": pooled_by_temperature(judged.runs),
         "actuation": None if found.actuation is None else _actuation(found.actuation),
         "force_band": found.force_band,
         "next_tests": found.next_tests,
@@ -97,9 +96,6 @@ def _actuation(fitted: ActuationFit) -> dict[str, object]:
 def _write_posterior(found: FitResult, path: Path) -> None:
     if found.posterior is not None:
         write_draws(found.posterior, found.damper, path)
-
-
-# --------------------------------------------------------------------------------------------- the terminal
 
 
 def _show(found: FitResult, console: Console) -> None:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 from rich.console import Console
-from rich.table import Table as RichTable
 
 from mrdamper.identify.scores import RunError, Split, summary
 from mrdamper.jobs.intervals import ForceInterval
@@ -38,46 +36,15 @@ def summaries(errors: Iterable[RunError]) -> Json:
     }
 
 
-@dataclass(frozen=True, slots=True)
-class PooledError:
-    """The RMS error of the runs of one motion, temperature (rounded to 1 degC) and split."""
-
-    motion: str
-    temperature_degC: int
-    split: Split
-    runs: int
-    rmse_N: float
-
-
-def pooled_by_temperature(errors: Iterable[RunError]) -> tuple[PooledError, ...]:
-    """Return the errors of all currents pooled by temperature. Runs without a temperature are ignored."""
-    groups: dict[tuple[str, int, Split], list[RunError]] = {}
-    for error in errors:
-        if error.temperature_degC is not None:
-            key = (error.motion, round(error.temperature_degC), error.split)
-            groups.setdefault(key, []).append(error)
-    return tuple(PooledError(*key, len(runs), pooled_rms(runs)) for key, runs in sorted(groups.items()))
-
-
-# --------------------------------------------------------------------------------------------- the terminal
-
-
 def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
     """Print the error of every run, or of many runs the pooled errors and the worst runs."""
-    title = f"{law}: error by run"
-    if len(errors) <= RUN_COUNT_MAX:
-        console.print(_terminal_table(errors, title))
-        return
-    console.print(pooled_table(errors).printed())
-    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:WORST_RUN_COUNT]
-    console.print(
-        _terminal_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} runs (errors.csv has all)")
-    )
-
-
-def _terminal_table(errors: Sequence[RunError], title: str) -> RichTable:
-    ordered = sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0))
-    return error_table(ordered, title=title).printed()
+    title, shown = f"{law}: error by run", errors
+    if len(errors) > RUN_COUNT_MAX:
+        console.print(pooled_table(errors).printed())
+        shown = sorted(errors, key=lambda error: -error.nrmse_percent)[:WORST_RUN_COUNT]
+        title += f", the {len(shown)} worst of {len(errors)} runs (errors.csv has all)"
+    ordered = sorted(shown, key=lambda e: (e.split != "training", e.command == 0.0))
+    console.print(error_table(ordered, title=title).printed())
 
 
 def show_summaries(errors: Iterable[RunError], console: Console) -> None:
@@ -91,9 +58,6 @@ def show_summaries(errors: Iterable[RunError], console: Console) -> None:
 def percent(value: float) -> str:
     """Format a percentage, with a dash for NaN."""
     return "-" if math.isnan(value) else f"{value:.2f} %"
-
-
-# ------------------------------------------------------------------------------------------- the tables
 
 
 def error_table(

@@ -128,26 +128,16 @@ def _loss_sentence(
         return all(after < before for before, after in pairwise(values))
 
     claim = f"The relative loss is smaller at higher {'current' if unit == 'A' else 'voltage'}"
+    some = " only for some currents"
     model = is_falling([lost for _, lost, _ in by_size])
     seen = [measured for _, _, measured in by_size if measured is not None]
     if len(seen) < 2:
-        return f"{head}. {claim}{'' if model else ' only for some currents'}."
-    both = (model, is_falling(seen))
-    if all(both):
-        return f"{head}. {claim}, measured and modelled."
-    if not any(both):
-        return f"{head}. {claim} only for some currents, measured and modelled."
-    source = "in the model but not in the measured runs"
-    return f"{head}. {claim} {source if model else 'in the measured runs but not in the model'}."
-
-
-def assumption_sentence(campaign: Campaign) -> str:
-    """Return a sentence on coefficients with an assumed temperature dependence, or an empty string."""
-    assumed = campaign.fitted.damper.assumed
-    if not assumed:
-        return ""
-    names = ", ".join(name.replace("_", " ") for name in assumed)
-    return f"The temperature factor of {names} was taken from a fluid, not fitted to this damper."
+        return f"{head}. {claim}{'' if model else some}."
+    if model == is_falling(seen):
+        return f"{head}. {claim}{'' if model else some}, measured and modelled."
+    if model:
+        return f"{head}. {claim} in the model but not in the measured runs."
+    return f"{head}. {claim} in the measured runs but not in the model."
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,6 @@ from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.limits import PART_WORDS
 from mrdamper.thermal.temperature_rise import Rise
 
-# ------------------------------------------------------------------------------------------- the answer
-
 
 def _fields(run: HeatResult) -> dict[str, object]:
     """Return the values that ``mrdamper heat --json`` prints, without the paths of the files."""
@@ -118,9 +116,6 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
     ]
 
 
-# --------------------------------------------------------------------------------------------- the terminal
-
-
 def summary(run: HeatResult) -> list[str]:
     """Return the limits, the temperature of the fluid at the end, and the loss of force."""
     intervals = page_intervals(run)
@@ -206,9 +201,6 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
         f"  Residual {calibrated.residual_K:.2g} K, noise of the sensor {curve.noise_K:.2g} K",
         *(f"  {note}" for note in calibrated.notes),
     ]
-
-
-# ----------------------------------------------------------------------------------------------- the files
 
 
 def _calibrated_text(run: HeatResult) -> str:

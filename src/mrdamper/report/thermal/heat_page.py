@@ -14,6 +14,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import dampers_figure, field_figure
 from mrdamper.report.figures.heat import fade_figure, paths_figure, temperature_figure
+from mrdamper.report.identification.verdict import assumption_flags
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Picture
 from mrdamper.schema import json_value
@@ -93,20 +94,9 @@ def _caption(run: HeatResult) -> str:
 
 def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
     """Return warnings if the temperature dependence of a card is assumed or missing."""
-    damper, flags = card.damper, []
-    if damper.assumed:
-        names = ", ".join(name.replace("_", " ") for name in damper.assumed)
-        flags.append(
-            (
-                "The temperature dependence is assumed",
-                f"The temperature dependence of {names} was taken from a fluid, not fitted",
-            )
-        )
-    if not damper.temperature_dependent:
-        flags.append(
-            ("The card has no temperature model", "Force and mechanical power do not depend on temperature")
-        )
-    return flags
+    if card.damper.temperature_dependent:
+        return assumption_flags(card.damper)
+    return [("The card has no temperature model", "Force and mechanical power do not depend on temperature")]
 
 
 def _sections(run: HeatResult) -> dict[str, object]:

@@ -32,7 +32,7 @@ DESIGN_COUNT_MAX = 8  # The terminal shows evenly spaced designs of the front, t
 
 
 def _first(run: HeatsinkResult) -> FirstScreen:
-    best, reference, limits = run.best, run.reference, run.limits
+    best, reference, limits, light = run.best, run.reference, run.limits, _lightest(run)
     method = _method(run)
     mass = f", {1e3 * limits.mass:.0f} g" if limits.mass < 1e9 else ""
     return FirstScreen(
@@ -51,7 +51,11 @@ def _first(run: HeatsinkResult) -> FirstScreen:
                 f"{1e3 * reference.mass:.0f} g)",
                 f"90 % interval {run.gain.low:.1f} to {run.gain.high:.1f} K",
             ),
-            Tile(f"{1e3 * best.mass:.0f} g", "mass of the fins", _lightest_band(run)),
+            Tile(
+                f"{1e3 * best.mass:.0f} g",
+                "mass of the fins",
+                "" if light is None else f"as cool as the reference: {1e3 * light.mass:.0f} g",
+            ),
         ),
         caption=f"{run.found.tried} sinks of a grid were evaluated with the zone network. "
         f"{len(run.found.designs)} are on the Pareto front. {len(run.front)} of these were evaluated with "
@@ -78,10 +82,9 @@ def _reference(run: HeatsinkResult) -> str:
     return "the reference" if run.reference.sink else "the bare damper"
 
 
-def _lightest_band(run: HeatsinkResult) -> str:
-    if run.lightest is None or run.reference.sink is None or run.lightest is run.best:
-        return ""
-    return f"as cool as the reference: {1e3 * run.lightest.mass:.0f} g"
+def _lightest(run: HeatsinkResult) -> SinkDesign | None:
+    """Return the lightest design that is as cool as the reference, if it differs from the best one."""
+    return None if run.reference.sink is None or run.lightest is run.best else run.lightest
 
 
 def _sections(run: HeatsinkResult) -> list[Section]:
@@ -158,12 +161,9 @@ def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
         return f"{name}: {values}\n{words}", run.drawing.with_sink(design.sink)
 
     chosen = [titled("reference", run.reference), titled("coolest", run.best)]
-    if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
-        chosen.append(titled("lightest that is as cool as the reference", run.lightest))
+    if (light := _lightest(run)) is not None:
+        chosen.append(titled("lightest that is as cool as the reference", light))
     return chosen
-
-
-# ------------------------------------------------------------------------------------------- the answer
 
 
 def _fields(run: HeatsinkResult) -> dict[str, object]:
@@ -201,11 +201,12 @@ def _fields(run: HeatsinkResult) -> dict[str, object]:
 def _design(design: SinkDesign) -> Json:
     """Return the dimensions and temperatures of a design. The bare damper has no fins."""
     found = design.sink
+    fins, *sizes = (0, 0.0, 0.0, 0.0)
+    if found is not None:
+        fins, *sizes = (found.fins, found.width, found.thickness, found.pitch)
     return {
-        "fins": 0 if found is None else found.fins,
-        "width_m": 0.0 if found is None else found.width,
-        "thickness_m": 0.0 if found is None else found.thickness,
-        "pitch_m": 0.0 if found is None else found.pitch,
+        "fins": fins,
+        **dict(zip(("width_m", "thickness_m", "pitch_m"), sizes, strict=True)),
         "mass_kg": design.mass,
         "temperature_degC": design.fluid - ZERO_CELSIUS_K,
         "model": design.model,
@@ -244,9 +245,6 @@ def _toml(run: HeatsinkResult) -> str:
     best = run.best.sink
     assert best is not None  # A search returns sinks.
     return toml_text({"sink": write_record(best, defaults=True)}, sink_in_words(best))
-
-
-# ------------------------------------------------------------------------------------------- a terminal
 
 
 def _show(run: HeatsinkResult, console: Console) -> None:

@@ -18,7 +18,6 @@ from mrdamper.report.figures.errors import errors_figure
 from mrdamper.report.figures.intervals import interval_figure
 from mrdamper.report.identification.scores import (
     error_table,
-    pooled_by_temperature,
     show_errors,
     show_summaries,
     summaries,
@@ -33,7 +32,6 @@ def _fields(result: EvaluateResult) -> dict[str, object]:
         "law": result.law,
         "runs": _rows(result),
         "summary": summaries(result.errors),
-        "by_temperature": pooled_by_temperature(result.errors),
         "promised": result.promised,
         "force_band": _band(result),
         # The 90 % intervals of forces and coefficients from the posterior samples.
