@@ -176,13 +176,8 @@ class Report(Generic[Result]):
         """All files of a result, the page first."""
         if self.page is None:
             return self.files
-        page = WrittenFile(
-            name=self.page.name,
-            key="report",
-            write=self.page.write,
-            when=self.page.when,
-        )
-        return (page, *self.files)
+        page = self.page
+        return (WrittenFile(name=page.name, key="report", write=page.write, when=page.when), *self.files)
 
 
 def write_report(

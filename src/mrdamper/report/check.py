@@ -27,11 +27,10 @@ from mrdamper.report.base import (
 )
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import TRAINING
-from mrdamper.report.page import sentence
-from mrdamper.report.sections import Column, Section, Table, print_compact
+from mrdamper.report.page import count_of, range_of, sentence
+from mrdamper.report.sections import Column, Section, Table
 
 # The terminal shows the most important lines. The report has all of them.
-RUN_COUNT_MAX = 8
 PANEL_COUNT_MAX = 8
 FINDING_COUNT_MAX = 4
 QUESTION_COUNT_MAX = 4
@@ -57,7 +56,7 @@ _RUN_FIELDS = ("name", "source", "samples", "rate_Hz", "duration_s", "stroke_mm"
 
 def _first(result: CheckResult) -> FirstScreen:
     runs = result.runs
-    number = _run_count(len(runs))
+    number = count_of("run", len(runs))
     verdict, counts = _verdict(result)
     worst = next((finding for finding, _ in by_kind(result.findings)), None)
     forces = [run.force_range_N for run in runs if run.force_range_N is not None]
@@ -70,24 +69,13 @@ def _first(result: CheckResult) -> FirstScreen:
         + ("" if worst is None else f". The worst is in {worst.run or 'all runs'}: {worst.found}"),
         tiles=(
             Tile(number, "were read", f"{clean} without findings"),
-            Tile(_range(forces, "N"), "force range of the runs, peak to peak"),
-            Tile(_range(strokes, "mm"), "stroke of the runs, peak to peak"),
+            Tile(range_of(forces, "N"), "force range of the runs, peak to peak"),
+            Tile(range_of(strokes, "mm"), "stroke of the runs, peak to peak"),
         ),
         caption="Measured force versus displacement, evenly spaced samples of each run. Runs with a fault "
         "are red.",
         flags=[("A file could not be read", file.error) for file in result.unreadable[:3]],
     )
-
-
-def _run_count(count: int) -> str:
-    return f"{count} run{'' if count == 1 else 's'}"
-
-
-def _range(values: Sequence[float], unit: str) -> str:
-    if not values:
-        return "–"
-    low, high = min(values), max(values)
-    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
 
 
 def _figure(result: CheckResult) -> Figure | None:
@@ -210,22 +198,13 @@ def _rows(result: CheckResult) -> list[dict[str, object]]:
 
 
 def _show(result: CheckResult, console: Console) -> None:
-    """Print the verdict, the findings, the runs with findings, open questions, and the file formats."""
+    """Print the verdict, the findings, open questions, and the file formats."""
     verdict, counts = _verdict(result)
-    runs = [run for run in result.runs if run.findings]
     if result.runs:
-        console.print(f"[bold]{verdict}[/bold]: {counts} in {_run_count(len(result.runs))}.")
+        console.print(f"[bold]{verdict}[/bold]: {counts} in {count_of('run', len(result.runs))}.")
     else:
         console.print("[bold]No run could be read.[/bold]")
     show_findings(result.findings, console)
-    if len(runs) > 1:
-        columns: list[Column[CheckedRun]] = [
-            Column("run with findings", "name"),
-            Column("findings", lambda run: ", ".join(finding.kind for finding in run.findings)),
-        ]
-        table = Table(title="", columns=columns, rows=runs[:RUN_COUNT_MAX])
-        print_compact(table.printed(whole=True), console)
-        _print_rest(len(runs) - RUN_COUNT_MAX, "runs with findings", console)
     _show_questions(result, console)
     layouts = _by_layout(result.files)
     for words, paths in list(layouts.items())[:FORMAT_COUNT_MAX]:
@@ -265,9 +244,7 @@ def _print_rest(count: int, name: str, console: Console) -> None:
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
     """Return whether the runs can be fitted, and the number of findings."""
-    counts = ", ".join(
-        f"{number} {severity}{'s' if number != 1 else ''}" for severity, number in result.counts.items()
-    )
+    counts = ", ".join(count_of(severity, number) for severity, number in result.counts.items())
     return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 

@@ -22,6 +22,7 @@ from mrdamper.report.identification.scores import (
     show_summaries,
     summaries,
 )
+from mrdamper.report.page import count_of
 from mrdamper.report.sections import Picture, Section
 
 PANEL_COUNT_MAX = 8  # The worst runs are drawn with the interval of the force.
@@ -115,7 +116,7 @@ def _first(result: EvaluateResult) -> FirstScreen:
     sizes, rms = [each.nrmse_percent for each in found], [each.rmse_N for each in found]
     known = "" if band is None else f". The expected error is {band.expected_nrmse_percent:.1f} %"
     inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
-    runs = f"{len(found)} run{'' if len(found) == 1 else 's'}"
+    runs = count_of("run", len(found))
     return FirstScreen(
         title="Evaluation of runs",
         subject=f"A card of the model {result.law}, on {runs}.",

@@ -136,6 +136,19 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper() if first.isalpha() else text[:1]}{text[1:]}."
 
 
+def count_of(name: str, count: int) -> str:
+    """Return a count with the singular or plural of a name."""
+    return f"{count} {name}{'' if count == 1 else 's'}"
+
+
+def range_of(values: Sequence[float], unit: str) -> str:
+    """Return the range of values as text; a dash without values."""
+    if not values:
+        return "–"
+    low, high = min(values), max(values)
+    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
+
+
 def _zoomed(svg: str) -> str:
     """Return the HTML of a figure that is enlarged by a click or a key.
 

@@ -26,6 +26,7 @@ from mrdamper.report.base import (
 )
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import INK, TRAINING
+from mrdamper.report.page import count_of
 from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json, json_value
@@ -80,8 +81,7 @@ def _show(run: SweepResult, console: Console) -> None:
     """Print the statistics of each value, and the failed tasks."""
     if run.cancelled:
         return
-    count = len(run.tasks)
-    title = f"{count} task{'' if count == 1 else 's'}, of which {run.resumed} are from an earlier run"
+    title = f"{count_of('task', len(run.tasks))}, of which {run.resumed} are from an earlier run"
     console.print(_figures_table(run, title).printed())
     for task in run.failed:
         console.print(escape(f"Failed: {task.name}: {task.error}"))

@@ -30,8 +30,11 @@ def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
         drawn += [_over_temperature(yields, "yield stress, kPa", 1e-3), _over_field(yields)]
     figure = panel_figure(drawn, 2, height=2.6)
     if viscosity is not None:
-        figure.axes[0].set_yscale("log")
-        figure.axes[0].autoscale(axis="y")
+        axes = figure.axes[0]
+        axes.set_yscale("log")
+        axes.autoscale(axis="y")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
     return figure
 
 

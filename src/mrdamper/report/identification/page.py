@@ -41,7 +41,7 @@ from mrdamper.report.identification.verdict import (
     expected_tile,
     verdict_lines,
 )
-from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of, range_of
 from mrdamper.report.sections import Picture, Section
 
 INTERVAL_SAMPLE_COUNT_MAX = 60  # Each posterior sample needs a simulation.
@@ -55,9 +55,9 @@ def _first(fitted: FitResult) -> FirstScreen:
     unseen = [e for e in judged.runs if e.split == "held_out"]
     scored = unseen or list(judged.runs)
     errors, rms = summary(scored), sorted(e.rmse_N for e in scored)
-    what = f"{len(scored)} {'held-out' if unseen else 'training'} run{'' if len(scored) == 1 else 's'}"
+    what = count_of(f"{'held-out' if unseen else 'training'} run", len(scored))
     known = sum(each.identifiable for each in fitted.estimates)
-    over = _range(envelope_of(fitted.training).command, unit)
+    over = range_of(envelope_of(fitted.training).command, unit)
     flags = [("These runs are simulated, not measured", fitted.simulated)] if fitted.simulated else []
     flags += assumption_flags(fitted.damper)
     if not fitted.converged:
@@ -159,23 +159,17 @@ def _order(error: RunError, levels: OperatingPoints) -> tuple[list[tuple[str, fl
     return motion, warm or 0.0, np.inf if error.command is None else error.command, error.name
 
 
-def _range(pair: tuple[float, float], unit: str, scale: float = 1.0) -> str:
-    low, high = (scale * end for end in pair)
-    return f"{low:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
-
-
 def _envelope_rows(fitted: Identification) -> list[tuple[str, str]]:
     envelope = envelope_of(fitted.training)
     unit = fitted.damper.command_unit
     rows = [
-        ("current" if unit == "A" else "voltage", _range(envelope.command, unit)),
-        ("displacement", _range(envelope.displacement, "mm", 1e3)),
-        ("velocity", _range(envelope.velocity, "mm/s", 1e3)),
+        ("current" if unit == "A" else "voltage", range_of(envelope.command, unit)),
+        ("displacement", range_of([1e3 * end for end in envelope.displacement], "mm")),
+        ("velocity", range_of([1e3 * end for end in envelope.velocity], "mm/s")),
     ]
     if envelope.temperature is None:
         return [*rows, ("temperature", "not recorded")]
-    low, high = envelope.temperature
-    return [*rows, ("temperature", _range((low - ZERO_CELSIUS_K, high - ZERO_CELSIUS_K), "°C"))]
+    return [*rows, ("temperature", range_of([end - ZERO_CELSIUS_K for end in envelope.temperature], "°C"))]
 
 
 def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:

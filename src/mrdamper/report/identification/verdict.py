@@ -8,7 +8,7 @@ from mrdamper.identify.scores import RunError, summary
 from mrdamper.jobs.fit import FitResult
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
-from mrdamper.report.page import Tile
+from mrdamper.report.page import Tile, count_of
 
 
 def convergence_sentence(found: FitResult) -> str:
@@ -66,7 +66,7 @@ def _errors(name: str, errors: Sequence[RunError]) -> str:
     if not errors:
         return ""
     values = summary(errors)
-    runs = "1 run" if len(errors) == 1 else f"{len(errors)} runs"
+    runs = count_of("run", len(errors))
     return f"{name}: median error {values['median']:.1f} %, worst {values['worst']:.1f} % ({runs})."
 
 

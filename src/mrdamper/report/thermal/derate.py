@@ -87,7 +87,7 @@ def _show(found: DerateResult, console: Console) -> None:
 
 def _figure(found: DerateResult) -> Figure:
     """Return a map of the permissible value versus ambient temperature and air speed for each duration."""
-    figure, table = panels(len(found.duration_min), gap=0.12, height=1.9, share="all")
+    figure, table = panels(len(found.duration_min), 5, gap=0.12, height=1.9, share="all")
     for axes, minutes, largest in zip(table, found.duration_min, found.largest, strict=True):
         axes.imshow(largest, origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=2.0 * found.whole)
         axes.grid(visible=False)
