@@ -187,7 +187,7 @@ def _fields(result: CheckResult) -> dict[str, object]:
         ],
         "findings": [finding.to_dict() for finding in result.findings],
         "questions": [question.to_dict() for question in result.questions],
-        "unreadable": result.unreadable,
+        "unreadable": [{"path": each.path, "error": each.error} for each in result.unreadable],
     }
 
 
