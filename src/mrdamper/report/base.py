@@ -10,33 +10,13 @@ from typing import TYPE_CHECKING, Generic
 from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
-from mrdamper.report.page import FirstScreen, Page, Result, Tile, sentence
-from mrdamper.report.sections import table_of
+from mrdamper.report.page import Page, Result, sentence
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json, json_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
-
-__all__ = [
-    "BEST_SO_FAR",
-    "DONE",
-    "FirstScreen",
-    "Outcome",
-    "Page",
-    "Place",
-    "Report",
-    "Tile",
-    "WrittenFile",
-    "csv_file",
-    "interrupted",
-    "print_notes",
-    "table_of",
-    "text_file",
-    "write_report",
-]
-
 
 Rows = Sequence[Mapping[str, object]]
 NOTE_COUNT_MAX = 3  # More notes would hide the values of the result in a terminal.

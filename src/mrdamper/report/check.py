@@ -14,20 +14,10 @@ from mrdamper.data.finding import SEVERITIES, Finding, Severity, by_kind
 from mrdamper.data.readers import UnreadableFile
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
-from mrdamper.report.base import (
-    DONE,
-    FirstScreen,
-    Outcome,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-    csv_file,
-    text_file,
-)
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, csv_file, text_file
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import TRAINING
-from mrdamper.report.page import count_of, range_of, sentence
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of, range_of, sentence
 from mrdamper.report.sections import Column, Section, Table
 
 # The terminal shows the most important lines. The report has all of them.

@@ -12,10 +12,11 @@ from rich.markup import escape
 
 from mrdamper.models.characteristics import in_degrees
 from mrdamper.models.comparison import Comparison
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 from mrdamper.report.figures.style import shortened
-from mrdamper.report.sections import Table
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import Table, table_of
 from mrdamper.schema import Json
 
 

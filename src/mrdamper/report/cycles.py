@@ -11,16 +11,11 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.jobs.cycles import CyclesResult, FigureSummary
-from mrdamper.report.base import (
-    FirstScreen,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-)
+from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.check import findings_table
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import HELD_OUT, TRAINING
+from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Column, Section, Table
 
 TITLES = {

@@ -13,16 +13,15 @@ from mrdamper.identify.evaluate import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.evaluate import EvaluateResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, csv_file, print_notes
-from mrdamper.report.figures.errors import errors_figure
-from mrdamper.report.figures.intervals import interval_figure
+from mrdamper.report.base import Report, csv_file, print_notes
+from mrdamper.report.figures.errors import errors_figure, interval_figure
 from mrdamper.report.identification.scores import (
     error_table,
     show_errors,
     show_summaries,
     summaries,
 )
-from mrdamper.report.page import count_of
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of
 from mrdamper.report.sections import Picture, Section
 
 PANEL_COUNT_MAX = 8  # The worst runs are drawn with the interval of the force.

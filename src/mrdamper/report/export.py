@@ -14,9 +14,11 @@ from mrdamper.codegen.matlab import write_matlab
 from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.characteristics import card_figure
 from mrdamper.report.identification.verdict import expected_tile
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json
 
@@ -128,11 +130,9 @@ def _first(found: ExportResult) -> FirstScreen:
 
 
 def _verdict(record: Verification) -> str:
-    same = (
-        "is identical to the model in all bits"
-        if record.max_ulp == 0
-        else "differs from the model only in the last digits"
-    )
+    same = "is identical to the model in all bits"
+    if record.max_ulp:
+        same = "differs from the model only in the last digits"
     return f"The compiled code {same}, in {record.samples:,} samples ({record.compiler_version})"
 
 

@@ -11,16 +11,10 @@ from mrdamper.jobs.fluid import FluidResult
 from mrdamper.models.fluids.fits import LawFit, Study
 from mrdamper.models.fluids.fluid_file import fluid_to_toml
 from mrdamper.quantities import to_degC
-from mrdamper.report.base import (
-    FirstScreen,
-    Page,
-    Report,
-    Tile,
-    print_notes,
-    table_of,
-    text_file,
-)
+from mrdamper.report.base import Report, print_notes, text_file
 from mrdamper.report.figures.fluid import fluid_figure
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of
 from mrdamper.schema import finite_or_none
 
 

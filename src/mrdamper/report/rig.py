@@ -39,7 +39,18 @@ def _fields(found: RigResult) -> dict[str, object]:
 
 
 def _rows(found: RigResult) -> list[Json]:
-    return [_row(each) for each in found.runs]
+    return [
+        {
+            "name": each.plan.name,
+            "motion": each.plan.label,
+            "current_A": each.run.constant_command,  # None if the current changes.
+            "temperature_degC": each.plan.temperature_degC,
+            "duration_s": each.plan.duration_s,
+            "samples": len(each.run),
+            "held_out": each.plan.held_out,
+        }
+        for each in found.runs
+    ]
 
 
 def _in_folder(found: RigResult, out: Path) -> Json:
@@ -121,19 +132,6 @@ def truth_folder(out: Path) -> Path:
     if not path.name:
         raise InputError("has no parent folder for DIR.truth", place=out, remedy="choose another --out")
     return path.with_name(f"{path.name}.truth")
-
-
-def _row(each: MeasuredRun) -> Json:
-    plan, run = each.plan, each.run
-    return {
-        "name": plan.name,
-        "motion": plan.label,
-        "current_A": run.constant_command,  # None if the current changes.
-        "temperature_degC": plan.temperature_degC,
-        "duration_s": plan.duration_s,
-        "samples": len(run),
-        "held_out": plan.held_out,
-    }
 
 
 def _write_run(path: Path, run: RigRun) -> None:

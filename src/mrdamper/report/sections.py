@@ -121,7 +121,7 @@ class Table(Generic[Row]):
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure of a report, drawn when the report is written. A function that returns None omits it."""
+    """A figure of a report. It is drawn when the report is written, and omitted if ``draw`` returns None."""
 
     title: str
     draw: Callable[[], Figure | None]

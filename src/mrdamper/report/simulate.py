@@ -10,9 +10,11 @@ from mrdamper.arrays import FloatArray, rms
 from mrdamper.jobs.simulate import SimulateResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, csv_file, table_of
+from mrdamper.report.base import Report, WrittenFile, csv_file
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import INK, MEASURED, TRAINING
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of
 from mrdamper.schema import Json
 
 POINT_COUNT_MAX = 4000  # More points make the figure large but not more accurate.
@@ -99,12 +101,8 @@ def _first(found: SimulateResult) -> FirstScreen:
     error = Tile(f"{len(path)}", "samples", f"time step {1e3 * path.step:g} ms")
     if found.measured is not None:
         spread = float(np.std(found.measured[found.scored_from :]))
-        share = (
-            f"{100.0 * answer['rmse_N'] / spread:.1f} % of the standard deviation of the measured force"
-            if spread > 0.0
-            else ""
-        )
-        error = Tile(f"{answer['rmse_N']:.4g} N", "RMS error of the measured force", share)
+        ratio = f"{100.0 * answer['rmse_N'] / spread:.1f} % of its standard deviation" if spread else ""
+        error = Tile(f"{answer['rmse_N']:.4g} N", "RMS error of the measured force", ratio)
     return FirstScreen(
         title=f"Simulated force: {found.title or 'the card'}",
         subject=f"{found.motion}.",

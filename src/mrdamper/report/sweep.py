@@ -12,21 +12,10 @@ from rich.markup import escape
 
 from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.jobs.sweep.sweep import FigureSummary, SweepResult, SweptTask
-from mrdamper.report.base import (
-    DONE,
-    FirstScreen,
-    Outcome,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-    csv_file,
-    interrupted,
-    wrote_sentence,
-)
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, csv_file, interrupted, wrote_sentence
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import INK, TRAINING
-from mrdamper.report.page import count_of
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of
 from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json, json_value

@@ -12,9 +12,9 @@ from rich.markup import escape
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, csv_file, print_notes
+from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes
 from mrdamper.report.figures.track import error_figure, tracking_figure
-from mrdamper.report.page import sentence
+from mrdamper.report.page import FirstScreen, Page, Tile, sentence
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.schema import Json
 
@@ -29,7 +29,7 @@ def _first(run: TrackResult) -> FirstScreen:
     best = {target: _best(run, target) for target in run.targets}
     hardest = max(best.values(), key=lambda row: _feasible(row.score))
     card, score = run.card, hardest.score
-    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
+    temperatures = _temperatures(run)
     return FirstScreen(
         title=f"Force tracking on {run.plant}",
         subject=f"Controllers from the card {card.title or card.damper.law.name}, at {run.rate_Hz:g} Hz "
@@ -94,8 +94,7 @@ def _sections(run: TrackResult) -> list[Section]:
     best = [_best(run, target) for target in run.targets]
     target: Column[Row] = Column("target", "target")
     degrees: Column[Row] = Column("at", "temperature_degC", "degC", "g")
-    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
-    several = len(_temperatures(run)) > 1
+    temperatures = _temperatures(run)
     return [
         Table(
             title=f"Worst of {temperatures} °C",
@@ -107,7 +106,7 @@ def _sections(run: TrackResult) -> list[Section]:
             "The lowest error is highlighted.",
             held=lambda row: row in best,
         ),
-        *([Picture("Errors versus temperature", lambda: error_figure(run))] if several else []),
+        *([Picture("Errors versus temperature", lambda: error_figure(run))] if "," in temperatures else []),
         *(Picture(f"Target {each.target}", partial(tracking_figure, each)) for each in run.traced[1:]),
         Table(
             title="All temperatures",
@@ -140,8 +139,9 @@ def _posterior_words(run: TrackResult) -> list[str]:
     ]
 
 
-def _temperatures(run: TrackResult) -> list[float]:
-    return sorted({row.temperature_degC for row in run.rows})
+def _temperatures(run: TrackResult) -> str:
+    """Return the temperatures [degC] as text."""
+    return ", ".join(f"{degrees:g}" for degrees in sorted({row.temperature_degC for row in run.rows}))
 
 
 def _fields(run: TrackResult) -> dict[str, object]:
@@ -199,7 +199,7 @@ def _trace(each: Traced) -> dict[str, object]:
 def _show(run: TrackResult, console: Console) -> None:
     """Print the best controller, the errors for each target at its worst temperature, and notes."""
     console.print(escape(sentence(_verdict({target: _best(run, target) for target in run.targets}))))
-    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
+    temperatures = _temperatures(run)
     for target in run.targets:
         rows = [row for row in run.max_error_rows if row.target == target]
         feasible = rows[0].score.feasible_share

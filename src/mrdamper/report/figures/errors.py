@@ -1,4 +1,4 @@
-"""Figure of the errors of runs."""
+"""Figures of the errors of runs, and of forces and coefficients with their 90 % intervals."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.identify.scores import RunError
-from mrdamper.report.figures.style import HELD_OUT, TRAINING, WIDTH_INCH, shortened
+from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDTH_INCH, shortened
 
 BAR_COUNT_MAX = 20
 
@@ -33,3 +35,29 @@ def errors_figure(errors: Sequence[RunError]) -> Figure:
     axes.set_xlabel("RMS error, % of the standard deviation of the measured force")
     figure.legend(loc="upper right", ncols=2, borderaxespad=0.1)
     return figure
+
+
+def interval_figure(
+    forces: Sequence[ForceInterval], coefficients: Sequence[CoefficientInterval], command_unit: str
+) -> Figure:
+    """Return the measured and modelled force of each run, and each coefficient versus current."""
+    drawn = [
+        Panel(
+            f"{each.name}: force, N",
+            "time, s",
+            [
+                Line(each.time_s, each.measured_N, MEASURED, width=2.0),
+                Line(each.time_s, each.modelled_N, TRAINING, band=(each.low_N, each.high_N)),
+            ],
+        )
+        for each in forces
+    ]
+    drawn += [
+        Panel(
+            f"{each.name.replace('_', ' ')}, {each.unit}",
+            "current, A" if command_unit == "A" else "voltage, V",
+            [Line(each.command, each.value, TRAINING, band=(each.low, each.high))],
+        )
+        for each in coefficients
+    ]
+    return panel_figure(drawn)

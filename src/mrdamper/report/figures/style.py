@@ -120,14 +120,14 @@ def svg_of(figure: Figure, label: str) -> str:
 
 
 def svg_drawn_by(draw: Callable[[], Figure | None], label: str) -> str:
-    """Return the figure that a function draws as an SVG element, or an empty string if there is none."""
+    """Return the figure that a function draws as an SVG element, or "" without a figure."""
     with drawing_style():
         figure = draw()
         return "" if figure is None else svg_of(figure, label)
 
 
 def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
-    """Return the figure that a function draws, which notebooks display as SVG; None if there is none."""
+    """Return the figure that a function draws, which notebooks display as SVG, or None."""
     with drawing_style():
         figure = draw()
     if figure is not None:

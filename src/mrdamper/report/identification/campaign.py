@@ -25,7 +25,7 @@ class Trace:
 
     error: RunError
     over_time: bool  # True for a motion without a period and for current steps
-    time_s: FloatArray  # from the first drawn sample
+    time_s: FloatArray  # The first drawn sample is at zero.
     displacement_mm: FloatArray
     velocity_mm_s: FloatArray
     measured_N: FloatArray

@@ -43,7 +43,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
         drawn += [(motion, _over_commands(campaign, motion, None)) for motion in others]
     if len({*motions}) != len(others) or not others:
         worst = find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX]
-        drawn.append(("The worst run of each motion", _named(campaign, worst)))
+        drawn.append(("The worst run of each motion", _with_names(campaign, worst)))
     return [
         Picture(title, partial(_loops, campaign, runs, ["velocity_mm_s"])) for title, runs in drawn if runs
     ]
@@ -76,19 +76,21 @@ def _over_commands(campaign: Campaign, motion: str, level: float | None) -> list
     ]
 
 
-def _named(campaign: Campaign, errors: Sequence[RunError]) -> list[Drawn]:
+def _with_names(campaign: Campaign, errors: Sequence[RunError]) -> list[Drawn]:
     return [(error.name, colour_of(error.command, campaign.highest), error) for error in errors]
 
 
 def overview(campaign: Campaign) -> Figure:
     """Return the loops of a few runs, or of the main motion at each current and the worst run."""
-    drawn = _named(campaign, campaign.errors)
+    drawn = _with_names(campaign, campaign.errors)
     if len(drawn) > PANEL_COLUMNS_MAX:
         level = campaign.levels.values[0] if campaign.warm else None
         loops = [] if campaign.main is None else _over_commands(campaign, campaign.main, level)
         loops = list(pick_evenly(loops, OVERVIEW_COUNT_MAX))
         worst = find_worst_by_motion(campaign.errors)[: 1 if loops else PANEL_COLUMNS_MAX]
-        drawn = loops + [(f"worst: {title}", colour, run) for title, colour, run in _named(campaign, worst)]
+        drawn = loops + [
+            (f"worst: {title}", colour, run) for title, colour, run in _with_names(campaign, worst)
+        ]
     return _loops(campaign, drawn)
 
 

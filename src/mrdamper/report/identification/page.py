@@ -16,8 +16,7 @@ from mrdamper.identify.scores import RunError, summary
 from mrdamper.jobs.fit import FitResult
 from mrdamper.jobs.intervals import coefficient_intervals, force_interval
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.errors import errors_figure
-from mrdamper.report.figures.intervals import interval_figure
+from mrdamper.report.figures.errors import errors_figure, interval_figure
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.coefficients import coefficient_figure
 from mrdamper.report.identification.groups import OperatingPoints

@@ -9,18 +9,10 @@ from rich.markup import escape
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import (
-    FirstScreen,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-    csv_file,
-    print_notes,
-    text_file,
-)
+from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes, text_file
 from mrdamper.report.figures.damper_section import dampers_figure
 from mrdamper.report.figures.heatsink import front_figure, sweeps_figure
+from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.schema import Json, toml_text, write_record
@@ -43,11 +35,12 @@ def _first(run: HeatsinkResult) -> FirstScreen:
         verdict=" ".join(_verdict(run)),
         tiles=(
             Tile(
-                f"{_degrees(best.fluid)} °C", "fluid at the end of the load cycle with the coolest sink", ""
+                f"{best.fluid - ZERO_CELSIUS_K:.1f} °C",
+                "fluid at the end of the load cycle with the coolest sink",
             ),
             Tile(
                 f"{run.gain.middle:.1f} K",
-                f"cooler than {_reference(run)} ({_degrees(reference.fluid)} °C, "
+                f"cooler than {_reference(run)} ({reference.fluid - ZERO_CELSIUS_K:.1f} °C, "
                 f"{1e3 * reference.mass:.0f} g)",
                 f"90 % interval {run.gain.low:.1f} to {run.gain.high:.1f} K",
             ),
@@ -258,10 +251,6 @@ def _show(run: HeatsinkResult, console: Console) -> None:
     rows = [row for row in table.rows if row[0] or any(row is other for other in shown)]
     print_compact(replace(table, rows=rows).printed(whole=True), console)
     print_notes(run.notes, console)
-
-
-def _degrees(kelvin: float | None) -> str:
-    return "-" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.1f}"
 
 
 _PAGE = Page(
