@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.report.figures.style import HELD_OUT, INK, TOP_INCH, Share, add_legend, panels, shortened
 
 LETTER_INCH = 0.072  # Width of a letter of a title.
-LEGEND_TOP_INCH = 0.5
+LEGEND_TOP_INCH = 0.6  # A title and one row of entries.
 SHARED_GAP_INCH = 0.2  # Inner axes have no labels of y if the limits are shared.
 
 

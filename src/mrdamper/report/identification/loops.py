@@ -15,7 +15,7 @@ from mrdamper.report.figures.style import MEASURED, colour_of
 from mrdamper.report.identification.campaign import Campaign, Trace
 from mrdamper.report.sections import Picture
 
-OTHER_MOTION_COUNT_MAX = 4
+OTHER_MOTION_COUNT_MAX = 3
 OVERVIEW_COUNT_MAX = 5
 LOOPS = ("displacement_mm", "velocity_mm_s")
 _X_LABELS = {"displacement_mm": "displacement, mm", "velocity_mm_s": "velocity, mm/s", "time_s": "time, s"}
@@ -24,7 +24,7 @@ Drawn = tuple[str, str, RunError]  # title, colour, run
 
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
-    """Return the loops of each motion by temperature or current, then the worst runs.
+    """Return the loops of a few motions by temperature or current, or the worst run of each motion.
 
     The first screen already has the loops of a few runs, and of the main motion at each current.
     """
@@ -41,7 +41,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
             drawn.append((f"{motion}: {at}each temperature", runs))
     else:
         drawn += [(motion, _over_commands(campaign, motion, None)) for motion in others]
-    if len({*motions}) != len(others) or not others:
+    if not any(runs for _, runs in drawn):
         worst = find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX]
         drawn.append(("The worst run of each motion", _with_names(campaign, worst)))
     return [
