@@ -24,9 +24,8 @@ from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry import QUERIES
-from mrdamper.web.query_worker import Query, find_function
+from mrdamper.web.queries import QueryLine, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
-from mrdamper.web.worker_client import WorkerClient
 from tests.support.campaigns import short_runs, write_csv, write_runs
 from tests.support.cards import PAPER_DRAWING, write_heated_card
 from tests.support.rigs import answer_of, command, mrdamper
@@ -371,7 +370,7 @@ def test_own_geometry_is_used(clean):
 # ------------------------------------------------------------------------------------------- queries
 
 
-CHANNELS = Query("channels", values={"document": {"session": {"name": "x"}}})
+DOCUMENT = {"session": {"name": "x"}}
 
 
 def query_processes() -> list[int]:
@@ -390,14 +389,14 @@ def test_query_after_dead_process_succeeds():
     """A query whose process dies raises an error; the next query gets a new process."""
 
     async def kill_a_query() -> None:
-        client, others = WorkerClient(), set(query_processes())
-        asked = asyncio.create_task(client.ask(CHANNELS))
+        client, others = QueryLine(), set(query_processes())
+        asked = asyncio.create_task(client.ask("channels", document=DOCUMENT))
         while not (found := set(query_processes()) - others):
             await asyncio.sleep(0.01)
         os.kill(found.pop(), signal.SIGKILL)
         with pytest.raises(InputError, match="the reader stopped"):
             await asked
-        assert "x" in await client.ask(CHANNELS)
+        assert "x" in await client.ask("channels", document=DOCUMENT)
 
     asyncio.run(kill_a_query())
 
