@@ -26,15 +26,8 @@ _BODY_MAX_BYTES = 1 << 20  # Uploads have their own limits.
 
 Wanted = TypeVar("Wanted")
 
-_TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".json": "application/json",
-    ".csv": "text/csv; charset=utf-8",
-    ".svg": "image/svg+xml",
-    ".zip": "application/zip",
-    ".fmu": "application/zip",
-    **dict.fromkeys((".toml", ".c", ".h", ".md", ".txt"), "text/plain; charset=utf-8"),
-}
+_TEXTS = frozenset({".c", ".h", ".md", ".toml", ".txt"})  # Browsers display these files.
+_DOWNLOADS = frozenset({".fmu", ".zip"})
 
 
 class AppContext:
@@ -184,16 +177,12 @@ async def read_request(request: Request, kind: type[Wanted]) -> Wanted:
     return read_record(kind, await read_body(request), "the request")
 
 
-def send_file(path: Path, request: Request) -> Response:
+def send_file(path: Path) -> Response:
     """Return a file of the folder with a policy that forbids scripts."""
-    kind = _TYPES.get(path.suffix.lower(), "application/octet-stream")
-    is_download = "download" in request.query_params or kind in {
-        "application/zip",
-        "application/octet-stream",
-    }
+    suffix = path.suffix.lower()
     return FileResponse(
         path,
-        media_type=kind,
-        filename=path.name if is_download else None,
+        media_type="text/plain" if suffix in _TEXTS else None,
+        filename=path.name if suffix in _DOWNLOADS else None,
         headers={"content-security-policy": REPORT_POLICY},
     )

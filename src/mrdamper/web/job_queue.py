@@ -20,6 +20,7 @@ from mrdamper.web.workspace import ConflictError, WorkFolder
 
 JOBS_AT_ONCE_MAX = 2
 _KEEPING_S = 20.0  # A fit writes its best result in this time.
+_STOPPED = "the server was stopped before it was done"
 
 
 @dataclass(slots=True)
@@ -64,7 +65,7 @@ class JobQueue:
             record = self.record(job_id)
             with suppress(InputError):
                 if not record.read().has_ended:
-                    record.end("interrupted", _stopped_early(record))
+                    record.end("interrupted", f"{_STOPPED}; {_next_step(record)}")
             _clear(record)
         self._folder.clear()
 
@@ -83,21 +84,22 @@ class JobQueue:
         self._start(job_id)
         return job_id
 
-    def resume(self, job_id: str) -> None:
+    async def resume(self, job_id: str) -> None:
         """Queue a job again that ended early; it continues after its finished tasks."""
-        record = self.record(job_id)
-        job = record.read()
-        if job_id in self._jobs:
-            raise ConflictError(f"{job_id} is at work")
-        if not record.is_resumable(job):
+        record = await self._ended(job_id)
+        if not record.is_resumable(record.read()):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
         record.reopen()
         self._start(job_id)
 
-    async def settled(self, job_id: str) -> None:
-        """Wait a moment until the process of an ended job has exited."""
-        if job_id in self._jobs and self.record(job_id).read().has_ended:
+    async def _ended(self, job_id: str) -> JobRecord:
+        """Return the record of an ended job; wait a moment until its process has exited."""
+        record = self.record(job_id)
+        if job_id in self._jobs and record.read().has_ended:
             await asyncio.wait([self._jobs[job_id].task], timeout=GRACE_S)
+        if job_id in self._jobs:
+            raise ConflictError(f"{job_id} has not ended; cancel it first")
+        return record
 
     def _claim(self, card: str, *, replace: bool) -> None:
         """Raise ConflictError if the name of a card is used."""
@@ -123,21 +125,16 @@ class JobQueue:
             grace_s = _KEEPING_S if job_of(job.kind).ctrl_c else GRACE_S
             asyncio.get_running_loop().call_later(grace_s, work.kill)
 
-    def discard(self, job_id: str) -> str:
+    async def discard(self, job_id: str) -> str:
         """Move an ended job with its files into the trash; return its name there."""
-        folder = self.record(job_id).folder
-        if job_id in self._jobs:
-            raise ConflictError(f"{job_id} has not ended; cancel it first")
-        return self._folder.discard(folder)
+        return self._folder.discard((await self._ended(job_id)).folder)
 
     async def close(self) -> None:
         """Stop all processes because the server stops."""
         self._closing = True
         for job_id, work in self._jobs.items():
             if work.waiting:
-                self.record(job_id).end(
-                    "interrupted", "the server was stopped before it began; ask for it again"
-                )
+                self.record(job_id).end("interrupted", "the server stopped before the job; ask for it again")
                 work.task.cancel()
             elif work.process is not None and work.process.stdin is not None:
                 work.process.stdin.close()  # The process interrupts the job, and kills it a moment later.
@@ -170,24 +167,17 @@ class JobQueue:
     def _settle(self, record: JobRecord, code: int | None, *, cancelled: bool) -> None:
         """Write the end of a job whose process did not write it."""
         with suppress(InputError, OSError):
-            if record.read().has_ended:
-                pass
-            elif self._closing:
-                record.end("interrupted", _stopped_early(record))
-            elif cancelled:
-                record.end("cancelled", f"cancelled; it was ended by force; {_next_step(record)}")
-            else:
-                record.end(
-                    "failed",
-                    f"the job's process ended by itself (exit code {code}); was there enough memory? "
-                    f"Then {_next_step(record)}",
-                )
+            if not record.read().has_ended:
+                next_step = _next_step(record)
+                if self._closing:
+                    record.end("interrupted", f"{_STOPPED}; {next_step}")
+                elif cancelled:
+                    record.end("cancelled", f"cancelled; it was ended by force; {next_step}")
+                else:
+                    words = f"the job's process ended by itself (exit code {code})"
+                    record.end("failed", f"{words}; was there enough memory? Then {next_step}")
         _clear(record)
         recover_staging(self._folder.cards)
-
-
-def _stopped_early(record: JobRecord) -> str:
-    return f"the server was stopped before it was done; {_next_step(record)}"
 
 
 def _next_step(record: JobRecord) -> str:
@@ -200,5 +190,5 @@ def _next_step(record: JobRecord) -> str:
 def _clear(record: JobRecord) -> None:
     """Remove the unfinished files of a job."""
     recover_staging(record.folder)
-    for path in (*record.folder.glob(".record-*"), *record.folder.glob(".reserve")):
+    for path in (*record.folder.glob(".upload-*"), *record.folder.glob(".reserve")):
         path.unlink(missing_ok=True)

@@ -33,9 +33,7 @@ EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")
 _OWN = frozenset({"job.json", "progress.jsonl", "answer.json"})
-_TAIL_SIZE_BYTES = 4096  # The last progress line is shorter.
 _FILES_MAX_COUNT = 500
-_RESERVE = ".reserve"
 _RESERVE_SIZE_BYTES = 8192
 
 
@@ -83,8 +81,7 @@ class JobRecord:
         """Create the record of a request; remove it if a file cannot be written."""
         self.folder.mkdir()
         try:
-            self._reserve()
-            self._write(Job(id=self.id, kind=kind, options=dict(options), asked_at=now(), card=card))
+            self._queue(Job(id=self.id, kind=kind, options=dict(options), asked_at=now(), card=card))
         except OSError:
             shutil.rmtree(self.folder, ignore_errors=True)
             raise
@@ -92,10 +89,9 @@ class JobRecord:
     def reopen(self) -> None:
         """Queue the record of a job again that ended early."""
         job = self.read()
-        self._reserve()
         (self.folder / "answer.json").unlink(missing_ok=True)
         again = replace(job, state="queued", started_at=None, ended_at=None, message=None)
-        self._write(replace(again, resumed=job.resumed + 1))
+        self._queue(replace(again, resumed=job.resumed + 1))
 
     def read(self) -> Job:
         """Return the record; raise NotThereError if it is missing or invalid."""
@@ -111,7 +107,7 @@ class JobRecord:
 
     def end(self, state: EndState, message: str | None = None) -> None:
         """Write the end of the job."""
-        (self.folder / _RESERVE).unlink(missing_ok=True)
+        (self.folder / ".reserve").unlink(missing_ok=True)
         self._write(replace(self.read(), state=state, ended_at=now(), message=message))
 
     def is_resumable(self, job: Job) -> bool:
@@ -120,33 +116,26 @@ class JobRecord:
         return job.kind == "sweep" and ended_early and bool(_size(self.folder / RESULTS_FILE))
 
     def last_progress(self) -> Json | None:
-        """Return the last line of progress."""
-        try:
-            with (self.folder / "progress.jsonl").open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL_SIZE_BYTES))
-                lines = file.read().splitlines()
-        except OSError:
-            return None
-        for line in reversed(lines):
-            with suppress(ValueError):  # The line is incomplete.
-                found: Json = json.loads(line)
-                return {key: found.get(key) for key in ("done", "of", "text")}
+        """Return the last line of progress; None if there is none yet."""
+        with suppress(OSError, ValueError, IndexError):
+            line = json.loads((self.folder / "progress.jsonl").read_bytes().splitlines()[-1])
+            return {key: line.get(key) for key in ("done", "of", "text")}
         return None
 
-    def answer(self) -> Json | None:
+    def answer(self) -> Any:  # noqa: ANN401 - any JSON
         """Return the answer of the job; None if it has no answer yet."""
         with suppress(OSError, ValueError):
-            found: Json = json.loads((self.folder / "answer.json").read_text(encoding="utf-8"))
-            return found
+            return json.loads((self.folder / "answer.json").read_text(encoding="utf-8"))
         return None
 
     def shown(self) -> Json:
         """Return the record for the pages."""
         job = self.read()
-        more = {"files": self.files(), "resumable": self.is_resumable(job)}
-        return asdict(job) | {"progress": self.last_progress(), **more}
+        progress = None if job.has_ended else self.last_progress()
+        more = {"progress": progress, "files": self._files(), "resumable": self.is_resumable(job)}
+        return asdict(job) | more
 
-    def files(self) -> list[Json]:
+    def _files(self) -> list[Json]:
         """Return path and size of the job's files; files that a running job has moved are ignored."""
         rows = []
         for folder, _, names in os.walk(self.folder):
@@ -157,8 +146,9 @@ class JobRecord:
                     rows.append({"path": name.as_posix(), "bytes": size})
         return sorted(rows, key=lambda row: str(row["path"]))[:_FILES_MAX_COUNT]
 
-    def _reserve(self) -> None:
-        (self.folder / _RESERVE).write_bytes(b"." * _RESERVE_SIZE_BYTES)
+    def _queue(self, job: Job) -> None:
+        (self.folder / ".reserve").write_bytes(b"." * _RESERVE_SIZE_BYTES)
+        self._write(job)
 
     def _write(self, job: Job) -> None:
         write_object(self.folder / "job.json", asdict(job))
@@ -166,17 +156,16 @@ class JobRecord:
 
 def _size(path: Path) -> int | None:
     """Return the size of a file [bytes]; None if it is missing or a link."""
-    try:
+    with suppress(OSError):
         found = path.lstat()
-    except OSError:
-        return None
-    return found.st_size if stat.S_ISREG(found.st_mode) else None
+        return found.st_size if stat.S_ISREG(found.st_mode) else None
+    return None
 
 
 def write_object(path: Path, value: Mapping[str, Any]) -> None:
     """Write a JSON object atomically."""
     text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(path, text, ".record-")
+    write_whole(path, text)
 
 
 def job_ids(results: Path) -> list[str]:

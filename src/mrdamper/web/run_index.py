@@ -26,7 +26,7 @@ from mrdamper.web.workspace import ConflictError, NoSpaceError, NotThereError, W
 _CACHE_FORMAT = "4"  # A new number makes all files be read again.
 _RIG_LINE = re.compile(rb"# simulated: virtual damper ([\w-]+), seed ")
 _WINDOWS_MAX_COUNT = 64  # Cached windows of a file.
-_FREE_SIZE_MIN_BYTES = 16 << 20
+_RETRY_S = 30.0  # On a full disk a file is read again after this time.
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,33 +59,32 @@ class _Contents:
     preview : preview of the file and its runs by ``jobs.previews``
     findings : findings of each run; None before the check
     rig : preset of the virtual rig that simulated the file
-    full : the disk was full, so that the content is not cached
     """
 
     file: str
     preview: dict[str, Any]
     findings: list[list[dict[str, Any]]] | None = None
     rig: str | None = None
-    full: bool = False
 
     @property
-    def error(self) -> str | None:
-        """Reason why the file cannot be read."""
-        error: str | None = self.preview["error"]
-        return error
+    def names(self) -> list[str]:
+        """Names of the runs."""
+        return [run["name"] for run in self.preview["runs"]]
+
+    @property
+    def is_usable(self) -> bool:
+        """Return True if all runs can be fitted."""
+        is_good = all(run["usable"] and run["worst"] != "fault" for run in self.runs())
+        return is_good and not self.preview["error"]
 
     def runs(self) -> list[Json]:
         """Return the runs for the pages, each with its findings, worst first."""
         runs = self.preview["runs"]
         findings = [*(self.findings or ()), *([] for _ in runs)]
+        checked = self.findings is not None
         return [
-            {
-                **run,
-                "findings": faults,
-                "worst": faults[0]["severity"] if faults else None,
-                "checked": self.findings is not None,
-            }
-            for run, faults in zip(runs, findings, strict=False)
+            {**run, "findings": own, "worst": own[0]["severity"] if own else None, "checked": checked}
+            for run, own in zip(runs, findings, strict=False)
         ]
 
 
@@ -101,12 +100,21 @@ class RunIndex:
 
     def files(self) -> list[Json]:
         """Return the files with their states, and start reading new files."""
-        return [self._row(file) for file in self._run_files()]
+        rows = []
+        for file in self._run_files():
+            with suppress(FileNotFoundError):  # The file was deleted.
+                rows.append(self._row(file))
+        return rows
 
     def runs(self) -> Json:
         """Return the runs of the files that have been read, and the number of files being read."""
         contents = self._read_contents()
-        runs = [run for one in contents.values() if one is not None and not one.error for run in one.runs()]
+        runs = [
+            run
+            for one in contents.values()
+            if one is not None and not one.preview["error"]
+            for run in one.runs()
+        ]
         return {"runs": runs, "reading": sum(one is None for one in contents.values())}
 
     def usable(self) -> list[str] | None:
@@ -114,13 +122,7 @@ class RunIndex:
         contents = self._read_contents()
         if None in contents.values():
             return None
-        return [
-            file.name
-            for file, one in contents.items()
-            if one is not None
-            and not one.error
-            and all(run["usable"] and run["worst"] != "fault" for run in one.runs())
-        ]
+        return [file.name for file, one in contents.items() if one is not None and one.is_usable]
 
     def has_read(self, file: Path) -> bool:
         """Return True if the present version of a file has been read."""
@@ -132,8 +134,7 @@ class RunIndex:
             await asyncio.wait(self._pending.values(), return_when=asyncio.FIRST_COMPLETED)
         runs = contents.runs()
         findings = [finding for run in runs for finding in run["findings"]]
-        checked = contents.findings is not None
-        return {**contents.preview, "name": file.name, "runs": runs, "findings": findings, "checked": checked}
+        return {**contents.preview, "name": file.name, "runs": runs, "findings": findings}
 
     async def find(self, name: str, file: str | None) -> CachedRun:
         """Return a run by its name, after all files have been read if necessary."""
@@ -145,9 +146,8 @@ class RunIndex:
         if run is None:
             raise NotThereError(place=f"{name[:60]!r}", found="no run of that name")
         if not run.series.is_file():
-            raise InputError(
-                place=f"{name[:60]!r}", found="its channels are of different lengths, and cannot be drawn"
-            )
+            words = "its channels are of different lengths, and cannot be drawn"
+            raise InputError(words, place=f"{name[:60]!r}")
         return run
 
     def forget(self, file: Path) -> None:
@@ -183,18 +183,19 @@ class RunIndex:
 
     def _row(self, file: Path) -> Json:
         contents = self._read(file)
-        size, modified = 0, 0.0
-        with suppress(OSError):
-            found = file.stat()
-            size, modified = found.st_size, found.st_mtime
+        found = file.stat()
         return {
             "name": file.name,
-            "bytes": size,
-            "modified": timestamp(modified),
-            "state": "reading" if contents is None else "unreadable" if contents.error else "ready",
-            "runs": [] if contents is None else [run["name"] for run in contents.preview["runs"]],
-            "error": None if contents is None else contents.error,
-            "rig": None if contents is None else contents.rig,
+            "bytes": found.st_size,
+            "modified": timestamp(found.st_mtime),
+            "state": "reading"
+            if contents is None
+            else "unreadable"
+            if contents.preview["error"]
+            else "ready",
+            "runs": contents and contents.names,
+            "error": contents and contents.preview["error"],
+            "rig": contents and contents.rig,
             "mapped": self._folder.map_of(file).is_file(),
         }
 
@@ -208,14 +209,11 @@ class RunIndex:
             contents = self._look_up(key)
             if contents is not None and file in {None, path.name}:
                 place = self._folder.cache / key
-                names = [run["name"] for run in contents.preview["runs"]]
-                runs += [CachedRun(path, k, place) for k, own in enumerate(names) if own == name]
+                runs += [CachedRun(path, k, place) for k, own in enumerate(contents.names) if own == name]
         if len(runs) > 1:
             files = ", ".join(run.file.name for run in runs)
-            raise ConflictError(
-                place=f"{name[:60]!r}",
-                found=f"runs of several files have this name ({files}); say which file",
-            )
+            words = f"runs of several files have this name ({files}); state the file"
+            raise ConflictError(words, place=f"{name[:60]!r}")
         return runs[0] if runs else None
 
     def _look_up(self, key: str) -> _Contents | None:
@@ -232,12 +230,9 @@ class RunIndex:
         """Return the content of a file; None while it is being read, which starts here."""
         key = self._key_of(file)
         contents = self._look_up(key)
-        if contents is not None and contents.full and self._has_room_for(file):
-            contents = None
-            del self._contents[key]
         if contents is None:
             self._begin(self._read_file, key, file)
-        elif contents.findings is None and not contents.error:
+        elif contents.findings is None and not contents.preview["error"]:
             self._begin(self._check, key, file)
         return contents
 
@@ -255,20 +250,21 @@ class RunIndex:
             self._pending[key] = asyncio.create_task(run())
 
     async def _read_file(self, key: str, file: Path) -> None:
-        place = self._folder.cache / key
-        rig, full = None, False
+        place, rig = self._folder.cache / key, None
         try:
             preview = await self._queries.ask("runs", path=file, place=place)
             rig = _rig_of(file)
         except (InputError, NoSpaceError) as fault:
-            full = isinstance(fault, NoSpaceError)
             preview = {"runs": [], "columns": [], "error": f"{file.name}: {fault}"}
-        if full or self._key_of(file) != key:  # The file was changed during reading.
+            if isinstance(fault, NoSpaceError):
+                shutil.rmtree(place, ignore_errors=True)
+                asyncio.get_running_loop().call_later(_RETRY_S, self.forget, file)
+        if self._key_of(file) != key:  # The file was changed during reading.
             shutil.rmtree(place, ignore_errors=True)
-        if self._key_of(file) == key:
-            self._write(key, _Contents(file=file.name, preview=preview, rig=rig, full=full))
-            if len(self._pending) == 1:
-                self.sweep()
+            return
+        self._write(key, _Contents(file=file.name, preview=preview, rig=rig))
+        if len(self._pending) == 1:
+            self.sweep()
 
     async def _check(self, key: str, file: Path) -> None:
         findings: list[list[Json]] = []
@@ -280,8 +276,6 @@ class RunIndex:
     def _write(self, key: str, contents: _Contents) -> None:
         """Cache the content of a file; on a full disk only in memory."""
         self._contents[key] = contents
-        if contents.full:
-            return
         place = self._folder.cache / key
         try:
             place.mkdir(parents=True, exist_ok=True)
@@ -289,11 +283,6 @@ class RunIndex:
         except OSError as fault:
             if not is_full(fault):
                 raise
-
-    def _has_room_for(self, file: Path) -> bool:
-        """Return True if the disk has space to read a file again."""
-        free = shutil.disk_usage(self._folder.cache).free
-        return file.is_file() and free > 4 * file.stat().st_size + _FREE_SIZE_MIN_BYTES
 
 
 def _rig_of(file: Path) -> str | None:

@@ -20,7 +20,7 @@ import os
 import re
 import secrets
 import shutil
-import tempfile
+import time
 import unicodedata
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -67,9 +67,8 @@ class NoSpaceError(MrdamperError):
     status = 507
 
     def __init__(self, what: str) -> None:
-        super().__init__(
-            found=f"the disk is full: {what}", remedy="Free space on the disk of the folder, then try again"
-        )
+        remedy = "Free space on the disk of the folder, then try again"
+        super().__init__(f"the disk is full: {what}", remedy=remedy)
 
 
 def is_full(fault: BaseException) -> bool:
@@ -102,22 +101,18 @@ class WorkFolder:
             for place in own:
                 place.mkdir(parents=True, exist_ok=True)
                 if not place.resolve().is_relative_to(self.root):
-                    raise InputError(
-                        place=f"{place}", found="is a link that leads out of the folder; remove it"
-                    )
+                    raise InputError("is a link that leads out of the folder; remove it", place=place)
         except OSError as fault:
-            raise InputError(
-                place=root, found=f"cannot be worked in: {fault.strerror}; choose another --folder"
-            ) from fault
+            words = f"cannot be worked in: {fault.strerror}; choose another --folder"
+            raise InputError(words, place=root) from fault
 
     def claim(self) -> TextIO:
         """Lock the folder for this server until the returned file is closed."""
         file = (self.cache / "server.lock").open("w")
         if lock(file.fileno()) is False:
             file.close()
-            raise InputError(
-                place=self.root, found="another server works in this folder; stop it, or choose another"
-            )
+            words = "another server works in this folder; stop it, or choose another"
+            raise InputError(place=self.root, found=words)
         return file
 
     def clear(self) -> None:
@@ -125,7 +120,7 @@ class WorkFolder:
         for place in (self.runs, self.inputs, self.cards):
             recover_staging(place)
             for left in place.glob(".upload-*"):
-                self.remove(left)
+                left.unlink(missing_ok=True)
 
     # ---------------------------------------------------------------------------------- names to paths
 
@@ -213,17 +208,15 @@ class WorkFolder:
 
     def run_files(self, formats: tuple[str, ...]) -> list[Path]:
         """Return the measured files, by name."""
-        return self._listed(self.runs, formats)
+        return self.listed(self.runs, formats)
 
-    def record_files(self, formats: tuple[str, ...]) -> list[Path]:
-        """Return the long records, by name."""
-        return self._listed(self.records, formats)
-
-    def input_files(self) -> list[Path]:
-        return self._listed(self.inputs, INPUT_SUFFIXES)
+    def listed(self, place: Path, suffixes: tuple[str, ...]) -> list[Path]:
+        """Return the files in a subfolder with one of the suffixes, by name."""
+        paths = [path for path in place.iterdir() if path.suffix.lower() in suffixes]
+        return sorted(path for path in paths if path.name[0] != "." and self.has(place, path.name))
 
     def card_names(self) -> list[str]:
-        names = sorted(path.name for path in self.cards.iterdir() if not path.name.startswith("."))
+        names = sorted(path.name for path in self.cards.glob("[!.]*"))
         return [name for name in names if self.has(self.cards, name, "card.json")]
 
     def unnamed(self) -> list[str]:
@@ -231,10 +224,6 @@ class WorkFolder:
         places = (self.runs, self.records, self.inputs, self.cards)
         found = [path.name for place in places for path in place.iterdir() if not is_text(path.name)]
         return sorted(os.fsencode(name).decode(errors="backslashreplace") for name in found)
-
-    def _listed(self, place: Path, suffixes: tuple[str, ...]) -> list[Path]:
-        paths = [path for path in place.iterdir() if path.suffix.lower() in suffixes]
-        return sorted(path for path in paths if path.name[0] != "." and self.has(place, path.name))
 
     def has(self, place: Path, *names: str, folder: bool = False) -> bool:
         """Return True if ``there`` returns a path."""
@@ -275,12 +264,10 @@ class WorkFolder:
                 path.rename(place / path.name)
         return name
 
-    def discarded(self) -> list[tuple[str, list[Path]]]:
-        """Return the entries of the trash, newest first: name and original paths."""
+    def discarded(self) -> dict[str, list[Path]]:
+        """Return the original paths of the entries of the trash, newest first."""
         names = sorted((path.name for path in self.trash.iterdir() if path.is_dir()), reverse=True)
-        return [
-            (name, [path.relative_to(self.trash / name) for path in self._thrown(name)]) for name in names
-        ]
+        return {name: [path.relative_to(self.trash / name) for path in self._thrown(name)] for name in names}
 
     def restore(self, name: str) -> list[Path]:
         """Move an entry of the trash to its original paths; return these paths.
@@ -296,42 +283,31 @@ class WorkFolder:
         places = {path: self.root / path.relative_to(entry) for path in self._thrown(name)}
         for place in places.values():
             if os.path.lexists(place):
-                raise InputError(
-                    place=place.name, found="something of this name is there again", remedy="Remove it first"
-                )
+                words = "something of this name is there again"
+                raise InputError(place=place.name, found=words, remedy="Remove it first")
         for path, place in places.items():
             path.rename(place)
-        self.remove(entry)
+        shutil.rmtree(entry, ignore_errors=True)
         return list(places.values())
 
     def _thrown(self, name: str) -> list[Path]:
         places = ("runs", "inputs", "cards", "results", "dampers")
         return [path for each in places for path in sorted((self.trash / name / each).glob("*"))]
 
-    def remove(self, path: Path) -> None:
-        """Delete a file, a link or a folder."""
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            with suppress(FileNotFoundError):
-                path.unlink()
 
-
-def write_whole(path: Path, text: str, mark: str = ".upload-") -> None:
-    """Write a text atomically and replace a link; the name of an unfinished file begins with ``mark``."""
-    handle, name = tempfile.mkstemp(prefix=mark, dir=path.parent)
+def write_whole(path: Path, text: str) -> None:
+    """Write a text atomically; a link at the path is replaced, not followed."""
+    unfinished = path.with_name(f".upload-{secrets.token_hex(8)}")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
+        unfinished.write_text(text, encoding="utf-8")
+        unfinished.replace(path)
     finally:
-        Path(name).unlink(missing_ok=True)
+        unfinished.unlink(missing_ok=True)
 
 
 def now() -> str:
     """Return the time in UTC and ISO 8601."""
-    return timestamp(datetime.now(UTC).timestamp())
+    return timestamp(time.time())
 
 
 def timestamp(seconds: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -133,14 +134,14 @@ def geometry_of(context: AppContext, name: str) -> str:
 
 
 @routes.get("/api/cards/{name}")
-async def _card(name: str, request: Request, context: Context) -> Response:
-    return send_file(context.folder.card(name), request)
+async def _card(name: str, context: Context) -> Response:
+    return send_file(context.folder.card(name))
 
 
 @routes.get("/api/cards/{name}/files/{path:path}")
-async def _card_file(name: str, path: str, request: Request, context: Context) -> Response:
+async def _card_file(name: str, path: str, context: Context) -> Response:
     folder = context.folder.card(name).parent
-    return send_file(context.folder.there(folder, *path.split("/")), request)
+    return send_file(context.folder.there(folder, *path.split("/")))
 
 
 @routes.put("/api/cards/{name}")
@@ -172,7 +173,7 @@ async def _delete_card(name: str, context: Context) -> Response:
 
 @routes.get("/api/trash")
 async def _trash(context: Context) -> Response:
-    entries = context.folder.discarded()
+    entries = context.folder.discarded().items()
     return JsonAnswer(
         {"trash": [{"id": name, "names": [path.as_posix() for path in paths]} for name, paths in entries]}
     )
@@ -185,8 +186,8 @@ async def _restore(name: str, context: Context) -> Response:
 
 @routes.delete("/api/trash")
 async def _empty_trash(context: Context) -> Response:
-    for name, _ in context.folder.discarded():
-        await asyncio.to_thread(context.folder.remove, context.folder.trash / name)
+    for name in context.folder.discarded():
+        await asyncio.to_thread(shutil.rmtree, context.folder.trash / name, ignore_errors=True)
     return JsonAnswer({"trash": []})
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import platform
-import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TypeVar
@@ -17,34 +15,16 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.jobs.previews.card import card_line
+from mrdamper.jobs.previews.kinds import kind_of_input
 from mrdamper.schema import Json
 from mrdamper.web.context import AppContext, Context, read_body, send_file
 from mrdamper.web.forms import all_forms
 from mrdamper.web.job_record import job_ids
 from mrdamper.web.schemas import read_order
 from mrdamper.web.security import JsonAnswer
-from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
+from mrdamper.web.workspace import INPUT_SUFFIXES, NotThereError, WorkFolder, timestamp
 
 _JOBS_MAX_COUNT = 200  # Longest list.
-_HEAD_SIZE_BYTES = 1 << 14
-
-# Kinds of input files. The first pattern that matches the beginning of a line decides.
-# The guess is for lists only; the job that reads a file reports what is wrong with it.
-_TOML: tuple[tuple[str, str], ...] = (
-    ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
-    ("drawing", r"\[body\]"),
-    ("scenario", r"\[(target|sensors|disturbance)\]|target\s*="),
-    ("campaign", r"motions\s*="),
-    ("fluid", r"\[(viscosity|yield_stress|magnetisation|induction)\b.*|particle_fraction\s*="),
-    ("sink", r"\[sink\]"),
-    ("damper", r"preset\s*="),
-)
-_CSV: tuple[tuple[str, str], ...] = (
-    ("rheometer", r"viscosity|yield_stress"),
-    ("curve", r"(fluid|body|coil|wall)_(degC|K)\b"),
-    ("duty", r"(current|voltage|velocity|displacement)_"),
-)
-
 Item = TypeVar("Item")
 routes = APIRouter()
 
@@ -78,22 +58,20 @@ async def _cancel_job(job_id: str, context: Context) -> Response:
 
 @routes.post("/api/jobs/{job_id}/resume")
 async def _resume_job(job_id: str, context: Context) -> Response:
-    await context.queue.settled(job_id)
-    context.queue.resume(job_id)
+    await context.queue.resume(job_id)
     return JsonAnswer(context.queue.record(job_id).shown())
 
 
 @routes.delete("/api/jobs/{job_id}")
 async def _delete_job(job_id: str, context: Context) -> Response:
-    await context.queue.settled(job_id)
-    return JsonAnswer({"trash": context.queue.discard(job_id)})
+    return JsonAnswer({"trash": await context.queue.discard(job_id)})
 
 
 @routes.get("/api/jobs/{job_id}/files/{path:path}")
-async def _job_file(job_id: str, path: str, request: Request, context: Context) -> Response:
+async def _job_file(job_id: str, path: str, context: Context) -> Response:
     record = context.queue.record(job_id)
     record.read()
-    return send_file(context.folder.there(record.folder, *path.split("/")), request)
+    return send_file(context.folder.there(record.folder, *path.split("/")))
 
 
 @routes.get("/api/state")
@@ -143,9 +121,6 @@ def _job_rows(context: AppContext) -> Iterator[Json]:
 def _read_state(context: AppContext) -> Json:
     folder = context.folder
 
-    def record(path: Path) -> Json:
-        return {**_file(path), "mapped": folder.map_of(path).is_file()}
-
     def card(name: str) -> Json:
         path = folder.card(name)
         report = path.with_name("report.html").is_file()
@@ -163,8 +138,8 @@ def _read_state(context: AppContext) -> Json:
         "most_upload_bytes": context.most_upload,
         "formats": list(context.formats),
         "unnamed": folder.unnamed(),
-        "records": _rows(folder.record_files(context.formats), record),
-        "inputs": _rows(folder.input_files(), lambda path: {**_file(path), "kind": kind_of_input(path)}),
+        "records": _rows(folder.listed(folder.records, context.formats), _file),
+        "inputs": _rows(folder.listed(folder.inputs, INPUT_SUFFIXES), _file),
         "cards": _rows(folder.card_names(), card),
         "jobs": list(_job_rows(context)),
         "choices": context.choices,
@@ -172,31 +147,15 @@ def _read_state(context: AppContext) -> Json:
 
 
 def _rows(items: Iterable[Item], row_of: Callable[[Item], Json]) -> list[Json]:
-    """Return a row for each item; an item that was deleted is omitted."""
+    """Return a row for each item; an item that was deleted or cannot be read is omitted."""
     rows = []
     for item in items:
-        with suppress(FileNotFoundError, NotThereError):
+        with suppress(OSError, NotThereError):
             rows.append(row_of(item))
     return rows
 
 
 def _file(path: Path) -> Json:
     found = path.stat()
-    return {"name": path.name, "bytes": found.st_size, "modified": timestamp(found.st_mtime)}
-
-
-def kind_of_input(path: Path) -> str | None:
-    """Return the probable kind of an input; None if its first lines match no kind."""
-    found = path.stat()
-    return _kind(path, found.st_size, found.st_mtime_ns)
-
-
-@lru_cache(maxsize=1024)
-def _kind(path: Path, _size: int, _time: int) -> str | None:
-    with path.open("rb") as file:
-        lines = file.read(_HEAD_SIZE_BYTES).decode("utf-8", errors="replace").splitlines()
-    if path.suffix.lower() == ".csv":
-        head = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-        return next((kind for kind, pattern in _CSV if re.search(pattern, head)), None)
-    text = "\n".join(line.strip() for line in lines)
-    return next((kind for kind, pattern in _TOML if re.search(f"^({pattern})", text, re.MULTILINE)), None)
+    kind = kind_of_input(path, found.st_size, found.st_mtime_ns)
+    return {"name": path.name, "bytes": found.st_size, "modified": timestamp(found.st_mtime), "kind": kind}
