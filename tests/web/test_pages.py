@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import expect
 
 from mrdamper.models.card_schema import read_card
-from tests.web.browser import SCREENS, contrast, opened, palettes, shoot
+from tests.web.browser import SCREENS, opened, shoot
 from tests.web.served import series_of
 from tests.web.walking import AXES, CUT, FAINT, STATIC, UNNAMED, VIEWS, download, plot, saved_table
 
@@ -119,38 +119,6 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
             for words in page.evaluate(AXES):
                 assert re.search(r"\. [^.]+, [^ .,]+.* over [^.]+, [^ .,]+\. Arrow keys", words), words
             shoot(page, f"{re.sub(r'[^a-z]+', '-', address.lower())}-{scheme}-{size[0]}", whole=True)
-
-
-@pytest.mark.nightly
-def test_keyboard_reaches_pages_and_sliders(page):
-    page.goto("/")
-    page.wait_for_selector("#drop")
-    page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.textContent") == "Skip to the page"
-    for _ in range(4):
-        page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.textContent") == "Thermal"
-    page.keyboard.press("Enter")
-    page.wait_for_selector("#heat-tiles .tile")
-    page.get_by_label("Ambient slider").focus()
-    before = page.get_by_label("Ambient, °C").input_value()
-    page.keyboard.press("ArrowRight")
-    assert float(page.get_by_label("Ambient, °C").input_value()) == float(before) + 1.0
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("back", ["back", "rail", "panel"])
-def test_text_and_lines_have_contrast(scheme, back):
-    """WCAG 2 AA requires a contrast of 4.5 for text of normal size and of 3 for graphics."""
-    sheet = palettes((STATIC / "style.css").read_text())[scheme]
-    for ink in ("ink", "soft", "faint", "accent", "held", "good", "warn"):
-        assert contrast(sheet[ink], sheet[back]) >= 4.5, ink
-    assert contrast(sheet["edge"], sheet[back]) >= 3.0
-    text = (STATIC / "theme.js").read_text().split(f"const {scheme.upper()} = {{")[1].split("};")[0]
-    drawn = re.findall(r"#[0-9a-f]{6}", "".join(re.findall(r"(?:colours|ramp): \[[^]]*\]", text)))
-    drawn += re.findall(r'(?:measured|accent): "(#[0-9a-f]{6})"', text)
-    assert len(drawn) == 8 + 5 + 2
-    assert [each for each in drawn if contrast(each, sheet["back"]) < 3.0] == []
 
 
 def test_modules_never_parse_markup():

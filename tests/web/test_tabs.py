@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import time
 
 import pytest
@@ -64,22 +62,3 @@ def test_many_tabs_get_fast_answers(browser, client):
     assert max(waits) < within_reach(_REQUEST_MAX_S)
     assert cancelled_s < within_reach(_REQUEST_MAX_S)
     assert client.ended(job)["state"] == "cancelled"
-
-
-def test_lost_server_is_reported_and_found(browser, tmp_path):
-    """A page reports the lost server and continues after its return."""
-    with browser.new_context() as context:
-        page = context.new_page()
-        with served(tmp_path / "work") as client:
-            log_in(context, client.address)
-            page.goto(f"{client.address}#/jobs")
-            page.wait_for_selector("[data-shown=jobs] h1")
-            expect(page.locator("#lost")).to_be_hidden()
-            os.kill(client.process.pid, signal.SIGKILL)
-            expect(page.locator("#lost")).to_be_visible(timeout=1e3 * within_reach(2.0))
-            port = client.address.rpartition(":")[2].strip("/")
-            client.process.wait()
-        with served(tmp_path / "work", "--port", port):
-            expect(page.locator("#lost")).to_be_hidden(timeout=30_000)
-            page.goto(f"{client.address}#/data")
-            page.wait_for_selector("#drop")

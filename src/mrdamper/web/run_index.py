@@ -109,12 +109,7 @@ class RunIndex:
     def runs(self) -> Json:
         """Return the runs of the files that have been read, and the number of files being read."""
         contents = self._read_contents()
-        runs = [
-            run
-            for one in contents.values()
-            if one is not None and not one.preview["error"]
-            for run in one.runs()
-        ]
+        runs = [run for one in contents.values() if one is not None for run in one.runs()]
         return {"runs": runs, "reading": sum(one is None for one in contents.values())}
 
     def usable(self) -> list[str] | None:

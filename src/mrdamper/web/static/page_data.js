@@ -1,6 +1,6 @@
 // Data: files and their channel maps, runs with findings, and the linked view of the ticked runs.
 
-import { deleteFile, getData, putFile } from "./api.js";
+import { deleteFile, getData, look, putFile } from "./api.js";
 import { ChannelSheet } from "./channels.js";
 import {
   filesOf,
@@ -154,6 +154,11 @@ async function upload(chosenFiles) {
   }
   app.uploads = [];
   app.draw();
+  if (chosenFiles.length === 1) {
+    const [{ name }] = chosenFiles;
+    const { error } = await look(name).catch(() => ({}));
+    if (error) choose({ file: name }); // Its channels must be mapped.
+  }
 }
 
 /** Return the choice of runs and cards, and how they are drawn. */
