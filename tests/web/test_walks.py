@@ -21,6 +21,8 @@ from tests.web.walking import a_sine_run, drop_files
 
 pytestmark = pytest.mark.nightly
 
+TABS = 12  # A browser opens six connections to a server.
+REQUEST_MAX_S = 0.5
 SECOND = "Dämpfer 2 (RD-8040)"
 
 
@@ -261,3 +263,40 @@ def test_open_page_recovers_after_power_cut(browser, tmp_path):
     while python_processes_of(root):
         assert time.monotonic() < deadline
         time.sleep(0.1)
+
+
+def test_many_tabs_get_fast_answers(browser, rig):
+    """Each tab follows the same fit; the slowest request and Cancel take less than 0.5 s."""
+    client = rig[1]
+    job = client.job("fit", card="long", law="chain")
+    client.until(job, {"running"})
+    with browser.new_context(base_url=client.address) as context:
+        log_in(context, client.address)
+        tabs = [context.new_page() for _ in range(TABS)]
+        for tab in tabs:
+            tab.goto("/#/model")
+            tab.wait_for_selector("[data-job=fit] progress")
+        waits = [
+            tab.evaluate(
+                """async (address) => {
+                  const began = performance.now();
+                  await (await fetch(address)).text();
+                  return performance.now() - began;
+                }""",
+                address,
+            )
+            / 1e3
+            for tab in tabs
+            for address in ("/api/state", "/api/runs", "/api/changes", "/api/forms")
+        ]
+        begin = time.monotonic()
+        with tabs[-1].expect_response("**/cancel") as answered:
+            tabs[-1].get_by_role("button", name="Cancel").click()
+        assert answered.value.ok
+        cancelled_s = time.monotonic() - begin
+        for tab in tabs:
+            expect(tab.locator("[data-job=fit] progress")).to_have_count(0, timeout=30_000)
+    print(f"{TABS} tabs: worst request {max(waits):.2f} s, Cancel answered in {cancelled_s:.2f} s")
+    assert max(waits) < within_reach(REQUEST_MAX_S)
+    assert cancelled_s < within_reach(REQUEST_MAX_S)
+    assert client.ended(job)["state"] == "cancelled"

@@ -67,17 +67,17 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
     with served(folder) as client, opened(browser, client.address) as page, counted_actions() as actions:
         page.goto("/")
         page.wait_for_selector("#drop")
-        actions.begin("data")
+        actions.part = "data"
         page.locator("#picker").set_input_files(raw)
         map_logger_channels(page)
-        actions.begin("model")
+        actions.part = "model"
         press(page, "Model", "link")
-        actions.begin("")
+        actions.part = ""
         page.select_option("#fit-law", "bouc-wen")  # The default compares all laws.
-        actions.begin("model")
+        actions.part = "model"
         press(page, "Identify")
         page.wait_for_selector("#fit-tiles", timeout=240_000)
-        actions.begin("geometry")
+        actions.part = "geometry"
         press(page, "How hot does it get?")
         press(page, "Geometry", "tab")
         for name, value in GEOMETRY.items():
@@ -88,11 +88,11 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         assert page.locator("#heat-damper").input_value() == "damper.toml"
         # The first sine is inside the card's runs.
         assert "extrapolated" not in page.inner_text("#heat-tiles")
-        actions.begin("heat sink")
+        actions.part = "heat sink"
         press(page, "Search a heat sink")
-        actions.begin("")
+        actions.part = ""
         page.get_by_label("Length, mm").fill("30")  # A short length gives fewer designs.
-        actions.begin("heat sink")
+        actions.part = "heat sink"
         press(page, "Search")
         page.wait_for_selector("#use-sink", timeout=300_000)
         shoot(page, "workbench-sink", whole=True)
@@ -101,7 +101,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         chosen = page.locator("#heat-damper").input_value()
         states = page.locator("[data-page]").evaluate_all("all => all.map((one) => one.dataset.step)")
         assert states == ["done", "done", "old", "open", "open"]  # The search is of another geometry.
-        actions.begin("controller")
+        actions.part = "controller"
         press(page, "Controller", "link")
         press(page, "Track")
         page.locator("button.main", has_text=re.compile("^Export ")).first.click(timeout=300_000)
@@ -121,8 +121,8 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
     assert drawing.sink is not None
     assert drawing.sink.fins == int(sink[1])
     assert drawing.body.length == pytest.approx(0.22)
-    print(f"from a raw file to a verified unit: {actions.total} actions, {actions.counts}")
-    assert actions.total <= ACTIONS_MAX
+    print(f"from a raw file to a verified unit: {actions.total()} actions, {dict(actions)}")
+    assert actions.total() <= ACTIONS_MAX
 
 
 def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
@@ -132,24 +132,24 @@ def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
         counted_actions() as actions,
     ):
         page.goto("/")
-        actions.begin("data")
+        actions.part = "data"
         press(page, "Make runs on the virtual rig")
-        actions.begin("model")
+        actions.part = "model"
         page.get_by_role("button", name="Fit a model").click(timeout=120_000)
-        actions.begin("")
+        actions.part = ""
         page.select_option("#fit-law", "bouc-wen")
-        actions.begin("model")
+        actions.part = "model"
         press(page, "Identify")
         page.wait_for_selector("#fit-tiles", timeout=300_000)
         shoot(page, "rig-fit", whole=True)
-        actions.begin("controller")
+        actions.part = "controller"
         press(page, "Control it")
         press(page, "Track")
         page.locator("button.main", has_text=re.compile("^Export ")).first.click(timeout=300_000)
         press(page, "Make and verify")
         page.get_by_role("link", name=re.compile(r"damper\.fmu")).wait_for(timeout=300_000)
-    print(f"from the virtual rig to a verified unit: {actions.total} actions, {actions.counts}")
-    assert actions.total <= RIG_ACTIONS_MAX
+    print(f"from the virtual rig to a verified unit: {actions.total()} actions, {dict(actions)}")
+    assert actions.total() <= RIG_ACTIONS_MAX
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import io
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -120,37 +121,16 @@ def a_logger_file(path: Path) -> Path:
     return path
 
 
-ACTIONS = (
-    "click",
-    "dblclick",
-    "fill",
-    "type",
-    "press",
-    "select_option",
-    "check",
-    "uncheck",
-    "set_input_files",
-)
+ACTIONS = {"click", "fill", "type", "press", "select_option", "check", "uncheck", "set_input_files"}
 
 
-class Actions:
-    """The clicks, choices, entries and key presses of a user; each is one action."""
+class Actions(Counter[str]):
+    """Numbers of clicks, choices, entries and key presses of a user by part of a walk.
 
-    def __init__(self) -> None:
-        self.counts: dict[str, int] = {}
-        self._part = ""
+    Actions with an empty part only make the test faster; they are not counted.
+    """
 
-    def begin(self, part: str) -> None:
-        """Begin a part of a walk; an empty name is for actions that only make the test faster."""
-        self._part = part
-
-    def count(self) -> None:
-        if self._part:
-            self.counts[self._part] = self.counts.get(self._part, 0) + 1
-
-    @property
-    def total(self) -> int:
-        return sum(self.counts.values())
+    part = ""
 
 
 @contextmanager
@@ -160,14 +140,14 @@ def counted_actions() -> Iterator[Actions]:
 
     def counted(act: Callable[..., object]) -> Callable[..., object]:
         def wrapped(*arguments: object, **options: object) -> object:
-            actions.count()
+            actions.update([actions.part] if actions.part else [])
             return act(*arguments, **options)
 
         return wrapped
 
     with pytest.MonkeyPatch.context() as patch:
         for kind in (Locator, Page, Keyboard):
-            for name in set(ACTIONS) & set(dir(kind)):
+            for name in ACTIONS & set(dir(kind)):
                 patch.setattr(kind, name, counted(getattr(kind, name)))
         yield actions
 
