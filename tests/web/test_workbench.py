@@ -112,6 +112,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         page.get_by_text("The compiled code is identical to the model").first.wait_for(timeout=JOB_MAX_ms)
         page.get_by_role("link", name=re.compile(r"damper\.fmu")).wait_for()
         expect(page.locator("[data-page=controller]")).to_have_attribute("data-step", "done")
+        print(f"from a raw file to a verified unit: {actions.total()} actions, {dict(actions)}")
         file = folder / "inputs" / chosen
         file.write_text(f"{file.read_text()}# changed outside\n")
         os.utime(file, (time.time() + 5, time.time() + 5))
@@ -122,7 +123,6 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
     assert drawing.sink is not None
     assert drawing.sink.fins == int(sink[1])
     assert drawing.body.length == pytest.approx(0.22)
-    print(f"from a raw file to a verified unit: {actions.total()} actions, {dict(actions)}")
     assert actions.total() <= ACTIONS_MAX
 
 

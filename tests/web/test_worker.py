@@ -11,7 +11,7 @@ import time
 import pytest
 
 from tests.support.campaigns import short_runs, write_runs
-from tests.support.cards import write_heated_card
+from tests.support.cards import write_card_of, write_heated_card
 from tests.support.pace import within_reach
 from tests.support.rigs import mrdamper
 from tests.web.served import Client, is_alive, python_processes_of, served
@@ -30,6 +30,8 @@ def a_folder(root, runs):
     shutil.copytree(runs[0].parent, root / "runs")
     (root / "cards" / "plain").mkdir(parents=True)
     write_heated_card(root / "cards" / "plain", temperature_dependent=False)
+    (root / "cards" / "strong").mkdir()
+    write_card_of(root / "cards" / "strong" / "card.json")
     return root
 
 
@@ -172,9 +174,9 @@ def test_only_ended_jobs_are_removed(idle):
 @pytest.mark.parametrize(
     ("kind", "options"),
     [
-        ("heatsink", {"card": "plain", "by_field": True, "members": 200}),
-        ("track", {"card": "plain"}),
-        ("export", {"card": "plain"}),
+        ("heatsink", {"card": "strong", "by_field": True, "members": 200}),
+        ("track", {"card": "strong"}),
+        ("export", {"card": "strong"}),
         ("rig", {}),
         ("demo", {"quick": True}),
     ],
