@@ -138,8 +138,8 @@ function dropZone() {
   );
 }
 
-async function upload(chosenFiles) {
-  for (const file of chosenFiles) {
+async function upload(files) {
+  for (const file of files) {
     app.uploads = [`${file.name}: sending ${bytes(file.size)} …`];
     app.draw();
     await attempt(async () => {
@@ -154,8 +154,8 @@ async function upload(chosenFiles) {
   }
   app.uploads = [];
   app.draw();
-  if (chosenFiles.length === 1) {
-    const [{ name }] = chosenFiles;
+  if (files.length === 1) {
+    const [{ name }] = files;
     const { error } = await look(name).catch(() => ({}));
     if (error) choose({ file: name }); // Its channels must be mapped.
   }
