@@ -363,7 +363,7 @@ function thumb(values) {
   const [low, high] = [Math.min(...known), Math.max(...known)];
   const y = (value) => 27 - (24 * ((value ?? low) - low)) / (high - low || 1);
   const points = values.map((value, k) => `${(100 * k) / (values.length - 1)} ${y(value)}`);
-  const box = { viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" };
-  const line = { d: `M${points.join("L")}`, "vector-effect": "non-scaling-stroke" };
-  return svg.thumb(box, path(line));
+  const box = { viewBox: "0 0 100 30", width: 104, height: 30, preserveAspectRatio: "none" };
+  const look = { fill: "none", stroke: "var(--accent)", "vector-effect": "non-scaling-stroke" };
+  return svg({ ...box, "aria-hidden": "true" }, path({ ...look, d: `M${points.join("L")}` }));
 }

@@ -4,7 +4,7 @@ import { cardFile } from "./api.js";
 import { formOf } from "./forms.js";
 import { jobColumns } from "./jobs.js";
 import { empty, pageHead, tabbed } from "./layout.js";
-import { Link, nth, plot } from "./plot.js";
+import { createLink, nth, plot } from "./plot.js";
 import { filesOf, firstScreen, groundsOf, tabsOf } from "./results.js";
 import { app, cardDetails, cardInUse, choose, chosen, go } from "./state.js";
 import { fixed, several } from "./text.js";
@@ -73,7 +73,7 @@ function exportButtons({ worst }, { controllers }) {
 
 /** Plots of force, error and current of one trace. */
 function Traces({ answer: { traces = [] } }) {
-  const link = useMemo(() => new Link(), []);
+  const link = useMemo(() => createLink(), []);
   const trace = traces[chosen("track.trace", 0)] ?? traces[0];
   const data = useMemo(() => trace && curvesOf(trace), [trace]);
   if (!trace) return p.small("No curves.");

@@ -137,9 +137,7 @@ function sortedFits(sort) {
   const [, value] = COLUMNS[sort.replace("-", "")] ?? COLUMNS.name;
   const find = chosen("fits.find", "").toLowerCase();
   const isFound = ({ name, law }) => `${name} ${law ?? ""}`.toLowerCase().includes(find);
-  const [known, unknown] = [true, false].map((isKnown) =>
-    app.state.cards.filter((card) => isFound(card) && (isKnown === (value(card) ?? "")) !== ""),
-  );
+  const isKnown = (card) => (value(card) ?? "") !== "";
   const compare = (one, other) => {
     const [x, y] = [value(one), value(other)];
     return typeof x === "number" ? x - y : x.localeCompare(y, "en", { numeric: true });

@@ -265,14 +265,14 @@ function Geometry({ base, facts }) {
   );
 }
 
-const finsOf = ({ fins, width_m, thickness_m, pitch_m, material, emissivity }) => ({
-  fins,
-  width_mm: 1e3 * width_m,
-  thickness_mm: 1e3 * thickness_m,
-  pitch_mm: 1e3 * pitch_m,
-  material,
-  emissivity,
-});
+/** Return a design with its lengths in millimetres. */
+const finsOf = ({ fins, material, emissivity, ...one }) => {
+  const lengths = ["width", "thickness", "pitch"].map((name) => [
+    `${name}_mm`,
+    1e3 * one[`${name}_m`],
+  ]);
+  return { fins, material, emissivity, ...Object.fromEntries(lengths) };
+};
 const isSame = (one, other) => JSON.stringify(one) === JSON.stringify(other);
 
 /** Return the search of a heat sink: limits, front, and the chosen design. */
@@ -304,22 +304,19 @@ function Front({ job }) {
   const base = job.options.damper;
   const facts = geometry(base);
   const data = useMemo(() => {
-    const series = (name, designs, colour, look) => ({
-      name,
-      designs,
-      kind: "points",
-      x: designs.map((one) => 1e3 * one.mass_kg),
-      y: designs.map((one) => one.temperature_degC),
-      radius: (k) => (isSame(designs[k], design) ? 7 : 4.5),
-      colour,
-      ...look,
-    });
+    const x = (one) => 1e3 * one.mass_kg;
+    const y = (one) => one.temperature_degC;
+    const series = (name, designs, look) => {
+      const radius = (k) => (isSame(designs[k], design) ? 7 : 4.5);
+      const points = { x: designs.map(x), y: designs.map(y), radius };
+      return { name, designs, kind: "points", ...points, ...look };
+    };
     const soft = (colours) => colours.soft;
     return {
       series: [
-        series("front", front, nth(0), { line: true }),
-        series("present geometry", [reference], nth(1), { hollow: true }),
-        series("without fins", [bare], soft, { hollow: true }),
+        series("front", front, { colour: nth(0), line: true }),
+        series("present geometry", [reference], { colour: nth(1), hollow: true }),
+        series("without fins", [bare], { colour: soft, hollow: true }),
       ],
     };
   }, [design]);
@@ -335,29 +332,26 @@ function Front({ job }) {
     const entries = design.fins ? { fins: finsOf(design) } : { tables };
     return saveGeometry(base, { name, replace: true, ...entries });
   };
-  const { fins, width_mm: width, thickness_mm: thickness, pitch_mm: pitch } = finsOf(design);
+  const { fins, mass_kg: mass, temperature_degC: fluid } = design;
+  const axes = {
+    x: "mass of the fins, g",
+    y: "fluid at the end, °C",
+    name: "front",
+    height: 260,
+    isLoop: true,
+  };
+  const onPick = (one, k) => pick(one.designs[k]);
   const isThere = facts && !facts.fault;
   const [first, ...rest] = shown?.tables ?? [];
   return div(
     firstScreen(job),
     div.tiles(
       tile("chosen", fins ? several(fins, "fin") : "no fins"),
-      fins > 0 && tile("width × thickness", `${number(width)} × ${number(thickness)} mm`),
-      fins > 1 && tile("pitch", `${number(pitch)} mm`),
-      tile("mass", `${fixed(1e3 * design.mass_kg, 0)} g`),
-      tile("fluid", `${fixed(design.temperature_degC, 1)} °C`, beyondCard(job.answer)),
+      tile("mass", `${fixed(1e3 * mass, 0)} g`),
+      tile("fluid", `${fixed(fluid, 1)} °C`, beyondCard(job.answer)),
     ),
     div.actions(isThere && button("Use this sink", use, "main", { id: "use-sink" })),
-    plot({
-      title: "Front: click a design",
-      x: "mass of the fins, g",
-      y: "fluid at the end, °C",
-      name: "front",
-      height: 260,
-      isLoop: true,
-      data,
-      onPick: (one, k) => pick(one.designs[k]),
-    }),
+    plot({ title: "Front: click a design", ...axes, data, onPick }),
     isThere
       ? sectionOf(facts, finsOf(design))
       : note("warning", "The geometry of this search is not in the folder."),

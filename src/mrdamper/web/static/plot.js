@@ -210,14 +210,6 @@ function drawAbove(u, { series, rules = [] }, colours) {
   ctx.setLineDash([]);
 }
 
-/** Return the texts of the ticks with as many decimals as their step needs. */
-function tickTexts(_u, values, _axis, _space, step) {
-  const isWhole = (value) =>
-    Math.round(value) > 0 && Math.abs(value / Math.round(value) - 1) < 1e-6;
-  const decimals = [...Array(12).keys()].find((digits) => isWhole(step * 10 ** digits)) ?? 12;
-  return values.map((one) => (Math.abs(one) >= 1e6 ? one.toExponential(1) : one.toFixed(decimals)));
-}
-
 /** Return a new uPlot in an element; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
 function build(place, spec, colours, heard = {}) {
   const { x, y, height, span: part, isLoop } = spec;
@@ -232,7 +224,7 @@ function build(place, spec, colours, heard = {}) {
     labelSize: 18,
     grid: { stroke: colours.grid, width: 1 },
     ticks: { show: false },
-    values: tickTexts,
+    values: (_u, values) => values.map((one) => String(Number(one.toPrecision(6)))),
   };
   const widest = (_u, texts) => 14 + 7 * Math.max(2, ...(texts ?? []).map((text) => text.length));
   const path = (one) => (u) => {
@@ -300,18 +292,16 @@ function hitOf(u, { series }, px, py) {
   return distance < PICK_PX ? best : null;
 }
 
-/** Shared cursor of plots: `point(t)` moves it to a time, null removes it; `heard(t)` is called then. */
-export class Link {
-  constructor(heard = null) {
-    Object.assign(this, { members: new Set(), heard, t: null });
-  }
-
-  point(t, from) {
-    if (t === this.t) return;
-    this.t = t;
-    for (const member of this.members) if (member.u !== from) member.move(t);
-    this.heard?.(t);
-  }
+/** Return a shared cursor of plots: `point(t)` moves it to a time, null removes it; `heard(t)` is called then. */
+export function createLink(heard = () => {}) {
+  const link = { members: new Set(), t: null };
+  link.point = (t, from) => {
+    if (t === link.t) return;
+    link.t = t;
+    for (const member of link.members) if (member.u !== from) member.move(t);
+    heard(t);
+  };
+  return link;
 }
 
 const due = []; // Plots to be drawn, one in a frame.
@@ -450,16 +440,18 @@ export function legendOf({ series, areas = [], spans = [] }, hidden, toggle) {
   const named = [...new Map(series.map((one) => [keyOf(one), one])).values()];
   const blocks = [...areas, ...spans.slice(0, 1)];
   if (named.length + blocks.length < 2) return null;
-  const swatch = (one, kind) =>
-    span({ class: `swatch ${kind}`, style: { "--swatch": one.colour(palette()) } });
-  const kindOf = (one) => (one.kind === "points" ? "dot" : one.dash?.length ? "dashed" : "");
+  const swatch = ({ colour, dash }) =>
+    span({
+      class: dash?.length ? "swatch dashed" : "swatch",
+      style: { "--swatch": colour(palette()) },
+    });
   const entry = (one) => {
     const pressed = String(!hidden.includes(keyOf(one)));
     const props = { key: keyOf(one), "aria-pressed": pressed, title: "Show or hide" };
-    const content = [swatch(one, kindOf(one)), span(keyOf(one))];
+    const content = [swatch(one), span(keyOf(one))];
     return button(content, () => toggle(keyOf(one)), "key", props);
   };
-  const block = (one) => span.key(swatch(one, "block"), span(one.name));
+  const block = (one) => span.key(swatch(one), span(one.name));
   return div.legend(named.map(entry), blocks.map(block));
 }
 

@@ -5,7 +5,7 @@
 
 import { samples } from "./api.js";
 import { note, table } from "./layout.js";
-import { extent, legendOf, Link, nearest, nth, plot } from "./plot.js";
+import { createLink, extent, legendOf, nearest, nth, plot } from "./plot.js";
 import { commandOf, temperatureOf } from "./runs.js";
 import { app, cardDetails, choose, chosen, once } from "./state.js";
 import { rampColour } from "./theme.js";
@@ -180,7 +180,7 @@ function paneOf(id, curves) {
  */
 function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
   const [t, point] = useState(null);
-  const link = useMemo(() => new Link(point), []);
+  const link = useMemo(() => createLink(point), []);
   const get = (name, otherwise = null) => chosen(`${prefix}.${name}`, otherwise);
   const set = (values) => {
     const entries = Object.entries(values).map(([name, value]) => [`${prefix}.${name}`, value]);
