@@ -33,37 +33,30 @@ export const getForms = () => get("/api/forms");
 export const getChanges = () => get("/api/changes");
 export const getRuns = () => get("/api/runs");
 export const getData = () => get("/api/data");
-
 export const getDampers = () => get("/api/workspaces");
 export const addDamper = (name) => post("/api/workspaces", { name });
 export const deleteDamper = remove("workspaces");
-
 export const look = (name, signal) => get(`/api/files/${part(name)}/look`, signal);
 export const glance = (name, signal) => get(`/api/files/${part(name)}/look?head=1`, signal);
 export const putChannels = (body, signal) => json("PUT", "/api/channels", { body, signal });
 export const putFile = put("files");
 export const deleteFile = remove("files");
-
 export const getGeometry = (name) => get(`/api/dampers/${part(name)}`);
 export const putGeometry = (base, body) => post(`/api/dampers/${part(base)}`, body);
 export const heatCurve = (body) => post("/api/heat/curve", body);
-
 export const putInput = put("inputs");
 export const deleteInput = remove("inputs");
 export const inputFile = (name) => `${DAMPER}/api/inputs/${part(name)}`;
-
 export const getCard = (name) => get(`/api/cards/${part(name)}`);
 export const putCard = put("cards");
 export const deleteCard = remove("cards");
 export const cardFile = (name, path) => `${DAMPER}/api/cards/${part(name)}/files/${part(path)}`;
-
 export const getJob = (id) => get(`/api/jobs/${part(id)}`);
 export const startJob = (kind, options) => post("/api/jobs", { kind, options });
 export const cancelJob = (id) => post(`/api/jobs/${part(id)}/cancel`);
 export const resumeJob = (id) => post(`/api/jobs/${part(id)}/resume`);
 export const deleteJob = remove("jobs");
 export const jobFile = (id, path) => `${DAMPER}/api/jobs/${part(id)}/files/${pathOf(path)}`;
-
 export const getTrash = () => get("/api/trash");
 export const restore = (id) => post(`/api/trash/${part(id)}/restore`);
 export const emptyTrash = () => json("DELETE", "/api/trash");

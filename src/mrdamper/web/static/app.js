@@ -79,7 +79,6 @@ function rail() {
   );
 }
 
-/** Return damper, date and files for a printed page. */
 function printed() {
   const { files, folder_name: damper, versions } = app.state;
   const names = files.slice(0, FILES_MAX).map(({ name }) => name);

@@ -184,7 +184,6 @@ export function ChannelSheet({ name, others, close }) {
       note("info", "A known map can read this file. ", span.row(offers.map(offer))),
     div.sheet(columnTable(columns, entry.columns, set, take)),
     h(QuickLoop, { columns, entries: entry.columns }),
-    fold("First rows", firstRows(found)),
     h3("Values that the file does not contain"),
     restFields(found, entry.rest, setRest),
     others.length > 0 &&
@@ -207,7 +206,6 @@ export function ChannelSheet({ name, others, close }) {
   );
 }
 
-/** Return the table of the columns with role, unit, gain and sign. */
 function columnTable(columns, entries, set, take) {
   const roles = [["", "not used"], ...app.state.choices.roles.map(({ role }) => role)];
   const about = (column, words) => ({
@@ -251,7 +249,6 @@ function columnTable(columns, entries, set, take) {
   return table("Columns that hold numbers", shown, columns);
 }
 
-/** Plot of the columns that are displacement and force. */
 function QuickLoop({ columns, entries }) {
   const columnOf = (role) => columns.find(({ index }) => entries[index].role === role);
   const [x, y] = [columnOf("displacement"), columnOf("force")];
@@ -278,7 +275,6 @@ function QuickLoop({ columns, entries }) {
   return plot({ title: "Loop of these columns", ...axes, data });
 }
 
-/** Return the fields of constants, segments and session. */
 function restFields({ columns }, rest, set) {
   const texts = columns.filter(({ kind }) => kind === "text").map(labelOf);
   const change = (key) => (value) => set({ [key]: value });
@@ -298,7 +294,6 @@ function restFields({ columns }, rest, set) {
   );
 }
 
-/** Return a question of the reader with its possible answers. */
 function questionOf({ role, topic, candidates }, answered) {
   const units = topic === "unit" ? (roleOf(role)?.units ?? []) : [];
   const offered = [...(candidates.length ? candidates : units), ...(topic === "unit" ? ["V"] : [])];
@@ -345,18 +340,6 @@ function previewOf(found, isNamed, answered) {
   );
 }
 
-function firstRows({ columns, rows }) {
-  const count = Math.max(...columns.map(({ first }) => first?.length ?? 0));
-  const value = (one) => (typeof one === "number" ? number(one, 6) : one);
-  const column = (one) => {
-    const look = one.kind === "number" ? "n" : "";
-    return [labelOf(one), (k) => value(one.first?.[k]), look, one.unit];
-  };
-  const words = `The first ${count} of ${rows ?? "all"} rows`;
-  return table(words, columns.map(column), [...Array(count).keys()]);
-}
-
-/** Return a small picture of a column. */
 function thumb(values) {
   const known = (values ?? []).filter(Number.isFinite);
   if (known.length < 2) return null;

@@ -57,7 +57,6 @@ export function numberInput(entry, change, { many, needed, ...props } = {}) {
   return input({ ...look, value: textOf(entry), ...marked, oninput, ...props });
 }
 
-/** Return a labelled field of a number. */
 export const numberField = (words, entry, change, { unit, ...props } = {}) =>
   field(words, numberInput(entry, change, props), unit);
 
@@ -91,20 +90,16 @@ export const inputsOf = (suffix, kinds) =>
     .filter(({ kind }) => !kinds.length || !kind || kinds.includes(kind))
     .map(({ name }) => name);
 
-/** Return the items of the folder that a field offers, as `[value, text]` pairs. */
 function itemsOf(one) {
   const { files, records } = app.state;
   const named = (all, words = (name) => name) => all.map(({ name }) => [name, words(name)]);
+  const mapped = files.filter((file) => file.mapped);
   const found = {
     inputs: () => inputsOf(one.files, one.looks).map((name) => [name, name]),
     cards: () => cards().map((card) => [card.name, `${card.name} (${card.law})`]),
     records: () => named(records),
     runs: () => named(files),
-    maps: () =>
-      named(
-        files.filter(({ mapped }) => mapped),
-        (name) => `as for ${name}`,
-      ),
+    maps: () => named(mapped, (name) => `as for ${name}`),
   };
   return one.places.flatMap((place) => found[place]());
 }
@@ -160,8 +155,12 @@ function controlOf(one, change) {
     const node = () => check(words, Boolean(entry), change, { id });
     return { node, read: () => Boolean(entry) };
   }
-  if (one.many && one.places.includes("runs") && one.word !== "campaigns")
-    return filesControl(one, change);
+  if (one.many && one.places.includes("runs") && one.word !== "campaigns") {
+    const all = [["", "all runs in the folder"], ...one.options];
+    const take = (name) => change(name ? [name] : null);
+    const node = () => field(words, select(all, entry?.[0] ?? "", take, { id }));
+    return { node, read: () => entry ?? null };
+  }
   if (one.many) return severalControl(one);
   if (one.choices.length || one.places.length) return choiceControl(one, change);
   if (one.type === "text") {
@@ -176,15 +175,6 @@ function controlOf(one, change) {
       ? slider(words, entry ?? one.slider[0], change, unit, id, one.slider)
       : numberField(words, entry, change, about);
   return { node, read };
-}
-
-function filesControl({ label: words, id, options, entry }, change) {
-  const all = [["", "all runs in the folder"], ...options];
-  const take = (name) => change(name ? [name] : null);
-  return {
-    node: () => field(words, select(all, entry?.[0] ?? "", take, { id })),
-    read: () => entry ?? null,
-  };
 }
 
 function choiceControl(one, change) {
@@ -203,7 +193,6 @@ function choiceControl(one, change) {
   return { node, read: () => value || null };
 }
 
-/** Return the control of several values: check boxes, and a text field for other values. */
 function severalControl(one) {
   const { key, id, options, free, places, label: words, none } = one;
   const names = options.map(([value]) => value);
@@ -292,7 +281,6 @@ const sineFields = ({ unit, command_max: max }) => [
   ["duration_s", "Duration", "s", [300, 14400, 300]],
 ];
 
-/** Return the numbers of the sine. */
 export function readSine() {
   const duty = dutyInUse();
   const read = ([name, words]) => [name, readNumber(words, duty[name], { otherwise: USUAL[name] })];
@@ -307,7 +295,6 @@ function readDuty() {
   return `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${duration_s}s`;
 }
 
-/** Return the fields of the load cycle. */
 function dutyFields(id) {
   const duty = dutyInUse();
   const change = (values) => choose({ duty: { ...chosen("duty"), ...values } });

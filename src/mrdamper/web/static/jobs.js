@@ -46,7 +46,6 @@ async function start(kind, read, started) {
   document.querySelector(`[data-job=${kind}]`)?.scrollIntoView({ block: "nearest" });
 }
 
-/** Return the button that starts a job. */
 export function startButton(
   kind,
   words,
@@ -59,7 +58,6 @@ export function startButton(
   return button(words, () => start(kind, read, started), look, about);
 }
 
-/** Return a panel with a form and its button. */
 export const formPanel = (words, fields, start, ...first) =>
   form.panel(
     { "aria-label": words, onsubmit: (event) => event.preventDefault() },
@@ -133,7 +131,6 @@ export async function keepInput(job, path, name) {
   toast("good", `${name} is saved with the inputs.`);
 }
 
-/** Return a button that restores an item of the trash. */
 export const putBack = (id, name = {}) =>
   button("Put back", () => attempt(() => restore(id)), "quiet", name);
 

@@ -69,10 +69,8 @@ export function keptFold(key, id, title, body) {
 export const note = (kind, ...children) =>
   div({ class: `notice ${kind}`, role: kind === "fault" ? "alert" : "status" }, children);
 
-/** Return the head of a page. */
 export const pageHead = (title, text) => [h1(title), p.sub(text)];
 
-/** Return a section with its title. */
 export const titled = (title, ...body) => section({ "aria-label": title }, h2(title), body);
 
 /** Return a box with the next action for a page without content. */
@@ -88,7 +86,6 @@ export const tile = (name, value, mark = "", band = "") =>
     mark && i(mark),
   );
 
-/** Return notes as a list; null if there are no notes. */
 export const notes = (texts) =>
   texts?.length ? ul.notes([...new Set(texts)].map((text) => li(text))) : null;
 

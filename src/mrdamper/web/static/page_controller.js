@@ -58,7 +58,6 @@ function tracking(card) {
   return jobColumns("track", "What to track", "Track", form, options);
 }
 
-/** Return a button for each controller that exports it; the controller of the least error is first. */
 function exportButtons({ worst }, { controllers }) {
   const groups = Map.groupBy(worst, ({ controller }) => controller);
   const error = (name) =>
@@ -71,7 +70,6 @@ function exportButtons({ worst }, { controllers }) {
   return div.actions(names.sort((x, y) => error(x) - error(y)).map(one));
 }
 
-/** Plots of force, error and current of one trace. */
 function Traces({ answer: { traces = [] } }) {
   const link = useMemo(() => createLink(), []);
   const trace = traces[chosen("track.trace", 0)] ?? traces[0];
@@ -108,12 +106,12 @@ function curvesOf({ time_s: x, wanted_N: wanted, low_N: low, high_N: high, runs 
     else spans.push({ ...out, from: x[k], to: x[k], k });
   });
   const ink = { colour: (colours) => colours.ink, width: 1.6, dash: [6, 4] };
-  const band = { name: "attainable force", x, low, high, colour: (colours) => colours.band };
+  const bound = (y) => ({ name: "attainable force", x, y, colour: (colours) => colours.soft });
   const error = (run) => run.force_N.map((value, k) => value - wanted[k]);
   const target = { name: "target", x, y: wanted, ...ink };
   return {
-    force: { series: [target, ...lines((run) => run.force_N, 1.5)], areas: [band] },
-    error: { series: lines(error, 1.2), spans, rules: [{ y: 0 }] },
+    force: { series: [bound(low), bound(high), target, ...lines((run) => run.force_N, 1.5)] },
+    error: { series: lines(error, 1.2), spans },
     current: { series: lines((run) => run.command_A, 1.2), spans },
   };
 }

@@ -106,7 +106,6 @@ async function upload(files) {
   app.draw();
 }
 
-/** Return the choice of runs and cards, and how they are drawn. */
 function choices(runs, ids, drawn) {
   const found = matching(runs, "list");
   const whole = { "view.t": null, "view.d": null, "view.v": null };
@@ -143,7 +142,6 @@ function choices(runs, ids, drawn) {
   ];
 }
 
-/** Return other sources of runs: the virtual rig and public data. */
 function sources() {
   const words = ({ title, licence, repository }) => [
     `${title} `,
@@ -198,7 +196,6 @@ function overview(runs, picked, drawn) {
   return [tabbed("Parts of the data", "view.tab", tabs), runs.length > 0 && div.actions(fit())];
 }
 
-/** Return the findings, and the check of all runs as a job with a report. */
 function checked(runs) {
   const all = [...findingsBetween(runs), ...runs.flatMap((run) => run.findings ?? [])];
   const findings = all.filter(({ severity }) => severity !== "note");
@@ -214,7 +211,6 @@ function checked(runs) {
   ];
 }
 
-/** Return the table of files; a file is "ready" only if at least one of its runs can be used. */
 function fileTable(files) {
   const state = ({ name, state: kind }) => {
     const own = app.runs.filter((run) => run.file === name);

@@ -32,7 +32,6 @@ const OTHERS = {
   demo: "Demonstration on the virtual rig",
 };
 
-/** Return the subject of a job: a card, a record, an input. */
 function subjectOf({ options, card }) {
   const { first, second, record, campaign, name, tables } = options;
   const both = first && `${first}, ${second}`;
@@ -79,7 +78,6 @@ function jobTable(jobs) {
   return table("Jobs, newest first", columns, jobs, { tall: true });
 }
 
-/** Return the result of a job without a page. */
 function resultView(job) {
   const result = resultOf(job);
   const use = () => attempt(() => keepInput(job, "fluid.toml", `${job.id}.toml`));
@@ -99,7 +97,6 @@ function resultView(job) {
   );
 }
 
-/** Return the form of a job without a page, and the result of the shown job. */
 function otherJobs(jobs) {
   const kind = chosen("show.kind", "evaluate");
   const form = formOf(kind);

@@ -82,7 +82,6 @@ async function again(card, job, runs) {
   toast("info", `The form shows the options of ${card.name}.`);
 }
 
-/** Return the result of a fit: verdict, loops of the worst held-out runs, and the rest in tabs. */
 function resultView(job, runs) {
   const { answer, options } = job;
   const { card } = options;

@@ -55,13 +55,11 @@ function tried(read) {
   }
 }
 
-/** Return the name of the geometry in use. */
 function drawingInUse() {
   const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["drawing"])];
   return names.includes(chosen("drawing")) ? chosen("drawing") : names[0];
 }
 
-/** Return the geometry with its tables, null until it has arrived. */
 function geometry(name) {
   const file = app.state.inputs.find((one) => one.name === name);
   return once(`geometry ${name} ${file?.modified}`, () => getGeometry(name));
@@ -75,7 +73,6 @@ const saveGeometry = (base, entries, more = {}) =>
     choose({ drawing: name, "heat.tab": "Heating", ...more });
   });
 
-/** Quick heating curve and the full study. */
 function Heating({ card, form, facts }) {
   const isTable = Boolean(chosen("duty")?.table);
   const share = chosen("heat.share", 100);
@@ -142,7 +139,8 @@ function tilesOf({ curve, beyond, assumed, ...found }, { tempered }) {
 function curvesOf({ curve, limit_degC: limit }) {
   const x = curve.time_s.map((second) => second / 60);
   const line = (name, y, k, width, dash) => ({ name, x, y, colour: nth(k), width, dash });
-  const inside = Math.max(...curve.coil_degC) > limit - NEAR_LIMIT_K;
+  const isNear = Math.max(...curve.coil_degC) > limit - NEAR_LIMIT_K;
+  const ends = { x: [0, x.at(-1)], y: [limit, limit], colour: (colours) => colours.soft };
   const force = curve.peak_force_N.map((value) => value ?? NaN);
   return {
     heat: {
@@ -151,14 +149,13 @@ function curvesOf({ curve, limit_degC: limit }) {
         line("fluid", curve.fluid_degC, 1, 2.2),
         line("coil", curve.coil_degC, 2, 1.5),
         line("wall", curve.wall_degC, 0, 1.5),
-      ],
-      rules: [{ y: limit, name: `limit of the fluid, ${fixed(limit, 0)} °C`, inside }],
+        isNear && { ...ends, name: `limit, ${fixed(limit, 0)} °C`, dash: [5, 4] },
+      ].filter(Boolean),
     },
     force: { series: [line("peak force", force, 3, 2)] },
   };
 }
 
-/** Return the result of the full study. */
 function studyView(job) {
   const { duty, energy_closure: closure, sink, notes: texts } = job.answer;
   const error = Math.abs(closure);
@@ -195,7 +192,6 @@ function calibrationOf({ name, tables }) {
     : "";
 }
 
-/** Form of the geometry with its section. */
 function Geometry({ base, facts }) {
   const changed = Object.keys(app.choice).filter((key) => key.startsWith("drawing-"));
   const isOther = CALIBRATED.some((kind) =>
@@ -327,9 +323,9 @@ function Front({ job }) {
   };
   const use = () => {
     const stem = base.replace(/\.toml$/, "").replace(/-(\d+-fins|bare)$/, "");
-    const { sink: _, ...tables } = facts.tables;
     const name = `${stem}-${design.fins ? `${design.fins}-fins` : "bare"}`;
-    const entries = design.fins ? { fins: finsOf(design) } : { tables };
+    const bare = { tables: { ...facts.tables, sink: undefined } };
+    const entries = design.fins ? { fins: finsOf(design) } : bare;
     return saveGeometry(base, { name, replace: true, ...entries });
   };
   const { fins, mass_kg: mass, temperature_degC: fluid } = design;

@@ -1,9 +1,9 @@
 // Plot of time series, loops or points on uPlot, with legend, zoom, cursor and saved files.
 //
-// `data` is `{series, areas, spans, rules}` and must be a new object after each change. A series is `{name, x, y, t, colour,
+// `data` is `{series, spans}` and must be a new object after each change. A series is `{name, x, y, t, colour,
 // kind, width, dash, radius, hollow, line, key, since}`. Series with the same `key` share one entry of the legend. `kind` is
 // `series` (default; x sorted), `loop` or `points`; `t` are the times of a loop's samples. The y axis ignores samples before
-// `since`. `areas` are between two curves, `spans` are vertical stripes, `rules` are horizontal lines.
+// `since`. `spans` are vertical stripes.
 
 import { palette } from "./theme.js";
 import { csvText, number, save, toggled } from "./text.js";
@@ -22,7 +22,6 @@ const FONT = '12px "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 const keyOf = (one) => one.key ?? one.name;
 const isSeries = ({ kind = "series" }) => kind === "series";
 
-/** Return the function of the k-th colour of a palette. */
 export const nth = (k) => (colours) => colours.colours[k % colours.colours.length];
 
 /** Return the first index in sorted `x` from `low` to `high` whose value is at least `value`. */
@@ -45,9 +44,8 @@ export function nearest(x, value) {
 export function extent(values, from = 0, to = values.length) {
   let [low, high] = [Infinity, -Infinity];
   for (let k = from; k < to; k += 1) {
-    const value = values[k];
-    if (value < low) low = value;
-    if (value > high) high = value;
+    if (values[k] < low) low = values[k];
+    if (values[k] > high) high = values[k];
   }
   return low <= high ? [low, high] : null;
 }
@@ -64,13 +62,12 @@ const padded = ([low, high]) => {
 const samplesOf = ({ x, t }, part) =>
   t && part ? part.map((end) => lowerBound(t, end)) : [0, x.length];
 
-/** Return the ranges of both axes. */
-export function rangesOf({ series, areas = [], rules = [] }, { view, span: part, fromZero } = {}) {
+export function rangesOf({ series }, { view, span: part, fromZero } = {}) {
   const isTime = series.every(isSeries);
   const ends = ({ x }) => x.length > 0 && [x[0], x[x.length - 1]];
   const whole = () =>
     isTime
-      ? joined([...series, ...areas].map(ends))
+      ? joined(series.map(ends))
       : padded(joined(series.map((one) => extent(one.x, ...samplesOf(one, part)))));
   const x = view?.x ?? whole();
   if (view?.y) return { x, y: view.y };
@@ -79,16 +76,10 @@ export function rangesOf({ series, areas = [], rules = [] }, { view, span: part,
     Math.min(lowerBound(one.x, x[1]) + 1, one.x.length),
   ];
   const drawn = (one) => (isTime ? visible(one, one.since) : samplesOf(one, part));
-  const y = [
-    ...series.map((one) => extent(one.y, ...drawn(one))),
-    ...areas.flatMap((one) => [one.low, one.high].map((side) => extent(side, ...visible(one)))),
-    ...rules.map((rule) => rule.inside && [rule.y, rule.y]),
-    fromZero && [0, 0],
-  ];
+  const y = [...series.map((one) => extent(one.y, ...drawn(one))), fromZero && [0, 0]];
   return { x, y: padded(joined(y)) };
 }
 
-/** Return the linear functions of the two axes to pixels of the canvas. */
 function scalesOf({ bbox: { left, top, width, height }, scales: { x, y } }) {
   const [ax, ay] = [width / (x.max - x.min), -height / (y.max - y.min)];
   return [ax, left - ax * x.min, ay, top - ay * y.max];
@@ -159,32 +150,21 @@ export function loopPath(u, one, part) {
   return path;
 }
 
-/** Draw stripes and areas below the series. */
-function drawBelow(u, { areas = [], spans = [] }, colours) {
-  const [ax, bx, ay, by] = scalesOf(u);
-  const { ctx, bbox } = u;
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-  ctx.clip();
-  for (const one of spans) {
-    ctx.fillStyle = one.colour(colours);
-    ctx.fillRect(bx + ax * one.from, bbox.top, ax * (one.to - one.from), bbox.height);
+/** Draw vertical stripes below the series. */
+function drawSpans(u, { spans = [] }, colours) {
+  const [ax, bx] = scalesOf(u);
+  const { top, height, left, width } = u.bbox;
+  const inside = (px) => Math.min(left + width, Math.max(left, px));
+  for (const { from, to, colour } of spans) {
+    const [begin, end] = [inside(bx + ax * from), inside(bx + ax * to)];
+    u.ctx.fillStyle = colour(colours);
+    u.ctx.fillRect(begin, top, end - begin, height);
   }
-  for (const { x, low, high, colour } of areas) {
-    const side = (values) => x.map((value, k) => [bx + ax * value, by + ay * values[k]]);
-    ctx.fillStyle = colour(colours);
-    ctx.beginPath();
-    for (const point of [...side(low), ...side(high).reverse()]) ctx.lineTo(...point);
-    ctx.fill();
-  }
-  ctx.restore();
 }
 
-/** Draw points and rules above the series. */
-function drawAbove(u, { series, rules = [] }, colours) {
+function drawPoints(u, { series }, colours) {
   const [ax, bx, ay, by] = scalesOf(u);
-  const { ctx, bbox } = u;
+  const { ctx } = u;
   const scale = uPlot.pxRatio;
   for (const one of series.filter(({ kind }) => kind === "points")) {
     ctx.strokeStyle = one.colour(colours);
@@ -197,17 +177,6 @@ function drawAbove(u, { series, rules = [] }, colours) {
       ctx.stroke();
     }
   }
-  Object.assign(ctx, { strokeStyle: colours.soft, fillStyle: colours.soft, lineWidth: scale });
-  ctx.textAlign = "left";
-  ctx.setLineDash([5 * scale, 4 * scale]);
-  for (const { y, name = "" } of rules) {
-    ctx.beginPath();
-    ctx.moveTo(bbox.left, by + ay * y);
-    ctx.lineTo(bbox.left + bbox.width, by + ay * y);
-    ctx.stroke();
-    ctx.fillText(name, bbox.left + 6 * scale, by + ay * y - 5 * scale);
-  }
-  ctx.setLineDash([]);
 }
 
 /** Return a new uPlot in an element; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
@@ -269,8 +238,8 @@ function build(place, spec, colours, heard = {}) {
     ],
     series: [null, ...data.series.map(curve)],
     hooks: {
-      drawAxes: [(u) => drawBelow(u, data, colours)],
-      draw: [(u) => drawAbove(u, data, colours)],
+      drawAxes: [(u) => drawSpans(u, data, colours)],
+      draw: [(u) => drawPoints(u, data, colours)],
       setCursor: [(u) => heard.onCursor?.(u)],
       setSelect: [select],
     },
@@ -435,10 +404,9 @@ function readout({ data, x }, t) {
   return known.slice(0, READOUT_MAX).map(words).join(" · ");
 }
 
-/** Return the buttons of the legend. */
-export function legendOf({ series, areas = [], spans = [] }, hidden, toggle) {
+export function legendOf({ series, spans = [] }, hidden, toggle) {
   const named = [...new Map(series.map((one) => [keyOf(one), one])).values()];
-  const blocks = [...areas, ...spans.slice(0, 1)];
+  const blocks = spans.slice(0, 1);
   if (named.length + blocks.length < 2) return null;
   const swatch = ({ colour, dash }) =>
     span({
@@ -503,5 +471,4 @@ function saveCsv({ data: { series }, isLoop, view, span: part, x, y, name }) {
   save(`${name}.csv`, new Blob(csvText(rows), { type: "text/csv" }));
 }
 
-/** Return a plot as a vnode. */
 export const plot = (props) => h(Plot, props);

@@ -27,7 +27,6 @@ export function firstScreen({ kind, answer }) {
   ];
 }
 
-/** Return the subject of a result and its warnings. */
 export const groundsOf = ({ answer: { shown } }) =>
   shown && [
     p.small(shown.subject),
@@ -98,7 +97,6 @@ export function findingList(findings) {
   });
 }
 
-/** Return the address of a finding in the linked view. */
 function placeOf({ run, from_s: from, to_s: to }) {
   if (!has(from)) return address("data", { "view.runs": [run] });
   const around = Math.max(AROUND_S, ((to ?? from) - from) / 2);

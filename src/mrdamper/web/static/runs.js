@@ -25,7 +25,6 @@ const FORCE_RATIO_MAX = 2; // Ratio to the median force (or its inverse) from wh
 
 const isRead = (run) => !run.error && run.force_range_N;
 
-/** Return the most frequent value. */
 export const commonest = (values) =>
   [...Map.groupBy(values, (value) => value).values()].sort((x, y) => y.length - x.length)[0]?.[0];
 

@@ -48,7 +48,6 @@ const belongs = (key) => {
   return PAGES[app.page].keys.includes(prefix) || isJob;
 };
 
-/** Return the address of a page with choices. */
 export function address(name, choices = {}) {
   const pairs = Object.entries(choices).map(([key, value]) => [key, encode(value)]);
   return `#/${name}${pairs.length ? `?${new URLSearchParams(pairs)}` : ""}`;
@@ -180,7 +179,6 @@ export function cardInUse() {
   return cards().find(({ name }) => name === chosen("card")) ?? newest;
 }
 
-/** Return the card with its evidence, null until it has arrived. */
 export function cardDetails(name) {
   const card = app.state.cards.find((one) => one.name === name);
   return once(`card ${name} ${card?.modified}`, () => api.getCard(name));

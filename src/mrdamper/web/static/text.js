@@ -22,7 +22,6 @@ export function number(value, digits = 3) {
   return size ? fixed(value, Math.max(0, digits - 1 - Math.floor(Math.log10(size)))) : "0";
 }
 
-/** Return a whole number with separated thousands. */
 export const counted = (count) => (count ?? 0).toLocaleString("en-GB").replaceAll(",", " ");
 
 /** Return a number of items in words: `1 run`, `3 runs`. */
@@ -43,7 +42,6 @@ export function bytes(count) {
   return `${(count / 1e3 ** power).toFixed(power > 1 ? 1 : 0)} ${["B", "kB", "MB", "GB"][power]}`;
 }
 
-/** Download a blob. */
 export function save(name, blob) {
   const href = URL.createObjectURL(blob);
   Object.assign(document.createElement("a"), { href, download: name }).click();

@@ -19,9 +19,7 @@ export const tags = new Proxy(
   {},
   { get: (_, name) => new Proxy(element(name), { get: (_tag, look) => element(name, look) }) },
 );
-const { a, b, caption, details, div, h3, i, input, label, li, option, p, small, span, summary } =
-  tags;
-const { table: sheet, tbody, td, th, thead, tr, ul } = tags;
+const { a, div, input, label, option, span } = tags;
 
 /** Return a button; `about` is its name for a screen reader, or its properties. */
 export const button = (text, onclick, look = "", about = {}) => {
@@ -29,7 +27,6 @@ export const button = (text, onclick, look = "", about = {}) => {
   return tags.button({ type: "button", class: look, onclick, ...props }, text);
 };
 
-/** Return a link that opens a file in a new tab. */
 export const opening = (href, text, props = {}) =>
   a({ href, target: "_blank", rel: "noopener", ...props }, text);
 
@@ -52,7 +49,6 @@ export const choice = (words, key, options, step = false) => {
   return field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }));
 };
 
-/** Return a labelled field of text. */
 export const textField = (words, value, change, props) =>
   field(
     words,
@@ -69,7 +65,6 @@ export const search = (words, key, placeholder) => {
   });
 };
 
-/** Return a check box with its label; `change` receives its state. */
 export const check = (text, checked, change, props = {}) =>
   label(
     { class: "check", key: text },

@@ -41,7 +41,6 @@ const QUANTITIES = {
 };
 const SAMPLES_MAX = 2_200_000; // Sum of all curves.
 const CURSOR_ROWS_MAX = 8;
-const SPLITS = { training: "training", held_out: "held out" };
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
 /** Return how a fit used its runs: name -> `training` or `held_out`; empty until the card has been fetched. */
@@ -131,14 +130,12 @@ function curvesOf(shown, { runs, cards, by, cycles, isCentred }) {
   const isHeld = (run) => cards.some((card) => splitsOf(card).get(run.name) === "held_out");
   const words = (run) => `${commandOf(run)}, ${temperatureOf(run)}`.replace(", unknown", "");
   const isUnique = (run) => drawn.filter((other) => words(other) === words(run)).length === 1;
-  const nameOf = (run) =>
-    `${isUnique(run) ? words(run) : run.name}${isHeld(run) ? ", held out" : ""}`;
   const curve = (one) => {
     const { run, card } = one;
     const columns = prepared(one.columns, cycles, isCentred);
     const isCard = by === "card" && card;
     const look = isCard ? { key: card, colour: nth(cards.indexOf(card)) } : colourOf(run, by, runs);
-    const name = nameOf(run);
+    const name = (isUnique(run) ? words(run) : run.name) + (isHeld(run) ? ", held out" : "");
     const base = { ...one, columns, name, width: 1.3, ...look };
     if (!cards.length) return base;
     if (!card) {
@@ -209,43 +206,36 @@ function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
   const loops = visible.filter(({ isLoop }) => isLoop);
   const count = (shown ?? []).reduce((sum, { head }) => sum + (head?.n ?? 0), 0);
   const faults = [...new Set((shown ?? []).map(({ fault }) => fault).filter(Boolean))];
-  const state = shown
-    ? `${several(picked.length, "run")}, ${counted(count)} samples drawn.`
-    : "Fetching …";
+  const drawnWords = `${several(picked.length, "run")}, ${counted(count)} samples drawn.`;
+  const words = picked.length
+    ? shown
+      ? drawnWords
+      : "Fetching …"
+    : "No run is chosen: tick some.";
   const status = shown ? { "data-ms": ms, "data-samples": count } : {};
-  const press = (event) => {
-    if (!(event.ctrlKey || event.metaKey) || event.target.matches("input")) return;
-    if (event.key === "z") window.history.back();
-    else if (event.key === "y") window.history.forward();
+  const press = ({ ctrlKey, metaKey, key }) => {
+    if ((ctrlKey || metaKey) && key === "z") window.history.back();
+    if ((ctrlKey || metaKey) && key === "y") window.history.forward();
   };
-  const undo = {
-    disabled: !window.history.state?.depth,
-    title: "Ctrl+Z, or the browser's Back",
-  };
+  const undo = { disabled: !window.history.state?.depth, title: "Ctrl+Z, or the browser's Back" };
   return div.linked(
     { onkeydown: press },
     div.row(
       button("Undo zoom", () => window.history.back(), "", undo),
       button("Whole", () => set({ t: null, d: null, v: null }), "", { title: "All of every plot" }),
-      p.small(
-        { "aria-live": "polite", id: "view-status", ...status },
-        picked.length ? state : "No run is chosen: tick some.",
-      ),
+      p.small({ "aria-live": "polite", id: "view-status", ...status }, words),
     ),
     faults.slice(0, 2).map((fault) => note("warning", fault)),
     legendOf(drawn.panes[0].data, hide, (key) => set({ hide: toggled(hide, key) })),
     div.pair(loops.map(draw)),
     visible.filter((pane) => !loops.includes(pane)).map(draw),
-    drawn.curves.length > 0 &&
-      readout(
-        drawn.curves.filter(({ key }) => !hide.includes(key)),
-        t,
-      ),
+    drawn.curves.length > 0 && readout(drawn.curves, hide, t),
   );
 }
 
 /** Return the values at the cursor, one row for each curve. */
-function readout(curves, t) {
+function readout(all, hide, t) {
+  const curves = all.filter(({ key }) => !hide.includes(key)).slice(0, CURSOR_ROWS_MAX);
   const known = Object.entries(QUANTITIES).filter(
     ([name, [, , digits]]) => has(digits) && curves.some(({ columns }) => columns[name]),
   );
@@ -254,18 +244,12 @@ function readout(curves, t) {
       t !== null && columns[name] ? fixed(columns[name][nearest(columns.time_s, t)], digits) : "";
     return [word, value, "n", unit];
   };
-  const first = [
-    t === null ? "point at a plot over time" : `${t.toFixed(3)} s`,
-    ({ name }) => name,
-    "name",
-  ];
+  const title = t === null ? "point at a plot over time" : `${t.toFixed(3)} s`;
+  const first = [title, ({ name }) => name, "name"];
   const columns = [first, ...known.map(columnOf)];
-  return div["readout-table"](
-    table("Values at the cursor", columns, curves.slice(0, CURSOR_ROWS_MAX)),
-  );
+  return div["readout-table"](table("Values at the cursor", columns, curves));
 }
 
-/** Return the errors of cards on runs. */
 export function errorTable(picked, cards, link) {
   const rows = picked.flatMap((run) => cards.map((card) => ({ run, card })));
   const splitOf = ({ run, card }) => splitsOf(card).get(run.name);
@@ -277,7 +261,7 @@ export function errorTable(picked, cards, link) {
   const columns = [
     ["run", ({ run }) => link(run), "name"],
     ["card", ({ card }) => card, "whole"],
-    ["in the fit", (row) => SPLITS[splitOf(row)] ?? "not used", "whole"],
+    ["in the fit", (row) => splitOf(row)?.replace("_", " ") ?? "not used", "whole"],
     ["RMS error", value("rmse_N", 1), "n", "N"],
     ["error", value("nrmse_percent", 2), "n", "% of spread"],
   ];
@@ -291,20 +275,15 @@ export function characteristics(picked) {
     once(`samples ${run.file} ${run.name}`, () => samples(run, null, { max: 65536 }))?.columns;
   const rows = picked.map((run) => ({ run, ...measuresOf(valuesOf(run)) }));
   rows.sort((x, y) => x.run.command - y.run.command);
-  const value = (title, unit, name, digits) => [
-    title,
-    (row) => fixed(row[name], digits),
-    "n",
-    unit,
-  ];
+  const show = (name, digits) => (row) => fixed(row[name], digits);
   const columns = [
     ["run", ({ run }) => run.name, "name"],
     ["command", ({ run }) => commandOf(run), "whole"],
-    value("peak speed", "mm/s", "speed", 0),
-    value("highest force", "N", "high", 0),
-    value("lowest force", "N", "low", 0),
-    value("energy per cycle", "J", "energy", 2),
-    value("equivalent damping", "kN s/m", "damping", 2),
+    ["peak speed", show("speed", 0), "n", "mm/s"],
+    ["highest force", show("high", 0), "n", "N"],
+    ["lowest force", show("low", 0), "n", "N"],
+    ["energy per cycle", show("energy", 2), "n", "J"],
+    ["equivalent damping", show("damping", 2), "n", "kN s/m"],
   ];
   return table("Characteristic of the last complete cycle", columns, rows);
 }
