@@ -110,20 +110,18 @@ function itemsOf(one) {
  * `given`: values that the page sets; `only`: choices that a field keeps; `offered`: names by kind of offer;
  * `needed`: reasons why a field must not be empty; `preset`: values instead of the declared initial ones
  */
-export function formOf(
-  kind,
-  { given = {}, only = {}, offered = {}, needed = {}, preset = {} } = {},
-) {
+export function formOf(kind, options = {}) {
+  const { given = {}, only = {}, offered = {}, needed = {}, preset = {} } = options;
   const shown = app.forms[kind].filter((one) => !(one.name in given));
   const controls = shown.map((one) => {
     const key = keyOf(kind, one);
     const begins = preset[one.name] ?? (key === "card" ? cardInUse()?.name : one.begins);
     const names = (offered[one.offers] ?? []).map((name) => [literal(name), name]);
     const keeps = ([value]) => !(one.name in only) || only[one.name].includes(value);
-    const options = [...one.choices, ...itemsOf(one), ...names].filter(keeps);
+    const items = [...one.choices, ...itemsOf(one), ...names].filter(keeps);
     const id = `${kind}-${one.name.replaceAll("_", "-")}`;
     const entry = chosen(key) ?? begins;
-    const about = { ...one, key, id, begins, options, needed: needed[one.name], entry };
+    const about = { ...one, key, id, begins, options: items, needed: needed[one.name], entry };
     const { node, read } = controlOf(about, (value) => choose({ [key]: value }));
     const look = { class: isWide(one) ? "wide" : "", title: one.help };
     return { ...one, read, node: () => div(look, node()) };

@@ -1,7 +1,7 @@
 // Jobs on a page: start, progress and end; files of jobs, and the trash.
 
 import { cancelJob, getJob, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
-import { note, tag } from "./layout.js";
+import { empty, note, tag } from "./layout.js";
 import { app, attempt, choose, chosen, isRunning, once, refresh, toast } from "./state.js";
 import { duration } from "./text.js";
 import { button, tags } from "./ui.js";
@@ -46,12 +46,8 @@ async function start(kind, read, started) {
   document.querySelector(`[data-job=${kind}]`)?.scrollIntoView({ block: "nearest" });
 }
 
-export function startButton(
-  kind,
-  words,
-  read,
-  { started, disabled, look = "main", ...props } = {},
-) {
+export function startButton(kind, words, read, options = {}) {
+  const { started, disabled, look = "main", ...props } = options;
   const isBusy = app.state.jobs.some((job) => job.kind === kind && isRunning(job));
   const isOff = disabled || isBusy || app.starting === kind;
   const about = { id: `start-${kind}`, disabled: isOff, ...props };
@@ -70,7 +66,7 @@ export const formPanel = (words, fields, start, ...first) =>
 /**
  * Return the form of a kind of job next to the state and the result of its job.
  *
- * `card`: only jobs of this card; `first`: elements above the form; `nothing`: element without a job; `view(job)`: result;
+ * `card`: only jobs of this card; `first`: elements above the form; `nothing`: text without a job; `view(job)`: result;
  * `after`: elements below the result; other properties are those of the button
  */
 export function jobColumns(kind, title, action, form, options) {
@@ -79,29 +75,28 @@ export function jobColumns(kind, title, action, form, options) {
   const result = resultOf(job);
   return div.split(
     formPanel(title, form, startButton(kind, action, read, props), first),
-    div(jobStatus(kind, job), result ? view(result) : !job && nothing, after),
+    div(jobStatus(kind, job), result ? view(result) : !job && nothing && empty(nothing), after),
   );
 }
 
 /** Return progress, Cancel, error or end of a job of a kind. */
 export function jobStatus(kind, job) {
   const fault = app.faults[kind];
-  return div(
-    { class: "job", "data-job": kind },
-    fault && note("fault", fault),
-    job && (isRunning(job) ? atWork(job) : endOf(job)),
-  );
+  const state = job && (isRunning(job) ? atWork(job) : endOf(job));
+  return div({ "data-job": kind }, fault && note("fault", fault), state);
 }
 
 function atWork(job) {
-  const { done, of: all, text = "Starting …" } = job.progress ?? {};
+  const { done, of: all, text } = job.progress ?? {};
   const seconds = job.started_at ? (Date.now() - new Date(job.started_at)) / 1000 : null;
   const isWaiting = job.state === "queued";
   const value = all > 0 && job.kind !== "fit" ? done / all : undefined;
   return div.panel(
     div.row(b(job.id), tag("running", "at work"), cancelButton(job, "")),
     progress({ max: 1, "aria-label": "Progress", value }),
-    p.small(isWaiting ? "Waiting for its turn …" : `${text} · ${duration(seconds)}`),
+    p.small(
+      isWaiting ? "Waiting for its turn …" : `${text ?? "Starting …"} · ${duration(seconds)}`,
+    ),
   );
 }
 
@@ -112,13 +107,13 @@ export const resumeButton = ({ id, resumable }, look = "quiet") =>
   resumable && button("Resume", () => attempt(() => resumeJob(id)), look, `Resume ${id}`);
 
 function endOf(job) {
-  const { id, kind, message = "", resumable, state } = job;
+  const { id, kind, message, resumable, state } = job;
   if (state === "done") return null;
   const kept = resumable && "Resume continues after its finished parts.";
   const isPartial =
     kind === "fit" && "The page shows the best result so far, which is not converged.";
   const words = {
-    failed: `did not finish.\n${message}`,
+    failed: `did not finish.\n${message ?? ""}`,
     interrupted: `was interrupted: the server stopped during the job. ${kept || "Start it again."}`,
     cancelled: `was cancelled. ${kept || isPartial || ""}`,
   }[state];

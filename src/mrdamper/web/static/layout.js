@@ -1,9 +1,9 @@
 // Boxes of the pages: tables, tabs, folds, notes and tiles.
 
-import { choose, chosen } from "./state.js";
+import { choose, chosen, go, PAGES } from "./state.js";
 import { button, rove, tags } from "./ui.js";
 
-const { b, caption, details, div, h1, h2, h3, i, li, p, section, small, span, summary } = tags;
+const { b, caption, details, div, h1, h2, i, li, p, section, small, span, summary } = tags;
 const { table: sheet, tbody, td, th, thead, tr, ul } = tags;
 const ROWS_MAX = 12; // Longer tables scroll and are one stop of Tab.
 
@@ -13,33 +13,18 @@ const ROWS_MAX = 12; // Longer tables scroll and are one stop of Tab.
  * @param {string} words name for a screen reader
  * @param {[any, (row: any) => any, string?, string?][]} columns title, cell, class (`n`: number) and unit
  */
-export function table(
-  words,
-  columns,
-  rows,
-  { rowClass = () => "", tall = false, note: remark } = {},
-) {
+export function table(words, columns, rows, options = {}) {
+  const { rowClass = () => "", tall, note: remark } = options;
   const isLong = rows.length > ROWS_MAX;
   const head = ([title, , look, unit]) =>
     th({ class: look, scope: "col" }, title, unit && small(unit));
   const cells = (row) =>
     columns.map(([title, cell, look]) => td({ class: look }, cell(row) ?? (title ? "–" : "")));
-  return div(
-    {
-      class: tall || isLong ? "scroll tall" : "scroll",
-      tabindex: 0,
-      role: "region",
-      "aria-label": words,
-    },
-    sheet(
-      remark && caption(remark),
-      thead(tr(columns.map(head))),
-      tbody(
-        { ref: isLong ? rove : null },
-        rows.map((row) => tr({ class: rowClass(row) }, cells(row))),
-      ),
-    ),
-  );
+  const body = rows.map((row) => tr({ class: rowClass(row) }, cells(row)));
+  const content = [thead(tr(columns.map(head))), tbody({ ref: isLong ? rove : null }, body)];
+  const look = tall || isLong ? "scroll tall" : "scroll";
+  const about = { class: look, tabindex: 0, role: "region", "aria-label": words };
+  return div(about, sheet(remark && caption(remark), content));
 }
 
 /** Return a row of tabs and the body of the chosen one; `tabs` are `[title, body()]` pairs, empty ones are omitted. */
@@ -50,10 +35,8 @@ export function tabbed(words, key, tabs) {
     const props = { role: "tab", "aria-selected": String(text === title) };
     return button(text, () => choose({ [key]: text }), "", props);
   };
-  return div(
-    div.tabs({ role: "tablist", "aria-label": words }, shown.map(one)),
-    div({ key: title }, body()),
-  );
+  const list = div.tabs({ role: "tablist", "aria-label": words }, shown.map(one));
+  return div(list, div({ key: title }, body()));
 }
 
 export const fold = (title, ...children) => details(summary(title), children);
@@ -73,8 +56,9 @@ export const pageHead = (title, text) => [h1(title), p.sub(text)];
 
 export const titled = (title, ...body) => section({ "aria-label": title }, h2(title), body);
 
-/** Return a box with the next action for a page without content. */
-export const empty = (title, text, ...actions) => div.empty(h3(title), p(text), p(actions));
+/** Return a box for a page without content: text, and the name of the page with the next action. */
+export const empty = (text, page = "") =>
+  div.empty(p(text), page && button(`Go to ${PAGES[page].title}`, () => go(page), "main"));
 
 /** Return a tile with a value and its `band`; `mark` names assumptions and extrapolation. */
 export const tile = (name, value, mark = "", band = "") =>

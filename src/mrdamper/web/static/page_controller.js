@@ -6,7 +6,7 @@ import { jobColumns } from "./jobs.js";
 import { empty, pageHead, tabbed } from "./layout.js";
 import { createLink, nth, plot } from "./plot.js";
 import { filesOf, firstScreen, groundsOf, tabsOf } from "./results.js";
-import { app, cardDetails, cardInUse, choose, chosen, go } from "./state.js";
+import { app, cardDetails, cardInUse, choose, chosen } from "./state.js";
 import { fixed, several } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
 import { h, useMemo } from "./vendor/preact.js";
@@ -43,10 +43,8 @@ function plantOf({ name }) {
 function tracking(card) {
   const only = { controllers: card.controllers };
   const form = formOf("track", { only, preset: { plant: plantOf(card) } });
-  const nothing = empty(
-    "Nothing tracked yet",
-    "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target.",
-  );
+  const nothing =
+    "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target.";
   const view = (result) => [
     firstScreen(result),
     exportButtons(result.answer, card),
@@ -106,7 +104,8 @@ function curvesOf({ time_s: x, wanted_N: wanted, low_N: low, high_N: high, runs 
     else spans.push({ ...out, from: x[k], to: x[k], k });
   });
   const ink = { colour: (colours) => colours.ink, width: 1.6, dash: [6, 4] };
-  const bound = (y) => ({ name: "attainable force", x, y, colour: (colours) => colours.soft });
+  const grey = (colours) => colours.measured;
+  const bound = (y) => ({ name: "attainable force", x, y, width: 1, colour: grey });
   const error = (run) => run.force_N.map((value, k) => value - wanted[k]);
   const target = { name: "target", x, y: wanted, ...ink };
   return {
@@ -120,10 +119,8 @@ function exporting(card) {
   const { controllers, name, report, runs } = card;
   const preset = { ...(controllers.length ? {} : { content: "model" }), damper: null };
   const form = formOf("export", { only: { controller: controllers }, preset });
-  const nothing = empty(
-    "Nothing made yet",
-    "Tick the files and press Make and verify. The C code is compiled on this machine and compared with the model, sample by sample.",
-  );
+  const nothing =
+    "Tick the files and press Make and verify. The C code is compiled on this machine and compared with the model, sample by sample.";
   const file = (path) =>
     a.button({ href: cardFile(name, path), download: `${name}-${path}` }, path);
   const about = `The card ${name}: ${card.title || card.law}, ${several(runs, "run")}. The card is data without code.`;
@@ -163,9 +160,8 @@ export function ControllerPage() {
     "Force without a force sensor: controllers that are made from a card, and code for the target.",
   );
   const card = cardInUse();
-  const fit = () => button("Go to Model", () => go("model"), "main");
-  const words = "Controllers and code are made from a card. Identify one first.";
-  if (!card) return [title, empty("No card yet", words, fit())];
+  const words = "Controllers and code are made from a card. Fit a model first.";
+  if (!card) return [title, empty(words, "model")];
   const tabs = [
     ["Try", () => tracking(card)],
     ["Export", () => exporting(card)],

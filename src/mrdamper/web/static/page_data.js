@@ -171,9 +171,9 @@ function overview(runs, picked, drawn) {
   const rig = () => startButton("rig", "Make runs on the virtual rig", campaign, { id: "virtual" });
   if (!files.length) {
     const words =
-      "A run is one test: time, displacement and force, with the coil current and the temperature if known. Drop the files " +
+      "No runs yet. A run is one test: time, displacement and force, with the coil current and the temperature if known. Drop the files " +
       "of your rig at the left. Without a rig, start with a short campaign of the virtual rig.";
-    return empty("No runs yet", words, rig());
+    return div(empty(words), rig());
   }
   const all = app.runs;
   const link = (run) => {

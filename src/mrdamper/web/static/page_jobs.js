@@ -13,7 +13,7 @@ import { button, field, opening, select, tags } from "./ui.js";
 const { b, div, h2, p, span } = tags;
 /** Pages of jobs, with the choice of their tab. */
 const PAGE_OF = {
-  fit: ["model"],
+  fit: ["model", {}],
   heat: ["thermal", { "heat.tab": "Heating" }],
   heatsink: ["thermal", { "heat.tab": "Heat sink" }],
   track: ["controller", { "track.page": "Try" }],
@@ -156,11 +156,7 @@ function trashTable() {
 export function JobsPage() {
   const { jobs } = app.state;
   const nothing = () =>
-    empty(
-      "No jobs yet",
-      "Fits, heat sinks, tracking and exports are listed here, with their files.",
-      button("Go to Data", () => go("data")),
-    );
+    empty("Fits, heat sinks, tracking and exports are listed here, with their files.", "data");
   return [
     pageHead(
       "Jobs",

@@ -3,7 +3,7 @@
 import { cardFile, deleteCard, getJob, putCard } from "./api.js";
 import { fillForm, formOf, literal } from "./forms.js";
 import { jobColumns, removal } from "./jobs.js";
-import { empty, keptFold, pageHead, table, tag, titled } from "./layout.js";
+import { keptFold, pageHead, table, tag, titled } from "./layout.js";
 import { firstScreen, groundsOf, tabsOf } from "./results.js";
 import { commonest, copiesOf, filtersOf, foreignRunsOf, idOf, matching, runList } from "./runs.js";
 import { address, app, attempt, choose, chosen, go, toast } from "./state.js";
@@ -229,13 +229,8 @@ export function ModelPage() {
     return { ...options, card: cardName(options.card ?? freeName()), ...runOptions(runs, fitted) };
   };
   const ready = `${several(runs.length, "run")} can be fitted. Keep the default law, hold out one or two runs, and press Identify. The fit takes seconds to a minute. You can leave this page during the fit.`;
-  const nothing = runs.length
-    ? empty("No fit yet", ready)
-    : empty(
-        "No runs to fit",
-        "A model is identified from runs. Add files first, and map their channels if they are not understood.",
-        button("Go to Data", () => go("data"), "main"),
-      );
+  const none =
+    "A model is identified from runs. Add files on Data first, and map their channels if they are not understood.";
   return [
     pageHead(
       "Model",
@@ -246,7 +241,7 @@ export function ModelPage() {
       started: ({ card }) => choose({ card, "fit.card": null }),
       disabled: !fitted.length,
       first: runChoice(runs, fitted, without),
-      nothing,
+      nothing: runs.length ? ready : none,
       view: (job) => resultView(job, runs),
     }),
     fitTable(runs),

@@ -281,10 +281,8 @@ function heatSink(card, shared, facts) {
     const { damper, duty } = shared.read();
     return { ...form.read(), damper, duty };
   };
-  const nothing = empty(
-    "No search yet",
-    "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.",
-  );
+  const nothing =
+    "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.";
   const view = (job) => h(Front, { job, key: job.id });
   const options = { card: card.name, read, nothing, view };
   return jobColumns("heatsink", "What to search", "Search", form, options);
@@ -374,8 +372,7 @@ export function ThermalPage() {
   if (!card) {
     const words =
       "Heat comes from the force that a card predicts. Fit a model first, or bring a card there.";
-    const fit = button("Go to Model", () => go("model"), "main");
-    return [title, empty("No card yet", words, fit), shape()];
+    return [title, empty(words, "model"), shape()];
   }
   const preset = facts?.tables ? { ambient_degC: facts.ambient_degC, air_m_s: facts.air_m_s } : {};
   const isBare = facts?.tables && facts.sink === null;

@@ -287,19 +287,9 @@ function drawDue() {
  * cursor; `span`: time span of the loops; `fromZero`: the y axis contains zero.
  */
 function Plot(props) {
-  const {
-    title,
-    x,
-    y,
-    data,
-    height = 300,
-    isLoop = false,
-    span: part = null,
-    link,
-    onPick,
-  } = props;
+  const { title, x, y, data, height = 300, isLoop = false, link, onPick } = props;
   const [own, setOwn] = useState({ view: null, hidden: [] });
-  const { view = own.view, hidden = own.hidden } = props;
+  const { view = own.view, hidden = own.hidden, span: part = null } = props;
   const setView = props.onRange ?? ((next) => setOwn({ ...own, view: next }));
   const box = useRef();
   const words = useRef();

@@ -34,14 +34,12 @@ export const idOf = (run, runs) =>
     ? `${run.file}|${run.name}`
     : run.name;
 
-const MEASURED =
-  "command_unit samples rate_Hz stroke_mm peak_velocity_mm_s force_range_N command_range".split(
-    " ",
-  );
+const MEASURED = ["samples", "rate_Hz", "stroke_mm", "peak_velocity_mm_s", "force_range_N"];
 
 /** Return the copies among runs: run -> its original. */
 export function copiesOf(runs) {
-  const valuesOf = (run) => JSON.stringify(MEASURED.map((name) => run[name]));
+  const measured = (run) => MEASURED.map((name) => run[name]);
+  const valuesOf = (run) => JSON.stringify([run.command_unit, run.command_range, ...measured(run)]);
   const groups = Map.groupBy(runs.filter(isRead), valuesOf);
   const pairs = [...groups.values()].flatMap(([first, ...rest]) => rest.map((run) => [run, first]));
   return new Map(pairs);
@@ -73,24 +71,14 @@ export function foreignRunsOf(runs) {
 
 /** Return copies and runs of another damper as findings. */
 export function findingsBetween(runs) {
-  const foreign = {
-    severity: "warning",
-    effect: "The card describes two dampers",
-    remedy: "Exclude it from the fit if it belongs to another damper",
-  };
-  const copy = {
-    severity: "warning",
-    effect: "It counts twice without new information",
-    remedy: "The fit omits it unless you choose it",
-  };
-  return [
-    ...[...foreignRunsOf(runs)].map(([run, found]) => ({ ...foreign, run: run.name, found })),
-    ...[...copiesOf(runs)].map(([run, { name }]) => ({
-      ...copy,
-      run: run.name,
-      found: `a copy of ${name}`,
-    })),
-  ];
+  const findings = [];
+  const add = (run, found, effect, remedy) =>
+    findings.push({ severity: "warning", run: run.name, found, effect, remedy });
+  for (const [run, reason] of foreignRunsOf(runs))
+    add(run, reason, "The card describes two dampers", "Exclude it from the fit if that is true");
+  for (const [run, { name }] of copiesOf(runs))
+    add(run, `a copy of ${name}`, "It counts twice", "The fit omits it unless you choose it");
+  return findings;
 }
 
 /** Return the runs that match the filters of a list; `prefix` is the prefix of its choices. */
