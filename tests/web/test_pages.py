@@ -20,7 +20,7 @@ from tests.web.walking import AXES, CUT, FAINT, STATIC, UNNAMED, VIEWS, download
 pytestmark = pytest.mark.system
 
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
-HEIGHT_MAX_px, SERVED_MAX_kB = 1800, 220
+HEIGHT_MAX_px, SERVED_MAX_kB = 1800, 250
 PATHS = """async (kind) => {
   const { seriesPath, loopPath } = await import("/static/plot.js");
   const n = 1_000_000;
