@@ -74,7 +74,7 @@ def test_option_has_field_or_reason(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
     if told == "--resume":  # Resume is a separate request.
-        assert "resumeJob" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
+        assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
     if command in BY_ROUTE:
         assert name == "card"

@@ -144,8 +144,10 @@ def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
     page.get_by_label("Overlay brought one").check()
     page.get_by_role("button", name="Report of the difference").click()
     page.click("#start-compare")
+    link = page.locator("#job-result").get_by_role("link", name="Open the report")
+    link.wait_for(timeout=240_000)
     with page.context.expect_page() as waiting:
-        page.locator("#job-result").get_by_role("link", name="Open the report").click()
+        link.click()
     report = waiting.value
     report.wait_for_load_state()
     assert "brought one" in report.inner_text("body")
