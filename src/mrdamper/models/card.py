@@ -73,7 +73,7 @@ class ModelCard(Picture):
     from, empty for a card made in memory.
     """
 
-    _picture = "mrdamper.report.cards.picture:card_figure"
+    _picture = "mrdamper.report.figures.characteristics:card_figure"
     title: str
     damper: Damper
     envelope: OperatingEnvelope
