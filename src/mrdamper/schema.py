@@ -291,9 +291,6 @@ def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - 
             return hint, option, optional
 
 
-# ------------------------------------------------------------------------------------------- reading
-
-
 def read_record(record: type[Record], document: Mapping[str, Any], place: str) -> Record:
     """Return the record of a document; messages begin with ``place``.
 
@@ -437,9 +434,6 @@ def check_ranges(record: object, place: str) -> None:
                 faults.append(InputError(words, expected=expected, remedy=option.remedy))
     if faults:
         raise InputError(faults=faults)
-
-
-# ------------------------------------------------------------------------------------------- writing
 
 
 def write_record(record: object, *, defaults: bool = False, nulls: bool = False) -> Json:

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, make_dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any
 
 from mrdamper.errors import InputError
@@ -26,9 +25,9 @@ _WORD = Option(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", expected="a name of
 _ANNOTATED: Any = Annotated  # The types are built at run time.
 Name = Annotated[str, _NAME]
 
-ORDER_JOBS: Mapping[str, Job] = MappingProxyType(
-    {name.split()[-1]: job for name, job in JOBS.items() if name not in {"data list", "simulate"}}
-)
+ORDER_JOBS: Mapping[str, Job] = {
+    name.split()[-1]: job for name, job in JOBS.items() if name not in {"data list", "simulate"}
+}
 """Jobs that are started by a request, by the kind of the request."""
 
 
@@ -99,9 +98,6 @@ def _input(each: Field) -> tuple[str, Any, Any]:
     if each.required:
         return each.key, _ANNOTATED[str, option], MISSING if option.begins is None else option.begins
     return each.key, _ANNOTATED[str | None if default is None else str, option], default
-
-
-# --------------------------------------------------------------------------------- queries of the pages
 
 
 @dataclass(frozen=True, kw_only=True)
