@@ -15,10 +15,11 @@ the time of the motion filter. If the driver cannot pull the current down, the h
 more than ``LATE_RATIO_MAX`` of a step. The error of a step has ``HORIZON_FADE`` of the weight of the step
 before. A move of the command costs ``MOVE_COST_RATIO`` of its force, and ``MOVE_COST_ERROR_RATIO`` the error
 that the card states, because a wrong law makes the command swing from end to end. The cost is at most
-``MOVE_COST_RATIO_MAX`` of the force, or ``IMPLICIT_MOVE_COST_RATIO_MAX`` for a law with an implicit step. ``recommended`` assumes that ``SETTLED_RATIO`` of the hysteresis that is
-still to build up after a reversal is complete. ``predictive`` trusts the card. The prediction of a law
-with an implicit step is spread over at most ``SPREAD_SAMPLE_COUNT_MAX`` periods, and the steps through the
-dead time are ``DEAD_TIME_STRIDE`` times as long as those of the horizon.
+``MOVE_COST_RATIO_MAX`` of the force, or ``IMPLICIT_MOVE_COST_RATIO_MAX`` for a law with an implicit step.
+``recommended`` assumes that ``SETTLED_RATIO`` of the hysteresis that is still to build up after a reversal is
+complete. ``predictive`` trusts the card. The prediction of a law with an implicit step is spread over at most
+``SPREAD_SAMPLE_COUNT_MAX`` periods, and the steps through the dead time are ``DEAD_TIME_STRIDE`` times as
+long as those of the horizon.
 
 *Feedback.* Proportional and integral gain by Skogestad's rule on the actuation: the first lag is the time
 constant, all that follows is the dead time, and the closed loop is as slow as that dead time.
