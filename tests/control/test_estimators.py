@@ -64,7 +64,7 @@ def test_white_jerk_leaves_the_stated_velocity_error():
 
 
 def test_motion_of_controller_equals_the_filter():
-    made, reference = controllers_for(DOUBLE)["recommended"], MotionFilter(PERIOD)
+    made, reference = controllers_for(DOUBLE)["paper"], MotionFilter(PERIOD)
     rng, t = np.random.default_rng(0), PERIOD * np.arange(300)
     x = MOVED.displacement(t) + 10e-6 * rng.standard_normal(len(t))
     rows = np.full((len(t), 5), np.nan)
