@@ -41,7 +41,7 @@ def test_batches_match_whole_run(name, size):
     np.testing.assert_array_equal(np.concatenate(forces), whole)
 
 
-def test_state_of_another_batch_is_rejected():
+def test_state_of_wrong_batch_is_rejected():
     path, law = random_drive(13), LAWS["lugre"].kernel or 0
     motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
     kinematics = (path.displacement, path.velocity, path.acceleration)

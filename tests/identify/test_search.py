@@ -218,7 +218,7 @@ def test_descents_converge_with_inexact_derivatives(off: float) -> None:
 
 
 def test_runaway_coordinate_does_not_slow_others() -> None:
-    """A coordinate at its bound costs no iterations: the others converge as without it."""
+    """A coordinate at its bound costs no iterations: the remaining coordinates converge equally fast."""
     free = (*DECAY, FreeParameter("runaway", 0.0, 1.0))
     starts = np.column_stack([STARTS, np.ones(len(STARTS))])
     alone, together = (

@@ -24,7 +24,7 @@ fractions = st.floats(0.02, 0.6)
 fields = st.floats(1.0, 1e7)  # A/m
 
 
-def test_magnetic_constant_is_that_of_codata():
+def test_magnetic_constant_matches_codata():
     assert pytest.approx(constants.mu_0, rel=1e-9) == MU_0
 
 

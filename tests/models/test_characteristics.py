@@ -125,7 +125,7 @@ def test_peak_force_without_motion_is_rejected(speeds, amplitude):
 
 
 def test_viscous_force_falls_like_its_viscosity():
-    """65 % from 20 to 100 degC, the fluid of the paper, with B = 1435.5 K."""
+    """The force falls by 65 % from 20 to 100 degC with the fluid of the paper, B = 1435.5 K."""
     viscous = TemperatureDependent(Constant(2e3), Arrhenius(1435.5))
     damper = bingham(yield_force=Constant(0.0), viscosity=viscous)
     hot, cold = (steady_cycle(damper, SINE, 0.0, kelvin).peak_N for kelvin in (373.15, REFERENCE))
@@ -268,7 +268,7 @@ def test_evenly_picked_values_keep_order_and_ends(count, most):
         assert np.ptp(np.diff(found)) <= 1
 
 
-def test_example_of_the_page_is_correct():
+def test_example_in_docs_is_correct():
     page = Path(__file__).parents[2] / "docs" / "characteristics.md"
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert failed == 0

@@ -99,7 +99,7 @@ def test_difference_below_own_errors_is_unclear():
     assert "(100 N)" in verdict
 
 
-def test_mixed_difference_is_reported_as_such():
+def test_mixed_difference_is_reported_as_mixed():
     other = a_damper(yield_force=Polynomial((240.0, 450.0)), viscosity=Constant(1900.0))
     verdict = compared(a_card(a_damper(), rmse=0.1), a_card(other, rmse=0.1)).verdict
     assert "weaker than first in some cases and stronger in others" in verdict
@@ -119,7 +119,7 @@ def test_own_error_prefers_held_out_runs(runs, own):
     assert compared(card, other).own_error_N == (None if own is None else pytest.approx(own))
 
 
-def test_parameters_of_other_laws_have_no_z():
+def test_parameters_of_different_laws_have_no_z():
     dahl = Damper(LAWS["dahl"], {"yield_force": Constant(300.0), "rho": Constant(1e3)})
     found = compared(a_card(a_damper()), a_card(dahl))
     assert found.parameters == ()
@@ -152,7 +152,7 @@ def test_warm_dampers_are_compared_at_common_temperatures():
     assert unknown.temperatures[0] == pytest.approx(333.15)
 
 
-def test_damper_without_temperature_is_compared_where_tested():
+def test_constant_damper_is_compared_at_tested_temperature():
     """At 60 degC the other damper has lost 4 % of its yield force."""
     tested = replace(ENVELOPE, temperature=(332.0, 334.3))
     found = compared(a_card(warm_damper(), WARM), a_card(a_damper(0.96), tested))
@@ -161,7 +161,7 @@ def test_damper_without_temperature_is_compared_where_tested():
     assert found.notes == ("second has no temperature model: both are compared at 60 degC",)
 
 
-def test_other_test_temperature_is_noted_without_model():
+def test_different_test_temperatures_are_noted():
     cold, hot = (replace(ENVELOPE, temperature=(t, t + 1.0)) for t in (293.0, 353.0))
     found = compared(a_card(a_damper(), cold), a_card(a_damper(), hot))
     assert found.scope.temperatures == (None,)
@@ -182,6 +182,6 @@ def test_cards_without_common_envelope_are_rejected(first, second, said):
         compared(a_card(first, WARM), a_card(a_damper(), second))
 
 
-def test_cards_in_other_units_are_rejected():
+def test_cards_in_different_units_are_rejected():
     with pytest.raises(InputError, match="the command of first is in A and that of second in V"):
         compared(a_card(a_damper()), a_card(replace(a_damper(), command_unit="V")))

@@ -1,4 +1,4 @@
-"""Steps through time: they add up, grow, and end where they should; loads can be cut."""
+"""Time steps: they grow and add up to the duration; loads can be cut."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Runs in memory: data frames of pandas or Polars, structured arrays, or columns by name.
 
 A data frame is read like the table of a file (``proposal``): the name of a column states its quantity and
-unit (``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. ``columns``
-holds the name of a quantity's column, or the column itself: ``read(frame, {"force_kN": "Load", "current_A":
-1.0})``.
+unit (``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. The second
+argument of ``read`` maps a quantity with its unit to the name of a column, to an array or to a constant:
+``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Frame:
     def read(self, chosen: ChannelMap) -> RigFile:
         """Return the runs of the frame.
 
-        Raise AskingError if a needed column is missing, or has no unit. Raise InputError if a column does not
-        have shape (n,), or has another length than the other columns.
+        Raise AskingError if a needed column is missing or has no unit. Raise InputError if a column does not
+        have shape (n,), or if the columns differ in length.
         """
         try:
             return runs_in((self._table(),), chosen, Path(self.name), name=self.name)
@@ -114,7 +114,7 @@ def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a ser
 
 
 def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return time stamps as seconds from the first, and durations in seconds."""
+    """Convert time stamps (relative to the first one) or durations to seconds; return values and unit."""
     start = values[0] if isinstance(values[0], datetime) else timedelta()
     return np.array([(each - start).total_seconds() for each in values], dtype=np.float64), "s"
 
@@ -128,7 +128,7 @@ def is_frame(given: object) -> bool:
     return hasattr(type(given), "columns") and hasattr(given, "__getitem__")
 
 
-def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames, or one of them
+def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, or a sequence of these
     """Return the input as a list of paths, runs and named frames. A mapping names its frames."""
     if isinstance(given, str | Path | RigRun):
         return [given]
@@ -199,10 +199,11 @@ def columns_by_name(
     Parameters
     ----------
     given : paths, runs or frames; None: the columns are the run
-    columns : by quantity, with its unit (``force_kN``) or without: the name of a column, the column itself,
-        or one number for the whole run; ``rate_Hz``
+    columns : quantity with or without unit (``force_kN``) -> name of a column, the column itself, or one
+        number for the whole run; the key ``rate_Hz`` is the sampling rate
 
-    Raise InputError if a key is not a quantity or has no valid unit, or there are columns for several frames.
+    Raise InputError if a key is not a quantity or has no valid unit, or if columns are given for several
+    frames.
     """
     if not columns:
         return given, None
