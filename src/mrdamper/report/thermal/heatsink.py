@@ -40,10 +40,10 @@ def _first(run: HeatsinkResult) -> FirstScreen:
                 "fluid at the end of the load cycle with the coolest sink",
             ),
             Tile(
-                f"{run.gain.middle:.1f} K",
-                f"cooler than {_reference(run)} ({reference.fluid - ZERO_CELSIUS_K:.1f} °C, "
+                f"{abs(run.gain.middle):.1f} K",
+                f"{_comparison(run)} {_reference(run)} ({reference.fluid - ZERO_CELSIUS_K:.1f} °C, "
                 f"{1e3 * reference.mass:.0f} g)",
-                f"90 % interval {run.gain.low:.1f} to {run.gain.high:.1f} K",
+                f"90 % interval {_interval(run)}",
             ),
             Tile(
                 f"{1e3 * best.mass:.0f} g",
@@ -64,12 +64,22 @@ def _verdict(run: HeatsinkResult) -> list[str]:
     assert run.best.sink is not None  # A search returns sinks.
     lines = [
         f"Best heat sink: {sink_in_words(run.best.sink)}.",
-        f"It is {run.gain.middle:.1f} K cooler than {_reference(run)} (90 % interval {run.gain.low:.1f} to "
-        f"{run.gain.high:.1f} K, from the uncertainty of heat transfer and power).",
+        f"It is {abs(run.gain.middle):.1f} K {_comparison(run)} {_reference(run)} (90 % interval "
+        f"{_interval(run)}, from the uncertainty of heat transfer and power).",
     ]
-    if not run.gain.better:
-        lines.append("The advantage is not significant because the interval includes zero.")
+    if run.gain.low <= 0.0 <= run.gain.high:
+        lines.append("The difference is not significant because the interval includes zero.")
     return lines
+
+
+def _comparison(run: HeatsinkResult) -> str:
+    return "cooler than" if run.gain.middle >= 0.0 else "warmer than"
+
+
+def _interval(run: HeatsinkResult) -> str:
+    """Return the interval of the temperature difference with the sign that ``_comparison`` states."""
+    low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
+    return f"{low:.1f} to {high:.1f} K"
 
 
 def _reference(run: HeatsinkResult) -> str:
