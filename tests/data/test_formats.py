@@ -52,17 +52,8 @@ def test_folder_of_all_formats_is_read(tmp_path):
     ("name", "words"),
     [
         ("run.csv", "delimited text, separated by comma, decimal point, 1 header line"),
-        ("semicolons.csv", "delimited text, separated by semicolon, decimal comma, 2 header lines"),
         ("mts.dat", "delimited text, separated by tab, decimal point, 5 header lines"),
-        ("logger.txt", "delimited text, separated by comma, decimal point, 7 header lines"),
-        ("v5.mat", "MAT file"),
         ("v73.mat", "MAT v7.3 file"),
-        ("run.h5", "HDF5 file"),
-        ("run.tdms", "TDMS file"),
-        ("run.mf4", "MDF file"),
-        ("run.npz", "NumPy archive"),
-        ("run.json", "JSON file"),
-        ("run.parquet", "Parquet file"),
         ("run.xlsx", "Excel file, 3 header lines, part 'Data'"),
     ],
 )

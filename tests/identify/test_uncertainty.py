@@ -184,6 +184,3 @@ def test_term_gain_is_tested_with_paired_t():
     assert statistic == pytest.approx(ttest_1samp(second - first, 0.0).statistic)
     assert gain == pytest.approx(1.0 - np.sqrt(first.mean() / second.mean()))
     assert validated(first).cv_rms_percent == pytest.approx(np.sqrt(first.mean()))
-
-
-# Proposed tests

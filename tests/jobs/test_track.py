@@ -238,28 +238,6 @@ def test_stroke_beyond_the_card_is_refused(folder):
         assert np.abs(each.course.velocity).max() <= 0.04
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--plant", "nominl"), "there is no plant 'nominl'; did you mean nominal?"),
-        (("--target", "sine-900N"), "there is no target 'sine-900N'; did you mean sine-900N-1Hz"),
-        (("--controller", "recomended"), "there is no controller 'recomended'; did you mean recommended"),
-        (("--temperature", "293.15"), "temperature_degC is 293.15; expected a number in degC, -40 to 200"),
-        (("--target", "nowhere.toml"), "nowhere.toml: cannot read the scenario"),
-        (("--target", "{folder}/short.toml", "--target", "{folder}/a/short.toml"), "have the same name"),
-    ],
-)
-def test_unknown_names_are_refused(folder, arguments, message):
-    (folder / "a").mkdir(exist_ok=True)
-    (folder / "a/short.toml").write_text(SHORT.replace("2.0", "3.0"), encoding="utf-8")
-    assert message in refused(folder, *(str(each).format(folder=folder) for each in arguments))
-
-
-def test_card_in_volts_is_refused(folder):
-    write_card_of(folder / "volts.json", replace(rig_damper(), command_unit="V"))
-    assert "volts.json: its command is in V; expected amperes" in refused(folder, card="volts.json")
-
-
 def test_refused_job_writes_nothing(folder):
     with pytest.raises(InputError):
         track(folder / "card.json", TrackOptions(), plant="none", out=folder / "never")

@@ -21,7 +21,6 @@ from mrdamper.models.characteristics import (
     characterise,
     default_scope,
     peak_velocity_pick,
-    pick_evenly,
     steady_cycle,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
@@ -209,11 +208,6 @@ def test_quadratic_force_rises_later_and_falls_sooner():
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_command_lag_of_law_gives_response_time():
-    up, _ = response(replace(bingham(), command_lag_s=0.02))
-    assert up.force_t90 == pytest.approx(0.02 * math.log(10.0), rel=2e-3)
-
-
 def test_response_needs_a_lag_and_a_current():
     assert characterised(bingham()).responses == ()
     for way in response(bingham(Actuation(0.01, 0.01), yield_force=Constant(300.0))):
@@ -224,30 +218,6 @@ def test_response_needs_a_lag_and_a_current():
 # Scope
 
 
-def test_default_speeds_are_round_and_inside_envelope():
-    scope = default_scope(bingham(), ENVELOPE)
-    assert scope.amplitude == 0.02
-    assert scope.speeds == (0.02, 0.05, 0.1, 0.2)
-    assert (scope.curve_speeds[-1], scope.curve_speeds[0]) == pytest.approx((0.23, 0.02 * 0.23))
-    assert default_scope(bingham(), replace(ENVELOPE, displacement=(-0.01, 0.03))).amplitude == 0.01
-    assert default_scope(bingham(), replace(ENVELOPE, command=(1.0, 1.0))).commands == (1.0,)
-    both = default_scope(bingham(), replace(ENVELOPE, command=(-2.0, 1.0)))
-    assert [both.commands[index] for index in both.ends] == [0.25, -2.0]
-
-
-@given(st.floats(243.0, 420.0), st.floats(0.0, 150.0))
-def test_default_temperatures_are_round_and_inside_envelope(low, span):
-    damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
-    found = default_scope(damper, replace(ENVELOPE, temperature=(low, low + span))).temperatures
-    kelvin = np.array(found, dtype=float)
-    assert np.all((kelvin >= low - 1.0) & (kelvin <= low + span + 1.0))
-    assert len(found) <= 3
-    assert list(kelvin) == sorted(set(kelvin.tolist()))
-    if span >= 42.0:
-        steps = (kelvin - REFERENCE) / 20.0
-        assert steps == pytest.approx(np.round(steps), abs=1e-9)
-
-
 def test_assumed_temperatures_count_if_one_was_tested():
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
     assert default_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
@@ -255,17 +225,6 @@ def test_assumed_temperatures_count_if_one_was_tested():
     assumed = replace(damper, temperature_range=(273.15, 353.15))
     tested = replace(ENVELOPE, temperature=(293.0, 294.0))
     assert default_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
-
-
-@given(st.integers(0, 12), st.integers(2, 6))
-def test_evenly_picked_values_keep_order_and_ends(count, most):
-    found = pick_evenly(range(count), most)
-    assert len(found) == min(count, most)
-    assert list(found) == sorted(set(found))
-    if count:
-        assert (found[0], found[-1]) == (0, count - 1)
-    if len(found) > 1:
-        assert np.ptp(np.diff(found)) <= 1
 
 
 def test_example_of_the_page_is_correct():

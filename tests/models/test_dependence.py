@@ -177,20 +177,6 @@ def test_gradient_with_factor_equals_complex_step(form, factor, data, command, k
     assert_slope(law, command, kelvin)
 
 
-@pytest.mark.system
-@given(laws, commands, kelvins, st.integers(0, 15), st.floats(-10.0, 10.0))
-def test_value_is_linear_in_linear_parameters(law, command, kelvin, k, change):
-    """Affine to the definition, whatever the change: equal changes of the number, equal of the value."""
-    linear = [place for place, says_so in enumerate(law.linear) if says_so]
-    k = linear[k % len(linear)]
-    parameters = list(law.parameters)
-    parameters[k] += change
-    moved = law.with_parameters(parameters).value(command, kelvin) - law.value(command, kelvin)
-    share = float(law.gradient(command, kelvin)[k])
-    allowed = 1e-11 * (1.0 + scale_of(law, command, kelvin) + abs(share) * (1.0 + abs(change)))
-    assert moved == pytest.approx(share * change, abs=allowed)
-
-
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
 def test_linear_parameters_are_jointly_linear(law, command, kelvin):
     """What least squares needs: the gradient by one of them does not hold another."""
@@ -235,12 +221,6 @@ def test_missing_temperature_means_20_degrees(law, command):
     np.testing.assert_array_equal(law.slope(command), law.slope(command, 293.15))
 
 
-@given(temperature_dependent, commands)
-def test_factor_is_one_at_20_degrees(law, command):
-    np.testing.assert_array_equal(law.value(command, 293.15), law.form.value(command))
-    np.testing.assert_array_equal(law.slope(command, 293.15), law.form.slope(command))
-
-
 @given(temperature_dependent, commands, commands, kelvins)
 def test_command_and_temperature_separate(law, here, there, kelvin):
     """The relative change of a coefficient with temperature is equal at every command."""
@@ -279,13 +259,6 @@ def test_separable_polynomial_is_bipolynomial_of_products(command, factor, at, k
     assert float(law.value(at, kelvin)) == pytest.approx(float(out.value(at, kelvin)), abs=allowed)
 
 
-@given(st.one_of(hills, saturations))
-def test_hill_has_base_and_gain(law):
-    assert float(law.value(0.0)) == law.base
-    assert float(law.value(law.reference)) == pytest.approx(law.base + law.gain, abs=1e-14 * abs(law.gain))
-    np.testing.assert_array_equal(law.gradient(0.0)[1:], 0.0)
-
-
 @given(hills, commands)
 def test_saturation_of_sharpness_one_is_hill(law, command):
     same = Saturation(law.base, law.gain, law.half_command, law.exponent, law.reference)
@@ -305,12 +278,6 @@ def test_hill_is_even_in_the_command(law, command):
     assert float(law.value(-command)) == float(law.value(command))
     if command:
         assert float(law.slope(-command)) == -float(law.slope(command))
-
-
-@given(st.floats(0.05, 20.0), st.floats(0.2, 8.0))
-def test_hill_reaches_half_at_half_command(half, exponent):
-    law = Hill(0.0, 1.0, half, exponent)
-    assert float(law.value(half)) == pytest.approx((1.0 + half**exponent) / 2, rel=1e-12)
 
 
 @pytest.mark.parametrize(
