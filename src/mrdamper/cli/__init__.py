@@ -21,8 +21,8 @@ import click
 
 from mrdamper.cli.commands import GroupedCommands, HelpfulCommand, make_command, print_message
 from mrdamper.errors import MissingExtraError, MrdamperError
+from mrdamper.interrupts import Interrupted, heed_interrupts, interrupts_end_at_once
 from mrdamper.registry import JOBS, Job
-from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
 

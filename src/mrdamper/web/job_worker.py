@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import MrdamperError
-from mrdamper.runtime.signals import Interrupted
+from mrdamper.interrupts import Interrupted
 from mrdamper.web.adapters import do
 from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full

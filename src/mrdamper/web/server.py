@@ -24,7 +24,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.runtime.signals import on_interrupt
+from mrdamper.interrupts import on_interrupt
 from mrdamper.web.context import MOST_UPLOAD, AppContext, JsonAnswer
 from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.routes.cards import card_routes
