@@ -128,7 +128,7 @@ def test_damaged_file_is_read_or_rejected(tmp_path, name, capfd):
     WRITERS[name](file)
     content = file.read_bytes()
     rng = np.random.default_rng(11)
-    for _ in range(60):
+    for _ in range(15):
         kept = int(rng.integers(1, len(content)))
         damaged = bytearray(content[:kept])
         for _ in range(0 if name in COMPILED else 4):

@@ -64,7 +64,7 @@ def texts(draw: st.DrawFn) -> Text:
 
 
 @given(texts())
-@examples(200)
+@examples(50)
 def test_names_units_and_titles_are_found(text):
     assert find_data(text.lines) == (text.delimiter, text.first)
     assert find_data(text.lines, text.delimiter) == (text.delimiter, text.first)

@@ -107,7 +107,7 @@ def errors_of(result: ActuationFit) -> FloatArray:
 # Delay and lags
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_known_lags_are_within_standard_errors():
     """In four seeds, at most one of 16 values is beyond three standard errors, and none beyond four."""
     deviations = []
@@ -257,6 +257,7 @@ def test_driver_with_one_quadrant_is_detected():
     assert fit(run).driver_quadrants == 2
 
 
+@pytest.mark.nightly
 def test_known_free_wheeling_time_is_found():
     """The error is at most 2 % with steps and a random current. A two-quadrant driver is unchanged."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.025)

@@ -66,6 +66,7 @@ def test_late_run_is_reported_with_delay(rig_runs):
     assert finding.low < finding.size < finding.high
 
 
+@pytest.mark.nightly
 def test_wrong_last_run_is_found():
     """The fit follows the wrong run and deviates from its neighbours. A second fit omits it."""
     series = []
@@ -83,6 +84,7 @@ def test_wrong_last_run_is_found():
     assert finding.size == pytest.approx(0.7, abs=0.01)
 
 
+@pytest.mark.nightly
 def test_model_error_of_motion_is_ignored():
     """Runs of the same command and motion at other temperatures have the same model error."""
     plan = replace(

@@ -52,7 +52,7 @@ def test_noisy_command_is_fitted_as_constant():
 # Sizes
 
 
-@pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"], 2))
+@pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"]))
 def test_fit_error_is_independent_of_size(law):
     """Bounds are relative to the runs. Forces of 200 kN are fitted as accurately as 1 kN."""
     usual, scaled = (fitting.fit_law(data_of(force=size), law).cost_percent for size in (1.0, 150.0))

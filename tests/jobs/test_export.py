@@ -25,6 +25,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
 from tests.support.cards import CHAIN, DAMPERS, ENVELOPE, RIG_LAG, passive, rig_damper, write_card_of
 from tests.support.rigs import answer_of, command, mrdamper
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -100,6 +101,7 @@ def test_another_process_writes_the_same_bytes(made, folder):
     assert (folder / "again.csv").read_bytes() == (folder / "map.csv").read_bytes()
 
 
+@pytest.mark.nightly
 def test_geometry_file_gives_the_heat_capacity(folder, tmp_path, tool):
     tool("cc")
     (tmp_path / "mine.txt").write_text("mine", encoding="ascii")
@@ -113,7 +115,7 @@ def test_geometry_file_gives_the_heat_capacity(folder, tmp_path, tool):
     assert (tmp_path / "mine.txt").read_text(encoding="ascii") == "mine"
 
 
-@pytest.mark.parametrize("law", ["double-bouc-wen", "chain"])
+@pytest.mark.parametrize("law", one_by_day(["double-bouc-wen", "chain"]))
 def test_card_of_one_current_exports_its_model(law, tmp_path, tool):
     """Without a current that changes the force there is a model, but no controller."""
     tool("cc")

@@ -65,6 +65,7 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
 # ------------------------------------------------------------------------------------- the paper's figures
 
 
+@pytest.mark.nightly
 def test_fitted_card_heats_as_in_paper():
     """Power and loss of force follow from the card. The losses agree within 0.3 percentage points."""
     card, drawing = paper_card(), read_drawing(PAPER_DRAWING)

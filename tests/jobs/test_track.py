@@ -17,6 +17,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
 from tests.support.cards import rig_damper, write_card_of
 from tests.support.rigs import answer_of, mrdamper
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -102,6 +103,7 @@ def test_same_seed_gives_same_tracking_errors(folder):
     assert rows[0] != rows[2]
 
 
+@pytest.mark.nightly
 def test_parallel_job_count_does_not_change_results(folder):
     found = [
         track(
@@ -120,7 +122,7 @@ def test_parallel_job_count_does_not_change_results(folder):
 
 @pytest.mark.parametrize(
     ("times", "targets"),
-    [(0.05, SIZED), (1.0, ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]), (20.0, SIZED)],
+    one_by_day([(0.05, SIZED), (1.0, ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]), (20.0, SIZED)]),
 )
 def test_card_of_any_size_is_tracked(folder, times, targets):
     """Targets are proportional to the force of the damper. Therefore the relative error is constant."""

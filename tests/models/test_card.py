@@ -187,7 +187,7 @@ json_values = st.recursive(
 
 
 @pytest.mark.system
-@examples(10)
+@examples(4)
 @given(
     forms=st.fixed_dictionaries(forms),
     lag=st.floats(0.0, 1.0),

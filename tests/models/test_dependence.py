@@ -75,7 +75,6 @@ cold_laws = st.one_of(*FORMS.values())
 laws = st.one_of(cold_laws, bipolynomials, temperature_dependent)
 commands = st.floats(-5.0, 5.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
 kelvins = st.floats(233.15, 423.15)  # -40 to 150 degC
-every_form = pytest.mark.parametrize("form", FORMS)
 every_factor = pytest.mark.parametrize("factor", FACTORS_DRAWN)
 
 
@@ -168,11 +167,10 @@ def test_gradient_and_slope_equal_complex_step(law, command, kelvin):
 
 
 @pytest.mark.system
-@every_form
 @every_factor
 @given(data=st.data(), command=commands.filter(bool), kelvin=kelvins)
-def test_gradient_with_factor_equals_complex_step(form, factor, data, command, kelvin):
-    law = TemperatureDependent(data.draw(FORMS[form]), data.draw(FACTORS_DRAWN[factor]))
+def test_gradient_with_factor_equals_complex_step(factor, data, command, kelvin):
+    law = TemperatureDependent(data.draw(cold_laws), data.draw(FACTORS_DRAWN[factor]))
     assert_gradient(law, command, kelvin)
     assert_slope(law, command, kelvin)
 
@@ -199,8 +197,8 @@ SOME: list[ParameterLaw] = [
 
 
 @pytest.mark.parametrize("law", SOME, ids=lambda law: f"{type(law).__name__} {law.kind}")
-@pytest.mark.parametrize("shape", [(), (1,), (7,), (2, 3)])
-@pytest.mark.parametrize("kelvin", [None, 330.0, "each"])
+@pytest.mark.parametrize("shape", [(), (7,), (2, 3)])
+@pytest.mark.parametrize("kelvin", [None, "each"])
 def test_results_have_the_shape_of_command(law, shape, kelvin):
     command = np.linspace(0.0, 2.0, int(np.prod(shape))).reshape(shape)
     warm = 300.0 + 40.0 * command if kelvin == "each" else kelvin

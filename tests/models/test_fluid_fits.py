@@ -13,6 +13,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m, field_strength
 from mrdamper.models.fluids.fits import LawFit, Study, fit_viscosity, fit_yield_stress
 from mrdamper.models.temperature import Arrhenius, Linear, Reynolds, Vft
+from tests.support.examples import examples
 
 KELVIN = np.linspace(293.15, 403.15, 23)
 LAWS = (Arrhenius(1435.5), Reynolds(0.013), Vft(753.0, 165.4))
@@ -68,6 +69,7 @@ def test_arrhenius_fit_is_the_textbook_line():
 
 
 @pytest.mark.system
+@examples(5)
 @given(
     scale=st.floats(1e-3, 1e3),
     order=st.permutations(range(8)),
