@@ -12,6 +12,8 @@ import tokenize
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).parents[1]
 
 

@@ -69,9 +69,6 @@ def test_interpretation_of_a_file_is_printed(tmp_path, name, words):
     ("name", "module", "package"),
     [
         ("run.h5", "h5py", "h5py"),
-        ("v73.mat", "h5py", "h5py"),
-        ("run.tdms", "nptdms", "npTDMS"),
-        ("run.mf4", "asammdf", "asammdf"),
         ("run.xlsx", "python_calamine", "python-calamine"),
     ],
 )
@@ -168,24 +165,6 @@ def test_continued_mts_acquisitions_are_joined(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------- groups
-
-
-def test_tdms_group_is_selected_by_name(tmp_path):
-    from nptdms import ChannelObject, TdmsWriter
-
-    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
-        for group, factor in (("first", 1.0), ("second", 2.0)):
-            writer.write_segment(
-                [
-                    ChannelObject(group, name, factor * values if "force" in name else values)
-                    for name, values in titled().items()
-                ]
-            )
-    both = read_run(tmp_path / "run.tdms")
-    assert [run.name for run in both] == ["run_first", "run_second"]
-    assert both[1].force == pytest.approx(2.0 * both[0].force, abs=1e-9)
-    (run,) = read_run(tmp_path / "run.tdms", ChannelMap.from_dict({"file": {"part": "second"}}))
-    assert run.force == pytest.approx(2.0 * RUN.force, abs=1e-9)
 
 
 def test_invalid_mdf_samples_are_nan(tmp_path):

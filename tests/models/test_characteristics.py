@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.characteristics import (
@@ -71,11 +70,6 @@ def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency)
     assert cycle.energy_J == pytest.approx(yielding + viscous, rel=1e-4)
 
 
-def test_linear_damper_energy_is_exact():
-    cycle = steady_cycle(bingham(yield_force=Constant(0.0), viscosity=Constant(900.0)), SINE, 0.0)
-    assert cycle.energy_J == pytest.approx(math.pi * 900.0 * OMEGA * SINE.amplitude**2, rel=1e-12)
-
-
 def test_dahl_energy_converges_to_rectangle():
     """The difference to 4 A F_y halves with 1 / rho: about one yield displacement is missing at each end."""
     rectangle = 4.0 * SINE.amplitude * 300.0
@@ -114,21 +108,7 @@ def test_gas_force_shifts_both_branches_equally():
     np.testing.assert_allclose(curve.damping, 540.0 + 800.0 * SPEEDS, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("speeds", "amplitude"), [([0.1, 0.0], 0.01), ([0.1], math.nan)])
-def test_peak_force_without_motion_is_rejected(speeds, amplitude):
-    with pytest.raises(InputError, match="expected positive, finite numbers"):
-        peak_velocity_pick(bingham(), speeds, amplitude=amplitude, command=0.0)
-
-
 # Temperature
-
-
-def test_viscous_force_falls_like_its_viscosity():
-    """65 % from 20 to 100 degC, the fluid of the paper, with B = 1435.5 K."""
-    viscous = TemperatureDependent(Constant(2e3), Arrhenius(1435.5))
-    damper = bingham(yield_force=Constant(0.0), viscosity=viscous)
-    hot, cold = (steady_cycle(damper, SINE, 0.0, kelvin).peak_N for kelvin in (373.15, REFERENCE))
-    assert 1.0 - hot / cold == pytest.approx(0.65, abs=1e-3)
 
 
 def test_force_loss_is_smaller_at_higher_current():
@@ -175,11 +155,6 @@ def test_bingham_characteristics_are_closed_forms():
         for i, curve in enumerate(curves):
             assert curve.command == scope.commands[i]
             assert curve.damping == pytest.approx(yielding[t, i] + 900.0 * scope.curve_speeds, rel=1e-6)
-
-
-def test_dynamic_range_needs_force_without_current():
-    damper = bingham(yield_force=Polynomial((0.0, 600.0)))
-    assert np.isnan(characterised(damper).dynamic_range).all()
 
 
 # Response
