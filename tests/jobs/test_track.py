@@ -120,15 +120,12 @@ def test_parallel_job_count_does_not_change_results(folder):
     )
 
 
-@pytest.mark.parametrize(
-    ("times", "targets"),
-    one_by_day([(0.05, SIZED), (1.0, ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]), (20.0, SIZED)]),
-)
-def test_card_of_any_size_is_tracked(folder, times, targets):
+@pytest.mark.parametrize("times", one_by_day([0.05, 1.0, 20.0]))
+def test_card_of_any_size_is_tracked(folder, times):
     """Targets are proportional to the force of the damper. Therefore the relative error is constant."""
     path = write_card_of(folder / "other.json", rig_damper(force=times))
     found = track(path, PAPER, plant=path)
-    assert found.targets == targets
+    assert found.targets == (["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"] if times == 1.0 else SIZED)
     for each, row in zip(found.traced, found.rows, strict=True):
         assert row.score.rmse_feasible_N < 0.25 * np.sqrt(np.mean(each.course.target**2))
 

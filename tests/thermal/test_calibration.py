@@ -17,6 +17,7 @@ from mrdamper.thermal.duty import Duty, read_duty
 from mrdamper.thermal.estimation.calibration import calibrate_drawing, residual_variance
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place, clean_curve, read_curve
 from mrdamper.thermal.temperature_rise import Model, Rise, simulate_rise
+from tests.support.tiers import one_by_day
 
 DRAWING = read_drawing("paper")
 BARE = DRAWING.with_sink(None)
@@ -51,7 +52,7 @@ def measured(
     return HeatingCurve(time, seen, place)
 
 
-@pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
+@pytest.mark.parametrize("place", one_by_day(["fluid", "wall", "coil"]))
 def test_known_factors_are_recovered_within_errors(place: Place):
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     curve = measured(heated(truth, start=297.0), 1, noise=0.3, place=place)

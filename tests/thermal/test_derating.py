@@ -90,12 +90,3 @@ def test_derating_map_is_written_in_four_formats(tmp_path):
     assert REPORT.page is not None
     assert "Derating of" in REPORT.page.render(run)
     assert answer["notes"] == []
-
-
-def test_derating_map_notes_extrapolation():
-    small = replace(card(), envelope=replace(card().envelope, command=(0.0, 1.5)))
-    run = derate(small, BARE, DUTY, replace(MAP, ambient_degC=(20.0,), air_m_s=(0.0,)))
-    (note,) = run.notes
-    assert "command runs from 2 to 2 A; the card was identified from 0 to 1.5 A" in note
-    assert REPORT.page is not None
-    assert "the card was identified from 0 to 1.5 A" in REPORT.page.render(run)
