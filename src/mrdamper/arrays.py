@@ -37,9 +37,9 @@ def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
 
 
 def level_numbers(values: ArrayLike, distance_max: float) -> NDArray[np.intp]:
-    """Group values into levels; return the number of the level of each value, from 0 on, shape (n,).
+    """Group nearly equal values. Return the group number of each value, from 0 on, shape (n,).
 
-    Sorted values belong to one level as long as neighbours differ by at most ``distance_max``.
+    Sorted values belong to the same group as long as neighbours differ by at most ``distance_max``.
     """
     given = np.asarray(values, dtype=np.float64)
     order = np.argsort(given, kind="stable")

@@ -4,7 +4,7 @@
     ├── InputError                    3  invalid data, file, unit or option
     │   ├── EnvelopeError             3  a value outside the valid range of a law or correlation
     │   ├── MissingExtraError         3  an optional library is not installed
-    │   └── UsageError                2  options that exclude each other, or one that is missing
+    │   └── UsageError                2  options that exclude each other, or a missing option
     ├── ConvergenceError              4  a fit or solve that did not reach its tolerance
     └── CheckError                    5  a result did not pass its own check
 
@@ -34,7 +34,7 @@ class MrdamperError(Exception):
     found, expected : the actual and the expected value
     place : file, run or field with the fault
     remedy : action of the user, as a sentence, or as a clause if it starts with a small letter
-    faults : several errors that are reported as one; the common error then has no parts of its own
+    faults : several errors that are reported as one error, which then has no other parts
 
     The message consists of place, found, expected and remedy, in this order. Each of several faults has its
     own line. Very long texts are cut.
@@ -72,7 +72,7 @@ class MrdamperError(Exception):
         self.args = (self._message(),)
 
     def prepend_place(self, place: str | PurePath) -> Self:
-        """Return this error with another place in front of its place, such as the file before the field.
+        """Return this error with a place in front of the error's place, such as the file before the field.
 
         The place is not repeated if the error's place already begins with it.
         """
@@ -113,7 +113,7 @@ class MrdamperError(Exception):
 
 
 def _join_faults(faults: Sequence[MrdamperError]) -> str:
-    """Return a line for each of the first faults, and the number of the others."""
+    """Return one line for each of the first faults, and a line with the number of further faults."""
     lines = [f"{fault}" for fault in faults[:_SHOWN_FAULTS_MAX]]
     more = (
         [f"... and {len(faults) - _SHOWN_FAULTS_MAX} more like these"]
@@ -165,7 +165,7 @@ class MissingExtraError(InputError):
 
 
 class UsageError(InputError):
-    """Options that exclude each other, or a missing option. It is raised before files are read."""
+    """Options that exclude each other, or a missing option. The error is raised before files are read."""
 
     exit_code: ClassVar[int] = 2
 

@@ -28,7 +28,7 @@ from mrdamper.schema import Option, Positive, check_ranges
 ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
     {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
 )
-"""Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], geometric means as they are known."""
+"""Roughness Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], the geometric mean of each class."""
 
 _REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
 _FINEST_WAVENUMBER = 2.83  # end of the range of ISO 8608 [cycles/m]
@@ -318,7 +318,8 @@ class RandomCurrent:
     """A commanded current with random levels, each held for a random time; reproducible by its seed.
 
     Levels are uniformly distributed between zero and the highest level, with a twelfth of the levels at
-    either end. Times are log-uniform. Only such runs show if a law is wrong for a changing current.
+    either end. Holding times are log-uniform. Only runs with a changing current show if a law is wrong for a
+    changing current.
     """
 
     highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
@@ -402,10 +403,10 @@ MOTIONS: Mapping[str, Motion] = MappingProxyType(
         "steps": Triangle(12e-3, 30e-3),
     }
 )
-"""The motions that go by a name. ``steps`` is driven with ``CURRENT_STEPS``."""
+"""Name -> motion. The motion ``steps`` is used with ``CURRENT_STEPS``."""
 
 CURRENT_STEPS = CurrentSteps((0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0), hold=0.8)
-"""0-1-2-1-0 A twice; on the motion ``steps`` each switch comes at mid-stroke, at 30 mm/s."""
+"""0-1-2-1-0 A twice. With the motion ``steps``, each switch is at mid-stroke, at 30 mm/s."""
 
 RANDOM_CURRENT = RandomCurrent()
 """0 to 2 A, held for 20 to 300 ms."""
@@ -480,7 +481,7 @@ def _hertz(text: str) -> float:
 
 
 def _number_and_unit(text: str) -> tuple[float, str]:
-    """Return number and unit of a text such as 5mm; NaN and "" if the text has another form."""
+    """Return number and unit of a text such as 5mm; NaN and "" if the text has a different form."""
     found = re.fullmatch(r"\s*([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?|\.[0-9]+)\s*([A-Za-z].*?)\s*", text)
     return (float(found[1]), found[2]) if found else (float("nan"), "")
 

@@ -20,7 +20,7 @@ _PAST_INTEGERS = 1 << 63
 
 
 MAP_SUFFIX = ".channels.toml"
-"""The end of a channel map's name that lies beside a file of measurements, after the file's whole name."""
+"""Suffix of a channel map. It follows the full name of the data file in the same folder."""
 
 
 def printable(name: str) -> str:

@@ -35,9 +35,9 @@ CommandUnit = Literal["A", "V"]
 class Quantity:
     """A quantity in a channel of a rig file.
 
-    ``low`` and ``high`` are the plausible range [SI] of a damper on a rig. Outside it, a unit is wrong or a
-    sensor has failed. ``headers`` are names of the role in a file header (words in any case, single letters
-    exactly). ``units`` are listed in messages.
+    ``low`` and ``high`` are the plausible range [SI] for a damper on a rig. Values outside this range are due
+    to a wrong unit or a failed sensor. ``headers`` are names of the role in a file header (words in any case,
+    single letters exactly). ``units`` are listed in messages.
     """
 
     role: str
@@ -128,8 +128,8 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "кгс": "kgf", "а": "A", "в": "V", "°с": "degC",
     }
 )  # fmt: skip
-# Spellings that are unique for a known role only: other cases, or letters with another meaning elsewhere.
-# MS and MA have no entry, because M can mean mega.
+# Spellings that are unambiguous only if the role is known: upper and lower case variants, and letters that
+# are a different unit for a different role. MS and MA have no entry because M can mean mega.
 _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "time": {"S": "s", "SEC": "s", "мс": "ms"},
@@ -278,7 +278,7 @@ def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
 
 @cache
 def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
-    """Return scale and zero of the linear conversion from a unit to the SI unit of the role."""
+    """Return factor and offset of the linear conversion from a unit to the SI unit of the role."""
     usual = _FREQUENT_UNITS.get((role, spelled))
     if usual is not None:
         return usual
@@ -315,7 +315,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
 
 @cache
 def roles_of_unit(unit: str) -> tuple[str, ...]:
-    """Return the roles with a unit, typically one role; empty if the text is not a unit of a channel."""
+    """Return the roles that may have a unit, typically one; empty if the text is not a unit of a channel."""
     if not unit or unit.strip("[]() ").lower() in _UNITS_WITHOUT_ROLE:
         return ()
     roles_without_pint = tuple(role for role in QUANTITIES if _is_frequent(spell_unit(unit, role), role))

@@ -64,7 +64,8 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 class Option:
     """Properties of a field beyond its type: help, unit, range, and its name in each interface.
 
-    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. All are in ``unit``.
+    The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. These limits are in
+    ``unit``.
     """
 
     help: str = ""  # if there is no text below the field
@@ -86,7 +87,7 @@ class Option:
     expected: str = ""  # expected value in messages; empty: derived from type, unit and range
     most_items: int | None = None
     least_items: int | None = None
-    # Forms:
+    # Properties of the field in a web form:
     label: str = ""  # empty: derived from the name
     group: str = "More"  # heading of the field; empty: above all headings
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
@@ -190,12 +191,12 @@ class Field:
 
     @cached_property  # Each check of a record uses it.
     def item(self) -> Any:  # noqa: ANN401 - a type
-        """Return the type of one value: of the items if the field is a list."""
+        """Return the type of the value, or of the items if the field is a list."""
         return _split_annotation(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
 
     @property
     def item_option(self) -> Option:
-        """Return the option of one value: of the items if the field is a list, otherwise of the field."""
+        """Return the option of the field, or of its items if the field is a list."""
         return _split_annotation(get_args(self.type)[0])[1] if self.many else self.option
 
     @cached_property
@@ -262,7 +263,7 @@ def fields_of(record: type) -> tuple[Field, ...]:
 
 
 def _read_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
-    # Use the names of the module: a lambda in an annotation looks there when it is called.
+    # Use the names of the module because a lambda in an annotation uses these names when it is called.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
         names |= vars(sys.modules[base.__module__])

@@ -43,7 +43,7 @@ def forget_reaches() -> None:
 
 
 def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> dict[float, Score]:
-    """Return the worse score of the seeds by temperature [degC]."""
+    """Return temperature [degC] -> worst value of each score over the seeds."""
     found = {}
     for degrees in TEMPERATURES:
         warm = replace(scenario, temperature_degC=degrees)

@@ -1,7 +1,7 @@
 """An asymmetric damper, whose force is larger in one direction as in a car, is fitted by default.
 
-The damper has other equations than the laws: a valve with tanh, linear and square terms, each asymmetric, in
-series with a spring, plus friction and gas. It is integrated with steps of 50 us.
+The equations of the damper are different from all laws: an asymmetric valve with tanh, linear and square
+terms in series with a spring, plus friction and gas. They are integrated with steps of 50 us.
 """
 
 from __future__ import annotations

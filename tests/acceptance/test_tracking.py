@@ -103,18 +103,18 @@ def test_magnetic_hysteresis_is_identified(preset):
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_error_of_all_samples(preset, target):
+def test_largest_error_is_within_limit(preset, target):
     assert score_of(preset, target).max_N <= MUST[preset, target][0]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_feasible_error(preset, target):
+def test_largest_feasible_error_is_within_limit(preset, target):
     """The paper reports 62.5 N at 900 N for its damper."""
     assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_feasible_rms_error(preset, target):
+def test_feasible_rms_error_is_within_limit(preset, target):
     assert rmse(score_of(preset, target)) <= MUST[preset, target][2]
 
 
@@ -185,14 +185,14 @@ def added(controller: ForceController, scenario: Scenario) -> float:
 
 
 @pytest.mark.parametrize("off_K", [-5.0, 5.0])
-def test_thermocouple_error_of_5_kelvin(off_K):
+def test_thermocouple_error_costs_little(off_K):
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, sensors=replace(scenario.sensors, temperature_offset_K=off_K))
     assert added(controllers_of("nominal")["recommended"], scenario) <= 25.0
 
 
 @pytest.mark.parametrize("gain", [0.9, 1.1])
-def test_damper_gain_error_of_10_percent(gain):
+def test_damper_gain_error_is_limited(gain):
     """A controller without a force sensor cannot detect a gain. 10 % of the target is 68 N RMS.
 
     The limit is 60 N more than the undisturbed error. A weaker damper does not meet it: it adds 65.1 N. A
@@ -203,14 +203,14 @@ def test_damper_gain_error_of_10_percent(gain):
     assert added(controllers_of("nominal")["recommended"], scenario) <= (66.0 if gain < 1.0 else 60.0)
 
 
-def test_known_delay_of_10_ms():
+def test_known_delay_costs_little():
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, command_delay_s=0.010))
     retuned = controllers_for(card_of("nominal"), extra_delay_s=0.010)["recommended"]
     assert added(retuned, scenario) <= 6.0
 
 
-def test_sampling_at_100_Hz():
+def test_slow_sampling_costs_little():
     slow = controllers_for(card_of("nominal"), period_s=0.010)["recommended"]
     assert added(slow, SCENARIOS[SLOW]) <= 8.0
 

@@ -92,7 +92,7 @@ def test_reference_matches_hypergeometric_form(n):
 
 @pytest.mark.parametrize("n", EXPONENTS)
 def test_curve_matches_the_closed_form(n):
-    """The bar is 1e-6; the table is laid out for 5e-7, measured worst 2e-7 (n = 0.2)."""
+    """The limit is 1e-6. The table is designed for 5e-7; the largest measured error is 2e-7 (n = 0.2)."""
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n)
         assert np.abs(core.curve(kappa, n, rise.travel)[0] - rise.u).max() < 5e-7
@@ -120,8 +120,8 @@ def test_curve_is_monotonic_and_bounded(kappa, n):
 def test_slope_satisfies_the_equation(n):
     """dY/dtau = 1 - w^n (1 - kappa |w|^n on the falling side).
 
-    It is the derivative of a table good to 5e-7. For n < 0.7 the curve has a corner at zero that no slope
-    of a cubic follows: away from |tau| < 1e-3 it does.
+    The slope is the derivative of a table with an error of 5e-7. For n < 0.7 the curve has a corner at zero
+    that no cubic can follow. Therefore |tau| < 1e-3 is excluded.
     """
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n, below=1.0 - 1e-9)

@@ -104,7 +104,7 @@ def bare(name: str, **values: float) -> Damper:
 
 
 def random_motion(seed: int, size: float = 0.01) -> Harmonics:
-    """Five tones from 0.3 to 4 Hz, strokes of some ``size`` [m]."""
+    """Return a motion of five tones from 0.3 to 4 Hz with strokes of about ``size`` [m]."""
     draw = np.random.default_rng(seed)
     frequencies = draw.uniform(0.3, 4.0, 5)
     amplitudes = size / (1.0 + frequencies) * draw.uniform(0.3, 1.0, 5)
@@ -151,7 +151,10 @@ def relative(found, expected) -> float:
     ],
 )
 def test_law_matches_an_adaptive_integrator(name, tolerance, rate):
-    """LSODA on the same Hermite interpolant, of the peak force: no step, so no rate to depend on."""
+    """The reference is LSODA on the same Hermite interpolant. Errors are relative to the peak force.
+
+    The laws have no integration step, so that the error does not depend on the rate.
+    """
     trajectory = random_drive(1, rate=rate)
     d = damper(name, **FRICTION)
     assert relative(simulate(d, trajectory), simulate_reference(d, trajectory)) < tolerance
@@ -197,9 +200,10 @@ def test_series_valve_converges_with_order_two():
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "largest", "finest"), [("lugre", 1e-4, 2e-7), ("spencer", 2e-4, 2e-7)])
 def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
-    """Of the peak force at 1 ms: lugre 5.5e-5, spencer 9.6e-5 at most (at reversals); rms 1.5e-5 and 1.6e-5.
+    """The rms error falls by four if the step is halved, down to the table error of spencer, 7e-8 at 1/16 ms.
 
-    The rms error falls by four with each halving, down to the error of the table (spencer) at 1/16 ms: 7e-8.
+    At 1 ms, the largest error (at reversals) is 5.5e-5 of the peak force for lugre and 9.6e-5 for spencer.
+    The rms error is 1.5e-5 and 1.6e-5.
     """
     trajectory = random_drive(0, duration=1.0)
     d = damper(name, **FRICTION)
@@ -239,7 +243,7 @@ def test_bouc_wen_matches_its_closed_form(rate, tolerance, rho, kappa, n):
 def test_spencer_without_yield_matches_closed_form(rate):
     """(c0 + c1) y' + k0 y = c0 x' + k0 x on a sine, from rest.
 
-    Of the peak: 5.6e-5 at 250 Hz, 3.5e-6 at 1 kHz.
+    The error is 5.6e-5 of the peak force at 250 Hz and 3.5e-6 at 1 kHz.
     """
     c0, c1, k0, motion = 2500.0, 3e4, 4e5, Sine(0.01, 2.0)
     trajectory = drive(motion, duration=1.0, rate_Hz=rate, command=0.0)
@@ -307,7 +311,7 @@ def test_slot_creeps_linearly_to_its_yield_force():
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
 def test_chain_converges_with_order_one(off):
-    """Every term on but the corner and those at which the integrator gives up; at 1/2, 1/8 and 1/32 ms.
+    """All terms are enabled except the corner and terms for which the integrator fails (1/2, 1/8, 1/32 ms).
 
     The first 20 ms are ignored because the gas of the cavity is compressed first.
     """
@@ -451,7 +455,8 @@ PASSIVE = {
 def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, coulomb, breakaway):
     """For all admissible coefficients the damper dissipates energy in a closed cycle.
 
-    The trapezium over 400 samples is good to 1e-4 of the loop's box; a loop may be thinner than that.
+    The trapezoidal rule over 400 samples has an error of 1e-4 of the box around the loop. A loop may be
+    thinner.
     """
     own = {key: data.draw(value, label=key) for key, value in PASSIVE[name].items()}
     common = {"viscosity": viscosity, "stiffness": stiffness, "coulomb_friction": coulomb}
@@ -516,14 +521,14 @@ def test_saturating_law_without_rate_force_is_bouc_wen():
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_lugre_without_excess_and_damping_is_dahl(rate):
-    """At any step: both are exact, lugre by exp, dahl by its table (1.5e-7)."""
+    """Both laws are exact at any step: lugre by an exponential, dahl by its table (1.5e-7)."""
     trajectory = random_drive(5, rate=rate)
     bristles = damper("lugre", static_excess=0.0, bristle_damping=0.0)
     assert relative(simulate(bristles, trajectory), simulate(damper("dahl"), trajectory)) < 5e-7
 
 
 def test_spencer_with_rigid_dashpot_is_bouc_wen():
-    """The error at 1e12 N s/m is the position of the reversal within a step (1e-5 of the peak at 1 ms)."""
+    """At 1e12 N s/m, the position of reversals within a step causes an error of 1e-5 of the peak at 1 ms."""
     trajectory = random_drive(5)
     inner = {"viscosity": 2500.0, "stiffness": 5600.0}
     # The inner spring is unstretched where the run starts.
@@ -563,10 +568,11 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
     ],
 )
 def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rms):
-    """The rig's own program at 20 kHz in textbook coefficients; the kernel at 1 kHz, on the 3 kN damper.
+    """The reference is the program of the virtual rig at 20 kHz, with textbook coefficients (3 kN damper).
 
-    Largest and rms error, of the peak force and of the spread: 1e-4 and 3e-5; 6e-4 and 2e-4; 2.2e-3 and 7e-4.
-    The loop is steep (yield displacement 21 um), so the error is the reversal time within a millisecond.
+    The kernel has 1 kHz. The largest error relative to the peak force and the rms error relative to the
+    standard deviation are 1e-4 and 3e-5; 6e-4 and 2e-4; 2.2e-3 and 7e-4. The loop is steep (yield
+    displacement 21 um), so that the reversal time within a millisecond causes the error.
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (
@@ -583,7 +589,7 @@ def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rm
 
 
 def test_steep_bouc_wen_is_dry_friction():
-    """Rho -> infinity: the yield force with the sign of the velocity."""
+    """For rho -> infinity, the force is the yield force with the sign of the velocity."""
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
     moving = np.abs(trajectory.velocity) > 1e-3
@@ -592,7 +598,7 @@ def test_steep_bouc_wen_is_dry_friction():
 
 
 def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarray:
-    """Return the force of the series law's valve alone, its travel being the damper's."""
+    """Return the force of the valve of the series law if its travel equals the travel of the damper."""
     x, v = trajectory.displacement, trajectory.velocity
     shape = np.tanh(v / c["yield_velocity"]) + c["thinning"] * np.abs(v) ** c["thinning_exponent"] * np.sign(
         v
@@ -624,9 +630,9 @@ def test_rigid_series_law_is_its_valve(rigid):
 
 @every_law
 def test_causal_form_matches_the_record(name):
-    """The bar is 1e-4 of the peak force at 1 kHz; measured 1e-15.
+    """The limit is 1e-4 of the peak force at 1 kHz; the measured error is 1e-15.
 
-    Both turn at the extremum of the same cubic, which is known once the sample after it is there.
+    Both forms reverse at the extremum of the same cubic, which is known from the next sample on.
     """
     trajectory = random_drive(0)
     whole = simulate(damper(name), trajectory)
@@ -648,7 +654,7 @@ def test_causal_form_matches_with_varying_command(name):
 
 
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
-    """Central differences of fourth order at three steps: which one is best depends on the curvature."""
+    """Generate central differences of fourth order with three steps: the best depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -698,7 +704,7 @@ def test_squared_errors_match_single_runs(name):
 
 @every_law
 def test_gram_sums_match_single_runs(name):
-    """From tangents and force of one run at a time, multiplied by NumPy."""
+    """The reference multiplies tangents and force of single runs by NumPy."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
@@ -745,7 +751,7 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
             rows = [*columns, measured[k] - force]
             scored = np.array(rows)[:, starts[k] :]
             size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
-            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)  # less is rounding
+            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)  # else rounding
             size[: len(told)] = np.maximum(size[: len(told)], told)
             pairs, expected = np.outer(size, size), scored @ scored.T
             np.testing.assert_allclose(found[j, k] / pairs, expected / pairs, atol=1e-3)
@@ -754,7 +760,7 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
 
 @pytest.fixture
 def _level() -> Iterator[None]:
-    """Put the instruction-set level back."""
+    """Restore the instruction set level after a test."""
     before = core.level()
     yield
     core.use_level(before)
@@ -763,7 +769,7 @@ def _level() -> Iterator[None]:
 @pytest.mark.usefixtures("_level")
 @every_law
 def test_instruction_sets_give_the_same_bits(name):
-    """No contraction, no re-association: all machines compute the same card."""
+    """The compiler does not fuse or reorder operations, so that all machines compute the same card."""
     trajectory = random_drive(2)
     d = damper(name, **FRICTION)
     values = coefficients_of(d)
@@ -831,7 +837,7 @@ def dashpot(**values: float) -> Damper:
 
 @given(exponent=exponents, viscosity=st.floats(1.0, 1e4), seed=st.integers(0, 20))
 def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
-    """F = c0 v0 |v/v0|^m sgn v with v0 = 0.1 m/s: there c0 is force over speed, whatever the exponent."""
+    """F = c0 v0 |v/v0|^m sgn v. At v0 = 0.1 m/s, c0 is force divided by speed for any exponent."""
     trajectory = random_drive(seed, duration=0.1)
     v = trajectory.velocity
     expected = viscosity * 0.1 * np.abs(v / 0.1) ** exponent * np.sign(v)
@@ -843,7 +849,7 @@ def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
 def test_viscous_force_and_tangents_are_additive(name, varying):
-    """By viscosity: the power of velocity; by the exponent: the force times ln(|v| / 0.1 m/s)."""
+    """The derivative by viscosity is the power of velocity, by the exponent the force times ln(|v| / v0)."""
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
     plain = damper(name, viscosity=0.0)
@@ -865,9 +871,10 @@ def test_viscous_force_and_tangents_are_additive(name, varying):
 @examples(30)
 @given(motion=sines, exponent=exponents, viscosity=positive)
 def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
-    """And on a sine the closed form: c0 v0^(1-m) (A w)^m 4 A times the integral of sin^(m+1).
+    """The work per cycle of a sine is c0 v0^(1-m) (A w)^m 4 A times the integral of sin^(m+1).
 
-    The trapezium over 400 samples meets the corner of |v|^m at the reversals with 3e-4 at m = 0.05.
+    The trapezoidal rule over 400 samples has an error of 3e-4 at m = 0.05, from the corner of |v|^m at
+    reversals.
     """
     work, _ = work_of_last_cycle(dashpot(viscosity=viscosity, viscous_exponent=exponent), motion)
     speed = motion.amplitude * 2.0 * math.pi * motion.frequency
@@ -889,7 +896,7 @@ def test_double_law_reduces_to_a_single_element():
 
 
 def test_workspace_changes_no_result():
-    """One curve serves all calls with its kappa and n; another shape, or tangents, require a new table."""
+    """One table is used for equal kappa and n. A different shape, or tangents, require a new table."""
     record, workspace = core.open_record(random_drive(2)), core.Workspace()
     for name in ("bouc-wen", "double-bouc-wen", "spencer", "bouc-wen"):
         c, places = coefficients_of(damper(name)), range(len(LAWS[name].names))

@@ -208,4 +208,4 @@ WRITERS: Mapping[str, Callable[[Path], None]] = MappingProxyType(
         "run.xlsx": write_excel,
     }
 )
-"""A file's name -> what writes the run to it."""
+"""File name -> function that writes the run to the file."""

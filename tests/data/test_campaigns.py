@@ -111,7 +111,11 @@ def test_implausible_damper_names_the_channel(role, factor):
     ids=["command", "stroke", "frequency", "temperature"],
 )
 def test_two_dampers_are_found_by_force_range(alike):
-    """Force ranges differ by 15 %; currents by 20 mA, strokes and frequencies by 3 %, temperatures by 3 K."""
+    """Force ranges of similar runs may differ by 15 %.
+
+    Runs are similar if the currents differ by at most 20 mA, strokes and frequencies by 3 %, temperatures by
+    3 K.
+    """
     first = run_of("first") if alike(0.0).temperature is None else warm(run_of("first"), 20.0)
 
     def told(share, gain):
@@ -125,7 +129,7 @@ def test_two_dampers_are_found_by_force_range(alike):
     assert told(1.1, 1.0 / 1.2) == []
 
 
-def test_held_out_run_of_other_damper_reported():
+def test_held_out_second_damper_is_reported():
     """The fit does not use the run. A pair of training runs has precedence."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])

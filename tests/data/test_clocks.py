@@ -55,7 +55,7 @@ Channels = Mapping[str, Channel]
 
 
 def recording(late_s: float = 0.0, force_step_s: float = 0.002, seconds: float = 4.0) -> dict[str, Channel]:
-    """Return channels of one damper; the force begins later and may have another rate."""
+    """Return channels of one damper; the force begins later and may have a different rate."""
     time = np.asarray(0.002 * np.arange(round(seconds / 0.002)))
     later = np.asarray(late_s + force_step_s * np.arange(round(seconds / force_step_s)))
     return {
@@ -158,7 +158,7 @@ def hdf5_groups(path: Path, channels: Channels) -> None:
 
 
 def write_labview(path: Path, channels: Channels, *, wide: bool, moments: bool) -> None:
-    """Write an x for each channel or none; channels begin by their x0 or by their date and time of day."""
+    """Write an x column for each channel or none; x0, or date and time of day, state its start."""
     gap = "\t\t" if wide else "\t"
     x0 = [0.0 if moments else each.start_s for each in channels.values()]
     begun = [each.moment if moments else STARTED for each in channels.values()]
@@ -289,7 +289,7 @@ WRITERS: Mapping[Callable[[Path, Channels], None], str] = {
     ("late_s", "force_step_s"), [(0.002, 0.002), (0.05, 0.002), (0.05, 0.001), (0.0, 0.001)]
 )
 def test_channels_keep_their_own_clock(tmp_path, write, late_s, force_step_s):
-    """A shift of one step, of 50 ms, and a second rate: values belong to the times that the file states."""
+    """The channels have a shift or a second rate. Values belong to the times that the file states."""
     path = tmp_path / WRITERS[write]
     write(path, recording(late_s, force_step_s))
     is_reported = late_s > (

@@ -50,7 +50,7 @@ def test_sampled_sine_dissipates_closed_form_energy() -> None:
 
 
 def test_no_cycle_crosses_a_break() -> None:
-    """Invalid numbers, a time that falls and a gap each break the record in one cycle."""
+    """An invalid number, a decreasing time and a gap each interrupt one cycle of the record."""
     time, x, force = sine(10_001)
     force[1_000] = np.nan  # The cycle starts at sample 950.
     x[3_000] = 1e12  # The cycle starts at sample 2950.

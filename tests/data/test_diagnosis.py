@@ -82,7 +82,7 @@ def test_clean_run_has_no_finding(motion, rest):
     seed=st.integers(0, 1000),
 )
 def test_quantised_noisy_sine_has_no_fault(amplitude, frequency, quantum, grain, seed):
-    """Coarse converters are constant at reversals of a sine: this is neither clipped nor stuck."""
+    """A coarsely quantised sine is constant at its reversals. This is neither clipping nor a stuck sensor."""
 
     def coarse(fields):
         if grain:
@@ -118,8 +118,9 @@ def test_virtual_rig_has_only_known_findings():
 def test_real_runs_have_only_known_findings(real_data):
     """Real runs have only the known properties of their rigs; no channel is clipped, stuck or delayed.
 
-    UTFSM: offset of 24 to 58 N, the 25 mm 0.25 Hz run at 1 A grows by 6 %, the force at 0 A falls. UTFPR: gas
-    preload of 100 to 140 N, the mean position drifts by up to 3.5 mm, repeatability 2 to 12 %.
+    UTFSM: the offset is 24 to 58 N, the force range of the 25 mm 0.25 Hz run at 1 A grows by 6 %, and the
+    force at 0 A falls. UTFPR: the gas preload is 100 to 140 N, the mean position drifts by up to 3.5 mm, and
+    the repeatability is 2 to 12 %.
     """
     runs = read_runs(real_data / "dev")
     found = [finding for run in runs for finding in diagnose(run)]
@@ -279,7 +280,7 @@ def a_finding(kind, severity="warning", size=None, run="", **fields):
 
 
 def test_run_count_counts_each_recording_once():
-    """Several findings of a run, and a copy of the run, do not add to the number of runs."""
+    """A run with several findings counts once, and a copy of the run does not count."""
     clipped = [a_finding("clipped", run=run, from_s=time) for run in ("one", "copy") for time in (0.0, 1.0)]
     copy = a_finding("duplicate", run="copy")
     assert [(finding.kind, count) for finding, count in by_kind([*clipped, copy])] == [
@@ -291,7 +292,7 @@ def test_run_count_counts_each_recording_once():
 
 
 def test_repeated_findings_are_listed_once():
-    """Two tests report one fault of a run once; faults at two times, or in two runs, are two."""
+    """A fault that two checks find is listed once. Faults at two times, or in two runs, are listed twice."""
     early, again = a_finding("force_early", run="one"), a_finding("force_early", run="one", found="again")
     other = [a_finding("force_early", run="two"), a_finding("force_early", run="one", from_s=1.0)]
     assert without_repeats([early, again, *other]) == [early, *other]

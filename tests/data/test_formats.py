@@ -95,7 +95,7 @@ def test_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, mo
 
 
 def test_channel_map_sets_delimiter_and_decimal(tmp_path):
-    """Whole numbers separated by blanks and commas are columns either way."""
+    """A channel map may state delimiter and decimal sign. Invalid settings are rejected with a message."""
     write_csv(tmp_path / "run.csv")
     channels = ChannelMap.from_dict({"file": {"delimiter": ",", "decimal": "."}})
     (run,) = read_run(tmp_path / "run.csv", channels)
@@ -120,7 +120,7 @@ COMPILED = {"run.h5", "v73.mat", "v5.mat", "run.mf4", "run.parquet", "run.xlsx"}
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_damaged_file_is_read_or_rejected(tmp_path, name, capfd):
-    """Damaged bytes end in one error and print nothing; files of compiled formats are truncated only."""
+    """A damaged file causes one error and prints nothing. Files of compiled formats are only truncated."""
     file = tmp_path / name
     WRITERS[name](file)
     content = file.read_bytes()

@@ -82,7 +82,7 @@ def french(folder: Path) -> None:
 
 
 def japanese(folder: Path) -> None:
-    """Write Shift JIS, the columns in another order, the current measured next to its set point."""
+    """Write Shift JIS with a different order of columns, and the measured current next to its set point."""
     for k, run in enumerate(RUNS):
         lines = ["試験,減衰器", "電流指令[A],荷重[N],変位[mm],時間[s],電流[A]"]
         table = zip(run.force, 1e3 * run.displacement, run.time, run.command, strict=True)
@@ -91,7 +91,7 @@ def japanese(folder: Path) -> None:
 
 
 def blocks(folder: Path) -> None:
-    """Write one text whose blocks have headers of their own, a table of results above and words below."""
+    """Write one text with a header for each block, a table of results above and words below."""
     text = "Summary\nCycle\tFmax (N)\n1\t900\n2\t901\n\n"
     for run, current in zip(RUNS, CURRENTS, strict=True):
         text += f"Sweep at {current} A\nElapsed (s)\tLVDT (mm)\tLoad cell (N)\n{rows(run, sign=chr(9))}\n"
@@ -266,7 +266,7 @@ def names_and_units_listed(folder: Path) -> None:
 
 
 def german_mts(folder: Path) -> None:
-    """Write a station's text in Windows-1252, whose degrees and umlauts are of its names and units."""
+    """Write a text in Windows-1252 with umlauts in the names and degree signs in the units."""
     for k, run in enumerate(RUNS):
         head = "MTS793|MPT|DEU|1|2|,|.|:|1|0|0|A\n\nDatenerfassung\t\tZeit:\t2,0\tSek.\n"
         head += "Laufzeit\tWeg\tKraft\tSpulenstrom\tÖltemperatur\ns\tmm\tN\tA\t°C\n"
@@ -276,7 +276,7 @@ def german_mts(folder: Path) -> None:
 
 
 def coarse_time(folder: Path) -> None:
-    """Write a time of ten milliseconds' resolution in a record of two hundred samples a second."""
+    """Write a record at 200 Hz with a time resolution of 10 ms."""
     for k, run in enumerate(RUNS):
         columns = (np.arange(N) // 2 * 0.01, 1e3 * run.displacement, run.force, run.command)
         table = [";".join(number(value) for value in row) for row in zip(*columns, strict=True)]
@@ -319,7 +319,7 @@ def groups(folder: Path) -> None:
 
 
 def waveforms(folder: Path) -> None:
-    """Write groups without a time, whose channels state their increment."""
+    """Write groups that have no time column; the channels state their increment."""
     from nptdms import ChannelObject, TdmsWriter
 
     with TdmsWriter(str(folder / "rig.tdms")) as writer:
@@ -335,7 +335,7 @@ def waveforms(folder: Path) -> None:
 
 
 def universal(folder: Path) -> None:
-    """Write functions of time in text of fixed width, one file a run."""
+    """Write one universal file (text of fixed width) with functions of time for each run."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         text = ""
         for name, unit, values in (
@@ -359,7 +359,7 @@ def universal(folder: Path) -> None:
 
 
 def indexed(folder: Path) -> None:
-    """Write numbered runs, a list of them with current and temperature, and a table of results."""
+    """Write numbered runs, a list of the runs with current and temperature, and a table of results."""
     for k, run in enumerate(RUNS):
         text = "time_s;displacement_mm;force_N\n" + rows(run)
         (folder / f"run_{k}.csv").write_text(text, encoding="utf-8")
@@ -379,7 +379,7 @@ def slow_cells(folder: Path) -> None:
 
 
 def slow_clock(folder: Path) -> None:
-    """Write current and temperature on a time of their own, which ends at another row."""
+    """Write current and temperature with a separate time column that ends at a different row."""
     for k, run in enumerate(RUNS):
         slow = [f";{0.25 * row};{run.command[0]};40" if row < 9 else ";;;" for row in range(N)]
         text = "".join(f"{a}{b}\n" for a, b in zip(rows(run).splitlines(), slow, strict=True))
@@ -388,7 +388,7 @@ def slow_clock(folder: Path) -> None:
 
 
 def legend(folder: Path) -> None:
-    """Write channels by number with a legend above, and settings with their units in the names."""
+    """Write numbered channels with a legend above, and settings with their units in the names."""
     for k, run in enumerate(RUNS):
         head = f"[Setup]\nCoil_current_A={run.command[0]}\nOilTemp_C=40\nFs_Hz=200\n[Channels]\n"
         head += "CH0: LVDT displacement, mm\nCH1: load cell force, N\n[Data]\nCH0;CH1\n"
@@ -658,7 +658,7 @@ def test_current_in_name_needs_its_unit(value, before, unit, after, sign):
 @pytest.mark.parametrize(
     "text", ["rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"]
 )
-def test_other_texts_are_not_currents(text):
+def test_unrelated_texts_are_not_currents(text):
     assert labels_in(text, "current") == ()
 
 

@@ -57,7 +57,7 @@ def test_encoding_is_recognised_by_words(tmp_path, words, written, read):
 # ------------------------------------------------------------------------------------------- universal files
 
 VALUES = np.array([0.0, -1.5, 1234.5, 3e-3, 7.0])
-FULL = np.where(VALUES < 0.0, 1e-120, 1.0) * VALUES  # no blank before it, in a text
+FULL = np.where(VALUES < 0.0, 1e-120, 1.0) * VALUES  # Numbers fill their fields without blanks.
 TIMES = np.array([2.0, 2.25, 2.5, 2.75, 3.0])
 
 

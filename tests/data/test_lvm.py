@@ -68,7 +68,7 @@ def lvm(
 
 @pytest.mark.parametrize("forgotten", ["", "Time\t10:15", "Date\t2026"])
 @pytest.mark.parametrize("x", ["One", "No"])
-def test_later_lvm_segment_is_another_run(tmp_path, x, forgotten):
+def test_later_lvm_segment_is_separate_run(tmp_path, x, forgotten):
     content = lvm(x=x, cuts=(100,), anew=True, late_s=7.5)
     if forgotten:
         content = "\r\n".join(line for line in content.splitlines() if not line.startswith(forgotten))

@@ -114,7 +114,7 @@ def opaque(name, kind):
 
 @pytest.mark.parametrize("first", [True, False])
 def test_objects_of_classes_are_skipped(tmp_path, first):
-    """A note that is a string object does not refuse the arrays next to it."""
+    """A string object next to the arrays does not prevent reading the arrays."""
     path = tmp_path / "run.mat"
     savemat(path, {f"{name}_{unit}": values for name, (values, unit) in SIGNALS.items()} | {"time_s": TIME})
     content = path.read_bytes()

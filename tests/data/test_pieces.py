@@ -29,7 +29,7 @@ def table(**columns: object) -> Table:
 @pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # an even or an odd number of reversals
 @pytest.mark.parametrize("offset", [0.0, 0.02])
 def test_velocity_is_integrated_without_its_drift(offset, cycles):
-    """Over whole cycles: the best line through some cycles of a sine is not level."""
+    """The drift is computed over whole cycles because a line fitted to a part of a sine has a slope."""
     time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
     velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset
     found = integrated(Piece(time=time, channels={"velocity": velocity}))
@@ -61,7 +61,7 @@ def named(role: str, **columns: object) -> str:
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])
 def test_header_words_select_column_of_same_unit(role, wins, loses, first):
-    """Measured values precede set points, words symbols, and fluid air, in any order of the columns."""
+    """Measured values have priority over set points, words over symbols, and fluid over air, in any order."""
     order = (wins, loses) if first == "wins" else (loses, wins)
     others = {} if role == "force" else {"force__N": np.ones(50)}
     found = named(role, **MOVED, **dict.fromkeys(order, np.ones(50)), **others)

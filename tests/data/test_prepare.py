@@ -1,4 +1,4 @@
-"""The rules of preparation, one by one, on runs with known truth."""
+"""The rules of preparation, one by one, on runs with known reference values."""
 
 import json
 import math
@@ -103,7 +103,7 @@ def test_jittered_time_is_resampled():
 
 
 def test_rounded_time_stamps_are_not_jitter():
-    """512 Hz written to the millisecond: the samples were uniform, the stamps are not."""
+    """At 512 Hz with stamps in whole milliseconds, the samples are uniform although the stamps are not."""
     fields = fields_of_run(SINE, rate_Hz=512.0)
     exact = prepare_run(make_run(changed=fields))
     fields["time"] = np.round(fields["time"], 3)
@@ -169,7 +169,7 @@ def test_preparation_survives_json(preparation):
 
 
 def test_run_in_full_motion_is_centred():
-    """Runs of one campaign that begin at different phases agree on where zero is."""
+    """Runs of one campaign that begin at different phases have the same zero of displacement."""
     for phase in (0.3, 1.2, 0.5 * math.pi, 2.0):
         run = make_run(Harmonics((0.01,), (2.0,), (phase,)), duration=5.0)
         x = prepare_run(run).trajectory.displacement

@@ -163,7 +163,7 @@ def test_columns_without_header_have_an_index(tmp_path):
 
 
 def test_sensor_volts_are_not_the_quantity(tmp_path):
-    """The unit separates the channel from its sensor's voltage, which is no command."""
+    """The unit distinguishes the channel from the voltage of its sensor, which is not a command."""
     rows = np.array(ROWS).tolist()
     lines = "\n".join(f"{t!r},{f / 198.4!r},{f!r},{x * 104.0!r},{1e3 * x!r}" for t, x, f, _ in rows)
     text = f"Time (s),Force (V),Force (N),Displacement (V),Displacement (mm)\n{lines}\n"

@@ -18,7 +18,7 @@ def dev(real_data):
 
 
 def _position(short, long):
-    """Return where a stretch of force begins in a longer one; both are rounded to 0.1 N."""
+    """Return the index at which a short force signal begins in a longer signal, both rounded to 0.1 N."""
     starts = [
         k
         for k in range(len(long) - len(short) + 1)
@@ -30,7 +30,7 @@ def _position(short, long):
 
 @pytest.mark.system
 def test_logger_tests_match_the_trimmed_runs(real_data, dev):
-    """0, 0.25, 0.5, 0.75, 1 A one after the other; trimmed, and the displacement set to zero at the start."""
+    """The logger file has tests at 0 to 1 A in succession. Trimmed runs begin at displacement zero."""
     runs = read_run(real_data / "raw" / "ME5mm3Hz.txt", EXAMPLES / "utfsm_logger.toml")
     assert [run.constant_command for run in runs] == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert len({run.session for run in runs}) == 1
@@ -77,7 +77,7 @@ def test_smoothing_removes_only_sensor_steps(dev):
 
 
 def test_velocity_at_rest_is_quiet(dev):
-    """Below 0.2 mm/s rms before the press starts, from about 2 mm/s in raw differences at 1 kHz."""
+    """Before the press starts, the rms velocity is below 0.2 mm/s; raw differences at 1 kHz have 2 mm/s."""
     for run in dev.select("utfsm_sine_10mm2Hz_*", "utfsm_sine_5mm3Hz_*"):
         velocity = prepare_run(run).trajectory.velocity
         assert np.std(velocity[:80]) < 0.2e-3

@@ -27,7 +27,7 @@ WHOLE = tuple(f"{sign}{size}" for sign in "iu" for size in (1, 2, 4, 8))
 
 
 def ends(kind: str) -> np.ndarray:
-    """Return the least and greatest whole numbers of a type, and some between."""
+    """Return the smallest and the largest integer of a type, and some integers between."""
     info = np.iinfo(kind)
     return np.array([info.min, info.max, *range(ROWS - 2)], dtype=kind)
 

@@ -51,7 +51,7 @@ def test_periodic_rounding_counts_as_noise():
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 def test_clean_sine_is_not_smoothed(rate):
-    """39 samples per cycle and 195: velocity to 1e-4 of its amplitude, with no smoothing chosen."""
+    """At 39 and 195 samples per cycle, there is no smoothing, and the velocity error is below 1e-4."""
     sine = Sine(0.002, 200.0 / 39)
     t = np.arange(5 * rate + 1) / rate
     x = sine.displacement(t)
@@ -76,7 +76,7 @@ def test_clean_sine_is_not_smoothed(rate):
     ],
 )
 def test_smoothing_limits_velocity_noise(motion, velocity_noise):
-    """Steps of 3 um at 1 kHz. Raw differences have 2 mm/s rms; the ends (20 ms, a free spline) apart."""
+    """The signal has steps of 3 um at 1 kHz: raw differences have 2 mm/s rms. Ends of 20 ms are excluded."""
     t = np.arange(10_001) / 1000.0
     rng = np.random.default_rng(3)
     measured = 3e-6 * np.round((motion.displacement(t) + 1.5e-6 * rng.standard_normal(len(t))) / 3e-6)
@@ -95,7 +95,7 @@ def test_smoothing_limits_velocity_noise(motion, velocity_noise):
     spacing=st.integers(2, 40),
 )
 def test_smoothing_keeps_cubics_ends_included(start, slope, bend, spacing):
-    """The penalty is on fourth differences: a cubic has none."""
+    """The penalty acts on fourth differences, which are zero for a cubic."""
     t = np.linspace(-1.0, 1.0, 401)
     x = start + slope * t + bend * t**3
     moved = smooth(x, t[1] - t[0], 0.5 / (spacing * (t[1] - t[0])))
@@ -153,8 +153,8 @@ def test_periodic_motion_label_is_complete(amplitude, frequency, periods, is_sin
     )
 
 
-def test_other_motions_have_their_labels():
-    """One stroke, a sweep, a period of several strokes, and noise between two frequencies."""
+def test_irregular_motions_have_their_labels():
+    """The motions are one stroke, a sweep, a period of several strokes, and band-limited noise."""
     step = 1e-3
     t = step * np.arange(20_001)
     once = describe_motion(0.03 * np.linspace(0.0, 1.0, 501), step)

@@ -1,4 +1,4 @@
-"""The temperature of a run: noise taken out, drift kept, the sensor's lag taken back."""
+"""The temperature of a run: noise removed, drift kept, sensor lag compensated."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_noise_alone_is_no_drift(step):
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
 def test_warming_is_followed_within_0_3_K(seed, rate):
-    """Ends included; measured 0.18 K at 50 Hz, 0.05 K at 1 kHz, under noise of 0.3 K."""
+    """The measured error, ends included, is 0.18 K at 50 Hz and 0.05 K at 1 kHz, with noise of 0.3 K."""
     time = times(60.0, rate)
     true = 300.0 + 20.0 * time / 60.0
     found = condition_temperature(true + noise(len(time), 0.3, seed), 1.0 / rate)
@@ -59,7 +59,7 @@ def test_warming_is_followed_within_0_3_K(seed, rate):
 
 
 def test_flattening_curve_is_followed():
-    """Towards the final temperature with a time constant of 20 s, as a damper that warms up does."""
+    """The temperature approaches its final value with a time constant of 20 s, as in a warming damper."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
     found = condition_temperature(true + noise(len(time), 0.3), 1 / 200.0)
@@ -69,7 +69,7 @@ def test_flattening_curve_is_followed():
 
 
 def test_warming_and_cooling_is_not_constant():
-    """The straight line has no slope, but the means of its eighths differ."""
+    """A straight line fitted to the run has no slope, but the means of the eighths of the run differ."""
     time = times(60.0)
     true = 300.0 + 10.0 * np.sin(np.pi * time / 60.0)
     found = condition_temperature(true + noise(len(time), 0.3), 1 / 200.0)
@@ -80,7 +80,7 @@ def test_warming_and_cooling_is_not_constant():
 
 @given(slope=st.floats(0.2, 2.0), lag=st.floats(0.0, 10.0), sign=st.sampled_from([-1.0, 1.0]))
 def test_sensor_lag_on_a_ramp_is_compensated(slope, lag, sign):
-    """A lagging sensor shows T - lag dT/dt on a ramp: that much is given back, short run or long."""
+    """On a ramp, a sensor with lag shows T - lag dT/dt. The lag is compensated in short and long runs."""
     for duration in (8.0, 40.0):
         time = times(duration, 100.0)
         true = 330.0 + sign * slope * time
@@ -90,7 +90,7 @@ def test_sensor_lag_on_a_ramp_is_compensated(slope, lag, sign):
 
 
 def test_sensor_lag_on_a_curve_is_compensated():
-    """True: 20 s towards the end; shown: 4 s later. Up to 2.7 K off, 0.003 K once the sensor follows."""
+    """The temperature has a time constant of 20 s, the sensor 4 s. Its error of 2.7 K becomes 0.003 K."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
     shown = measured_by_a_slow_sensor(true, 1 / 200.0, 4.0)

@@ -213,7 +213,7 @@ def test_offsets_from_utc_are_compared(tmp_path, runs):
 
 
 def test_tdms_of_utc_needs_zone(tmp_path):
-    """TDMS states UTC. A long log in local time of an unknown zone would give another temperature."""
+    """TDMS states UTC. A long log in local time of an unknown zone could give a wrong temperature."""
     tdms(tmp_path)
     iso_log(tmp_path, logged(LOG_BEGIN - timedelta(hours=3), 400.0))
     read = read_each(tmp_path)
@@ -223,7 +223,7 @@ def test_tdms_of_utc_needs_zone(tmp_path):
     assert_warm(read_each(tmp_path))
 
 
-def test_log_of_other_days_is_listed(tmp_path):
+def test_log_of_different_days_is_listed(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(time + timedelta(days=1), value) for time, value in logged()])
     read = read_each(tmp_path)
@@ -232,7 +232,7 @@ def test_log_of_other_days_is_listed(tmp_path):
     assert all(run.temperature is None for run in read.runs)
 
 
-def test_clock_without_date_is_listed(tmp_path):
+def test_undated_log_is_listed(tmp_path):
     HEADERS(tmp_path)
     write(tmp_path, "oil.csv", "Time,Oil (degC)\n" + "".join(f"{t:%H:%M:%S},{v:.3f}\n" for t, v in logged()))
     read = read_each(tmp_path)

@@ -1,4 +1,4 @@
-"""Times of day and dates as clocks show them: seconds from the first, whatever the spelling."""
+"""Times of day and dates in many spellings are converted to seconds from the first."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def test_time_stamps_keep_microseconds(steps_us, start):
 
 
 @given(st.lists(st.integers(-12, 14), min_size=2, max_size=20), st.sampled_from(["%z", " %z", " UTC%z"]))
-def test_offset_from_utc_is_honoured(hours, form):
-    """Local times of any zones, such as those around the end of summer time, are one record."""
+def test_offset_from_utc_is_subtracted(hours, form):
+    """Local times of several zones, such as before and after the end of summer time, belong to one record."""
     time = np.arange(len(hours)) * 0.5
     cells = [
         (START.replace(tzinfo=UTC) + timedelta(seconds=float(t))).astimezone(timezone(timedelta(hours=h)))
@@ -88,7 +88,7 @@ def test_times_of_day_give_the_run(tmp_path, header):
 
 
 def test_map_rate_precedes_times_of_day(tmp_path):
-    """Clocks of one second, as many programs write them next to samples of milliseconds."""
+    """Many programs write time stamps in whole seconds next to samples every few milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
     (run,) = read_run(file, tmp_path / "map.toml")

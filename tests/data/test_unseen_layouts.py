@@ -1,4 +1,4 @@
-"""Layouts of laboratories by kind: header block, conditions, bystanders, shape, containers, cells."""
+"""Layouts of laboratories: header block, conditions, unrelated files, shape, containers, cells."""
 
 from __future__ import annotations
 
@@ -341,7 +341,7 @@ def test_archived_run_states_archive_and_file(tmp_path):
         read_each(tmp_path)
 
 
-def test_bystanders_are_listed(tmp_path):
+def test_unrelated_files_are_listed(tmp_path):
     bystanders(tmp_path)
     found = {finding.run for finding in read_each(tmp_path).findings if finding.kind == "no_run"}
     assert found == {"results.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}

@@ -86,7 +86,7 @@ def test_wrong_last_run_is_found():
 
 @pytest.mark.nightly
 def test_model_error_of_motion_is_ignored():
-    """Runs of the same command and motion at other temperatures have the same model error."""
+    """Runs of the same command and motion at different temperatures have the same model error."""
     plan = replace(
         PLAN,
         motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic"),

@@ -56,7 +56,7 @@ def test_order_of_runs_does_not_matter(data) -> None:
 
 
 def test_repeated_run_is_used_once(data) -> None:
-    """The data of a run under another name change nothing. A note reports the repetition."""
+    """A copy of a run with a different name changes nothing. A note reports the repetition."""
     runs = tuple(dataset())
     repeated = FitData.prepare(Dataset((*runs, replace(runs[0], name="copy"))), preparation=NO_SMOOTHING)
     assert len(repeated.steady) == len(data.steady)

@@ -48,7 +48,7 @@ def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
 
 
 def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of a law to the runs of a reference damper, which can have another law."""
+    """Return the fit of a law to the runs of a reference damper, whose law can be different."""
     runs = simulate_runs(REFERENCE_DAMPERS[truth], noise=noise, seed=0)
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, runs)
@@ -114,7 +114,7 @@ def test_band_widens_with_distance_from_motions() -> None:
 
 
 def test_fit_to_all_motions_predicts_smaller_error() -> None:
-    """Each motion requires other parameters if the law is wrong. A correct law gains nothing."""
+    """Each motion requires different parameters if the law is wrong. A correct law gains nothing."""
     shares = {}
     for law in ("bingham", "dahl"):
         left = refit_without_folds(*fitted(law, "dahl", noise=0.01))

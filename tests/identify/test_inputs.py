@@ -63,7 +63,7 @@ def test_fit_error_is_independent_of_size(law):
 
 
 def test_fit_damper_and_card_have_equal_errors():
-    """Fit and card recognise their runs. A run with a known name and another force is not recognised."""
+    """Fit and card recognise their runs. A run with a known name but a different force is not recognised."""
     found = fitting.fit_law(data_of(), find_law("dahl"))
     runs = list(raw())
     seen = evaluate(found, runs)

@@ -168,7 +168,7 @@ def fit_chain(runs: tuple[PreparedRun, ...]) -> SearchResult:
 
 
 def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple[PreparedRun, ...]:
-    """Return runs with other strokes and forces at the same times."""
+    """Return runs with scaled strokes and forces at the same times."""
     return tuple(
         prepare_run(
             replace(r.run, displacement=stroke * r.run.displacement, force=force * r.run.force), NO_SMOOTHING

@@ -47,7 +47,7 @@ def random_campaign(seed: int) -> tuple[Damper, FitProblem, SearchResult]:
 
 
 def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
-    """Return the result with other standard errors, by the name of the coefficient."""
+    """Return the result with some standard errors replaced, by the name of the coefficient."""
     estimates = tuple(
         replace(e, standard_error=errors.get(e.name.partition(".")[0], e.standard_error))
         for e in result.estimates

@@ -76,7 +76,7 @@ def measure(run: PreparedRun) -> SteppedRun:
 
 @pytest.mark.parametrize(("bend_N", "hysteresis_N"), [(0.0, 0.0), (25.0, 0.0), (0.0, 40.0)])
 def test_step_response_equals_known_lag(bend_N, hysteresis_N):
-    """A force that depends on position, direction and hysteresis has the same response as one without."""
+    """A dependence of the force on position, direction and hysteresis does not change the response."""
     run, known = blended_run(bend_N=bend_N, hysteresis_N=hysteresis_N)
     responses = measure(run).responses
     assert len(responses) >= 3
@@ -119,7 +119,7 @@ def test_response_time_from_measured_force_is_reproduced():
 
 
 def test_crossing_time_of_exponential_is_time_constant():
-    """A response that never reaches 63 % has no time; one that starts above it takes no time."""
+    """A response that never reaches 63 % has no time. A response that starts above 63 % has time zero."""
     time = 1e-4 * np.arange(1000)
     assert crossing_time(1.0 - np.exp(-time / 0.01), 1e-4) == pytest.approx(0.01, rel=0.03)
     assert np.isnan(crossing_time(np.full(20, 0.5), 1e-3))

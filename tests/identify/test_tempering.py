@@ -44,7 +44,7 @@ def run_at(
     name: str = "",
     until: float | None = None,
 ) -> PreparedRun:
-    """Return a noiseless run at a temperature, or warming ``until`` another one; None omits the channel."""
+    """Return a noiseless run at a temperature or warming to ``until`` [degC]; None omits the channel."""
     path = drive(motion, duration=2.0, rate_Hz=250.0, command=command)
     if celsius is not None:
         end = celsius if until is None else until
@@ -82,7 +82,7 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
 
 
 def test_paper_temperature_dependence_is_separable_polynomial():
-    """Eq. (12) as reconstructed: each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
+    """In the reconstructed Eq. (12), each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
     for name in ("viscosity", "yield_force"):
         form = damper.coefficients[name]

@@ -1,4 +1,4 @@
-"""Actuation: closed forms of lags and delay, their limits, and a differential equation solved elsewhere."""
+"""Actuation: closed forms of lags and delay, limits, and an independent integrator."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def a_step(samples: int, at: int = 1) -> FloatArray:
 
 @given(tau=times, share=shares)
 def test_one_lag_has_logarithmic_response_time(tau, share):
-    """And -tau ln(1 - share) to any share. The command is a ramp over one sample: 2.5e-4 tau late."""
+    """The time is -tau ln(1 - share). The command is a ramp over one sample and thus 2.5e-4 tau late."""
     lag = Actuation(tau, tau)
     assert lag.response_time(T63) == pytest.approx(tau, rel=5e-4)
     assert lag.response_time(share) == pytest.approx(-tau * math.log1p(-share), abs=5e-4 * tau)
@@ -56,7 +56,7 @@ def ramp_through_two_lags(time: FloatArray, a: float, b: float) -> FloatArray:
 
 
 def test_ramp_through_two_lags_is_closed_form():
-    """A ramp of 1 A/s through both. Between samples the first is taken as linear: off by step^2/(8a)."""
+    """The ramp is 1 A/s. The first lag is linear between samples, which causes an error of step^2/(8a)."""
     a, b, step = 0.030, 0.012, 1e-4
     time = step * np.arange(3000, dtype=np.float64)
     off = Actuation(a, a, b).apply(time, step) - ramp_through_two_lags(time, a, b)
@@ -64,7 +64,7 @@ def test_ramp_through_two_lags_is_closed_form():
 
 
 def test_two_lags_converge_with_order_two():
-    """The first is exact; the second takes it as linear between the samples."""
+    """The first lag is exact. The second lag assumes that its input is linear between the samples."""
     a, b = 0.030, 0.012
 
     def error(step: float) -> float:
@@ -86,7 +86,7 @@ def test_delay_adds_to_every_response(tau, second, delay):
 
 @given(rise=times, fall=times)
 def test_rise_and_fall_have_own_times(rise, fall):
-    """Up from zero with the one, down to zero with the other; a negative command is the same mirrored."""
+    """The output rises with one time constant and falls with the other. A negative command is mirrored."""
     both = Actuation(rise, fall)
     resolution = 1e-3 * max(rise, fall)
     assert both.response_time(T63, 0.0, 1.0) == pytest.approx(rise, abs=resolution)
@@ -108,9 +108,9 @@ def test_area_above_step_response_is_total_lag(rise, fall, second, delay):
 
 
 def test_lag_matches_adaptive_integrator():
-    """The equation a' = (c - a)/lag, lag by |c| > |a|, under a command that swings through zero.
+    """The equation is a' = (c - a)/lag, with lag = rise if |c| > |a|, else fall. The command crosses zero.
 
-    The lag is chosen once per sample, so the error falls with the step.
+    The lag is chosen once per sample. Therefore the error decreases with the step.
     """
     rise, fall, omega = 0.02, 0.05, 2.0 * math.pi * 3.0
 
@@ -135,7 +135,7 @@ def test_lag_matches_adaptive_integrator():
 
 
 def test_free_wheeling_current_decays_to_the_command():
-    """From 2 to 0 as 2 exp(-t / 25 ms); from 2 to 1 the same up to 25 ms ln 2; upwards it plays no part."""
+    """A fall from 2 A is 2 exp(-t / 25 ms) until the command is reached. A rise is not affected."""
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=0.025), 1e-4
     time = step * np.arange(2000)
     to_zero, to_level = np.zeros(2000), np.ones(2000)
@@ -151,7 +151,7 @@ def test_free_wheeling_current_decays_to_the_command():
 
 
 def test_free_wheeling_in_saturated_iron_matches_integrator():
-    """An integrator finds the same of wheel phi' = -I, phi = I / (1 + I / I_s)."""
+    """An adaptive integrator gives the same solution of wheel phi' = -I, phi = I / (1 + I / I_s)."""
     wheel, bend = 0.08, 1.6
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=wheel, saturation=bend), 2e-4
     time = step * np.arange(500)
@@ -206,7 +206,7 @@ def test_flux_and_current_are_inverse(level, bend):
 
 
 def test_two_hysteresis_widths_superpose():
-    """From 2 A down both open at once, then the narrow one is done; a small swing closes only that one."""
+    """From 2 A down, both loops open; the narrow one saturates first. A small swing closes only this loop."""
     narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
     felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).apply(commands, 1e-3)
@@ -226,7 +226,7 @@ def test_applied_command_has_no_overshoot(actuation, command, step):
 
 @given(actuation=actuations, command=levels, size=st.sampled_from([0.25, 2.0, -1.0, -4.0]))
 def test_applied_command_scales_with_the_command(actuation, command, size):
-    """Rise and fall go by the command's size: twice the command is felt twice, the opposite as the opposite.
+    """Rise and fall depend on the absolute command, so that the output is proportional to the command.
 
     Powers of two scale without rounding.
     """
@@ -243,7 +243,7 @@ slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501),
 
 @pytest.mark.parametrize("width", [0.01, 0.08])
 def test_hysteresis_adds_to_a_falling_command(width):
-    """Half the field lags by the full width: half a width more; in the turn the slope is a half."""
+    """Half of the field lags by the full width: the output is half a width larger after a slope of 1/2."""
     felt = Actuation(0.0, 0.0, hysteresis_width_A=width).apply(slow, 1e-3)
     np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
     away = 2001 + int(2e3 * width) + 1

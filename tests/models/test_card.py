@@ -292,7 +292,7 @@ def test_hash_ignores_notes_layout_and_spelling():
 
 
 @pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1, None, "4"])
-def test_other_schema_version_is_rejected(version):
+def test_unknown_schema_version_is_rejected(version):
     with pytest.raises(InputError, match=rf"schema_version is .*expected {SCHEMA_VERSION}, the only version"):
         card_from_json(document("schema_version", value=version))
 
@@ -361,7 +361,7 @@ def test_card_with_any_value_never_crashes(data, valid):
         (b"[" * 100_000, "not a card: "),
     ],
 )
-def test_other_file_is_rejected(content, said, tmp_path):
+def test_file_without_card_is_rejected(content, said, tmp_path):
     path = tmp_path / "card.json"
     path.write_bytes(content)
     with pytest.raises(InputError, match=said):

@@ -23,7 +23,7 @@ def test_dampers_are_evenly_spaced_samples(most, rows):
     assert {each.parameters["rho.rate"] for each in dampers} == {CARD.damper.parameters["rho.rate"]}
 
 
-def test_samples_are_read_for_their_card_only(tmp_path):
+def test_samples_are_read_only_for_their_card(tmp_path):
     write_card(CARD, tmp_path / "card.json")
     card = read_card(tmp_path / "card.json")
     with pytest.raises(InputError, match="No such file"):
@@ -46,7 +46,7 @@ def test_samples_with_invalid_values_are_rejected(tmp_path, values):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"no archive"])
-def test_other_file_is_rejected(tmp_path, content):
+def test_damaged_samples_file_is_rejected(tmp_path, content):
     (tmp_path / DRAWS_FILE).write_bytes(content)
     with pytest.raises(InputError, match="no posterior samples of this card"):
         read_draws(tmp_path, CARD.damper)

@@ -132,7 +132,7 @@ def test_warm_dampers_are_compared_at_common_temperatures():
     assert unknown.temperatures[0] == pytest.approx(333.15)
 
 
-def test_damper_without_temperature_is_compared_where_tested():
+def test_constant_damper_is_compared_at_tested_temperature():
     """At 60 degC the other damper has lost 4 % of its yield force."""
     tested = replace(ENVELOPE, temperature=(332.0, 334.3))
     found = compared(a_card(warm_damper(), WARM), a_card(a_damper(0.96), tested))
@@ -155,6 +155,6 @@ def test_cards_without_common_envelope_are_rejected(first, second, said):
         compared(a_card(first, WARM), a_card(a_damper(), second))
 
 
-def test_cards_in_other_units_are_rejected():
+def test_cards_in_different_units_are_rejected():
     with pytest.raises(InputError, match="the command of first is in A and that of second in V"):
         compared(a_card(a_damper()), a_card(replace(a_damper(), command_unit="V")))

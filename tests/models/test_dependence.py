@@ -1,4 +1,4 @@
-"""Parameter laws: their limits, their gradients against the complex step, their way through JSON."""
+"""Parameter laws: limits, gradients compared with the complex step, and JSON."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ every_factor = pytest.mark.parametrize("factor", FACTORS_DRAWN)
 
 
 def factor_on_paper(kind, parameters, kelvin):
-    """Return a temperature factor as one writes it down; numbers may be complex."""
+    """Return a temperature factor by its textbook formula; arguments may be complex."""
     above = kelvin - 293.15
     match kind:
         case "linear":
@@ -96,7 +96,7 @@ def factor_on_paper(kind, parameters, kelvin):
 
 
 def on_paper(law, parameters, command, kelvin=293.15):
-    """Return the form as one writes it down; numbers or command may be complex."""
+    """Return the form by its textbook formula; parameters or command may be complex."""
     if isinstance(law, TemperatureDependent):
         split = len(law.form.parameters)
         factor = factor_on_paper(law.factor.kind, parameters[split:], kelvin)
@@ -122,7 +122,7 @@ def on_paper(law, parameters, command, kelvin=293.15):
 
 
 def scale_of(law, command, kelvin):
-    """Return the size of the terms that a value is summed from: what rounding is measured against."""
+    """Return the magnitude of the terms of a value, the reference for rounding errors."""
     if isinstance(law, TemperatureDependent):
         factor = abs(float(law.factor.value(kelvin)))
         if isinstance(law.factor, PolynomialFactor):
@@ -144,7 +144,7 @@ def test_value_equals_equation(law, command, kelvin):
 
 
 def assert_gradient(law, command, kelvin):
-    """Compare with the complex step: it has no difference of nearly equal numbers in it."""
+    """Compare with the complex step, which has no cancellation error."""
     for k in range(len(law.parameters)):
         step = 1e-30
         moved = [complex(x, step if i == k else 0.0) for i, x in enumerate(law.parameters)]
@@ -177,7 +177,7 @@ def test_gradient_with_factor_equals_complex_step(factor, data, command, kelvin)
 
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
 def test_linear_parameters_are_jointly_linear(law, command, kelvin):
-    """What least squares needs: the gradient by one of them does not hold another."""
+    """The gradient by one linear parameter does not depend on the others, as least squares requires."""
     twice = [2.0 * x if linear else x for x, linear in zip(law.parameters, law.linear, strict=True)]
     both = law.with_parameters(twice)
     for k, linear in enumerate(law.linear):

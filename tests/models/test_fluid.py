@@ -48,7 +48,7 @@ def test_collapse_is_a_logistic_curve(kelvin):
 
 
 def test_collapse_counts_on_request():
-    """It begins at 138 degC, outside the valid range."""
+    """The collapse begins at 138 degC, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
         plain, collapsed = float(PAPER.viscosity(hot)), float(PAPER.viscosity(hot, with_collapse=True))
@@ -90,7 +90,7 @@ def test_lord_viscosity_is_walthers_law():
     np.testing.assert_allclose(LORD.viscosity_factor.value(kelvin), nu / nu[0], rtol=3e-3)
 
 
-def test_density_agrees_with_iron_for_lord_only():
+def test_only_lord_density_agrees_with_iron():
     """Iron 7860, oil 800 to 960 kg/m^3: the 2300 kg/m^3 of the paper contradict its 32 % of iron."""
     light, heavy = (0.32 * 7860.0 + 0.68 * oil for oil in (800.0, 960.0))
     assert LORD.density_kg_m3 is not None

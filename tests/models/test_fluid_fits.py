@@ -60,7 +60,7 @@ def test_standard_errors_of_viscosity_are_calibrated(law):
 
 
 def test_arrhenius_fit_is_the_textbook_line():
-    """Ln eta over 1/T by numpy.polyfit, with its covariance."""
+    """The reference is the line ln eta over 1/T by numpy.polyfit, with its covariance."""
     viscosity = noisy(0.15 * Arrhenius(1435.5).value(KELVIN), 1)
     (slope, _), covariance = np.polyfit(1.0 / KELVIN - 1.0 / 293.15, np.log(viscosity), 1, cov=True)
     activation = named(fit_viscosity(KELVIN, viscosity), "arrhenius").parameters[1]
@@ -124,7 +124,7 @@ def test_pole_at_its_bound_has_no_standard_error():
         ([293.15, 313.15, 333.15], [0.1, math.inf, 0.04], "the value at 40 degC is inf"),
     ],
 )
-def test_viscosity_table_without_a_law_is_rejected(kelvin, viscosity, said):
+def test_invalid_viscosity_table_is_rejected(kelvin, viscosity, said):
     with pytest.raises(InputError, match=said):
         fit_viscosity(np.array(kelvin), np.array(viscosity))
 

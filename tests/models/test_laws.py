@@ -21,7 +21,7 @@ SERIES = ("spencer", "series-valve", "chain")
 
 @every_law
 def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
-    """The force at twice a linear coefficient is as far above that at one as this is above that at none."""
+    """A linear coefficient changes the force equally from 0 to 1 times and from 1 to 2 times its value."""
     if law.name not in SERIES:
         forces = {"N", "N s/m", "N/m", "kg"}
         assert [each.linear for each in law.coefficients] == [
@@ -54,7 +54,7 @@ def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
     ],
 )
 def test_chain_of_one_term_has_its_force(given, expected):
-    """Rigid: its deflection is negligible compared with the stroke at every moving sample."""
+    """The chain is rigid: its deflection is negligible compared with the stroke at every moving sample."""
     forms = {name: Constant(value) for name, value in ({"yield_force": 0.0} | RIGID | given).items()}
     path = drive(Sine(0.5, 0.05), duration=40.0, rate_Hz=25.0, command=0.0)
     force = simulate(Damper(LAWS["chain"], forms), path)

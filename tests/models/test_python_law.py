@@ -1,4 +1,4 @@
-"""The path that a law in Python is driven along: cubics through the samples, and where they turn."""
+"""The motion for a law in Python: cubics through the samples, and their turning points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ shares = st.integers(-8, 24).map(lambda k: k / 16)
 
 @given(first=shares, second=shares, steepness=st.sampled_from([-4.0, -1.0, 1.0, 64.0]))
 def test_cubic_turns_at_slope_sign_change(first, second, steepness):
-    """Slope s (t - t1) (t - t2), in sixteenths: exact in floating point."""
+    """The slope is s (t - t1) (t - t2) with numbers in sixteenths, which are exact in floating point."""
     slope = (steepness * first * second, -steepness * (first + second), steepness)
     turns = turns_of((0.0, slope[0], slope[1] / 2.0, slope[2] / 3.0))
     expected = [] if first == second else sorted(t for t in (first, second) if 0.0 < t < 1.0)
@@ -30,7 +30,7 @@ def test_reversal_of_nearly_quadratic_motion_is_found():
 
 
 def test_cubic_motion_is_its_own_interpolant():
-    """Whatever the step: x = 1 - 2 t + 3 t^2 - t^3 in seconds."""
+    """The interpolant of x = 1 - 2 t + 3 t^2 - t^3 (t in seconds) is exact for any step."""
     time = 0.25 * np.arange(5.0)
     motion = np.polynomial.Polynomial([1.0, -2.0, 3.0, -1.0])
     path = Trajectory(

@@ -1,4 +1,4 @@
-"""The reference integrator against closed forms, limits and laws of nature; a user's own law."""
+"""The reference integrator compared with closed forms, limits and physical laws; a user-defined law."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_curve_is_elementary_for_integer_exponents(w):
 
 @given(st.floats(0.2, 20.0), st.floats(1e-15, 0.9))
 def test_curve_equals_integral_of_its_equation(n, gap):
-    """Quadrature is the second opinion: SciPy's 2F1 by itself is wrong by 20 % at n = 0.3, w = 0.999."""
+    """Quadrature is the reference because SciPy's 2F1 is wrong by 20 % at n = 0.3, w = 0.999."""
     w = 1.0 - gap
     # u = 1 - exp(-y) turns the logarithmic end into a smooth integrand.
     far = -math.log(1.0 - w)
@@ -114,7 +114,7 @@ def test_curve_equals_integral_of_its_equation(n, gap):
 
 
 def test_turning_points_of_sine_are_crests():
-    """The cubic Hermite interpolant of a sine puts its crests where they are, to fourth order in the step."""
+    """The crests of the cubic Hermite interpolant of a sine are accurate to fourth order in the step."""
     crests = 0.01 * np.array([1.0, -1.0, 1.0, -1.0])
     errors = []
     for rate_Hz in (101.0, 202.0):  # no sample on a crest

@@ -102,7 +102,7 @@ def test_tangents_of_runs_match_single_runs():
 
 
 def test_command_step_follows_first_order_lag():
-    """The command jumps within one sample; from there the closed form, sample by sample."""
+    """The command jumps within one sample. All later samples equal the closed form."""
     step, lag = 1e-3, 0.02
     command = np.concatenate([np.zeros(10), np.ones(200)])
     applied, _ = core.first_order_lag(command, step, lag)
@@ -196,7 +196,7 @@ def relative(found, expected) -> float:
 
 
 every_law = pytest.mark.parametrize("name", list(REFERENCE_DAMPERS))
-# The chain meets the integrator in tests/core/test_laws.py; warming, with every term on, that takes minutes.
+# tests/core/test_laws.py compares the chain with the integrator. With heating, the comparison takes minutes.
 every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DAMPERS if name != "chain"])
 
 
@@ -216,7 +216,7 @@ def test_temperature_dependent_damper_requires_temperature(form):
 
 @every_law
 def test_batch_of_runs_matches_single_runs(name):
-    """Of unlike lengths, steps, commands and temperatures, one that warms up in between."""
+    """The runs differ in length, step, command and temperature; one run warms up."""
     damper = warm_damper(name)
     paths = [
         warming(0.5, start=300.0, rise=0.0, duration=0.4),
@@ -233,7 +233,7 @@ def test_batch_of_runs_matches_single_runs(name):
 @every_law
 @pytest.mark.parametrize("form", ["record", "causal"])
 def test_constant_temperature_equals_row_per_sample(name, form):
-    """The short cut of one operating point, and a row per sample: equal up to the order of the additions."""
+    """The fast path of one operating point equals a row per sample up to the order of the additions."""
     damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
     assert one.temperature == 341.0
     assert not one.temperature_varies
@@ -267,8 +267,8 @@ def test_warming_dashpot_matches_closed_form():
     assert factor[-1] == pytest.approx(0.731, abs=1e-3)
 
 
-# Stepped laws at 1 kHz, of the peak force: 3e-5, 8e-5 and 5e-4 on a run that warms up. The valve takes its
-# coefficients at the end of each sample interval (order one): 4e-3 where the command steps.
+# The measured errors at 1 kHz on a run that warms up are 3e-5, 8e-5 and 5e-4 of the peak force. The valve
+# uses its coefficients at the end of each sample interval (order one): 4e-3 if the command steps.
 WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 8e-4}
 ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-4}
 
@@ -277,7 +277,7 @@ ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-4}
 @every_other_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command swinging"])
 def test_warming_run_matches_integrator(name, varying):
-    """50 K in 0.4 s at 1 kHz, of the peak force: the kernel's mean of rho over a sample is of order two."""
+    """The run warms by 50 K in 0.4 s at 1 kHz. The kernel uses the mean of rho over a sample (order two)."""
     run = warming(duration=0.4, rate=1000.0)
     if varying:
         run = replace(run, command=swinging(run))
@@ -287,7 +287,7 @@ def test_warming_run_matches_integrator(name, varying):
 
 
 def differences(force_at, value: float) -> Iterator[FloatArray]:
-    """Central differences of fourth order at three steps: which one is best depends on the curvature."""
+    """Generate central differences of fourth order with three steps: the best depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -315,7 +315,7 @@ DAILY = {"both"}
     "kind", [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS]
 )
 def test_sensitivities_match_central_differences_with_heating(name, kind):
-    """Numbers of forms and factors and the command lag, held at the range's edge for part of the run."""
+    """All parameters and the command lag; the temperature is clipped to its range in a part of the run."""
     run = open_drive(RUNS[kind]())
     damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))
     parameters = [*damper.parameters, LAG]
@@ -365,7 +365,7 @@ def test_actuated_force_is_closed_form():
 @pytest.mark.nightly
 @every_other_law
 def test_actuated_damper_matches_integrator(name):
-    """The actuation at the samples, linear between them, in both."""
+    """Kernel and integrator apply the actuation at the samples and interpolate linearly."""
     run = replace(stepping(1000.0), temperature=np.linspace(300.0, 340.0, 1001))
     damper = replace(warm_damper(name), actuation=ACTUATION)
     found = relative(simulate(damper, run), simulate_reference(damper, run, tolerance=1e-8))

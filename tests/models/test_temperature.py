@@ -1,4 +1,4 @@
-"""Temperature factors: one at 20 degC, their forms on paper, their gradients, how one contains another."""
+"""Temperature factors: value 1 at 20 degC, formulas, gradients, and special cases of one another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Heating without the models: one body in closed form; and finer meshes, films that do not change."""
+"""References for heating: one body in closed form, finer meshes, and constant heat-transfer coefficients."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def constant_heating(
 
 
 def with_constant_films(section: Section, films: FloatArray) -> Section:
-    """Return a section with one film coefficient for each law, whatever the temperature."""
+    """Return a section with one constant heat-transfer coefficient for each law [W/(m^2 K)]."""
     return replace(section, films=np.repeat(np.asarray(films)[:, None], len(section.grid), axis=1))
 
 
@@ -74,6 +74,6 @@ def heat_field(
     longest_step: float = 60.0,
     stop_at: float = math.inf,
 ) -> tuple[FieldModel, FieldHeating]:
-    """Return all finite elements of a drawing and their course through loads."""
+    """Return the finite-element model of a damper and its temperatures during the loads."""
     model = build_field(drawing, size=size)
     return model, simulate_field(model.equation, loads, longest_step=longest_step, stop_at=stop_at)

@@ -1,7 +1,7 @@
 """Estimators of the controller's step (``core/kernel/track_estimate.h``) in plain Python, as a reference.
 
-Motion from displacement alone, and the current that the force feels from the commands. Frozen values that
-return their state. A reading that is not finite leaves the state unchanged.
+The motion is estimated from displacement, the effective current from the commands. The estimators are
+immutable and return a new state. A reading that is not finite does not change the state.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ class Motion:
     acceleration: float = 0.0
 
     def after(self, time: float) -> Motion:
-        """Return the motion a time [s] later, the acceleration held."""
+        """Return the motion after a time [s] at constant acceleration."""
         x = self.displacement + time * (self.velocity + 0.5 * time * self.acceleration)
         return Motion(x, self.velocity + time * self.acceleration, self.acceleration)
 
 
 @dataclass(frozen=True, slots=True)
 class MotionFilter:
-    """The steady Kalman filter of a motion whose jerk is white; it sees displacement once a period."""
+    """Steady-state Kalman filter of a motion with white jerk; displacement is measured once per period."""
 
     period_s: float
     noise_m: float = 10e-6
@@ -40,19 +40,19 @@ class MotionFilter:
 
     @property
     def gains(self) -> FloatArray:
-        """What position [-], velocity [1/s] and acceleration [1/s^2] take of an innovation, shape (3,)."""
+        """Kalman gains of position [-], velocity [1/s] and acceleration [1/s^2], shape (3,)."""
         return tuning.motion_filter(self.period_s, self.noise_m, self.jerk_density)[0]
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the estimate's error [m, m/s, m/s^2], shape (3, 3)."""
+        """Covariance of the estimation error [m, m/s, m/s^2], shape (3, 3)."""
         return tuning.motion_filter(self.period_s, self.noise_m, self.jerk_density)[1]
 
     def start(self, displacement: float = 0.0) -> Motion:
         return Motion(displacement)
 
     def step(self, state: Motion, displacement: float) -> Motion:
-        """Return the motion one period on."""
+        """Return the motion one period later, corrected by a displacement [m]."""
         ahead = state.after(self.period_s)
         if not math.isfinite(displacement):
             return ahead
@@ -63,7 +63,7 @@ class MotionFilter:
 
 @dataclass(frozen=True, slots=True)
 class Underway:
-    """State of ``AppliedCurrent``: both lags, the play's output, and the commands still to arrive."""
+    """State of ``AppliedCurrent``: both lags, output of the dead band, and delayed commands."""
 
     first: float
     second: float
@@ -78,18 +78,18 @@ class Underway:
 
 @dataclass(frozen=True, slots=True)
 class AppliedCurrent:
-    """Effective current of the commands: dead time, two lags, hysteresis; exact for held commands."""
+    """Effective current: dead time, two lags and hysteresis, exact for commands that are held in a period."""
 
     actuation: Actuation
     period_s: float
 
     def start(self) -> Underway:
-        """Return the state without current, now or before."""
+        """Return the initial state: zero current, also in the past."""
         line = (0.0,) * (tuning.sampled_actuation(self.actuation, self.period_s).dead_samples + 2)
         return Underway(0.0, 0.0, 0.0, line)
 
     def step(self, state: Underway, command: float) -> Underway:
-        """Return the state at the end of a period through which the command was given."""
+        """Return the state at the end of a period with a constant command."""
         lags = tuning.sampled_actuation(self.actuation, self.period_s)
         line = (command, *state.line[:-1])
         newer, older = line[lags.dead_samples], line[lags.dead_samples + 1]
@@ -100,6 +100,6 @@ class AppliedCurrent:
         second = given + lags.second * (state.second - given) + couple * gap
         first = given + (lags.rise if rises else lags.fall) * gap
         play = self.actuation.hysteresis_width_A
-        # ``behind`` is the play's output plus its half width: the command itself while it rises
+        # ``behind`` is the output of the dead band plus its half width. It equals a rising command.
         behind = min(max(state.behind, second), second + 2.0 * play)
         return Underway(first, second, behind, line)

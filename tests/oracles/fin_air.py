@@ -1,8 +1,8 @@
 """Air between annular fins by finite volumes (``fin_air.c``): a reference for ``annular_fins``.
 
-``python -m tests.oracles.fin_air 0 3 5 10`` prints computed films in still air (0 m/s) at gaps of 3, 5 and
-10 mm, the grid error, and the correlations; a gap takes half a minute. ``TUBE/OUTER`` in
-millimetres after the speed (``0 30/90 3``) are other fins.
+``python -m tests.oracles.fin_air 0 3 5 10`` prints computed heat-transfer coefficients in still air (0 m/s)
+at gaps of 3, 5 and 10 mm, the grid error, and the correlations. Each gap takes half a minute. ``TUBE/OUTER``
+after the speed sets the diameters of the fins in millimetres (``0 30/90 3``).
 """
 
 from __future__ import annotations
@@ -40,21 +40,22 @@ _FAR, _CROWDED, _BARE = (
 
 @dataclass(frozen=True, slots=True)
 class FinAir:
-    """Films over the air's conductivity [1/m], and how settled they are."""
+    """Heat-transfer coefficients divided by the conductivity of the air [1/m], and their errors."""
 
     sides: float
     floor: float
     rim: float
     drift: float  # Relative difference of the means over the last two quarters of the time [-].
-    mean: float  # area mean of sides and floor; for a bare tube its coefficient
+    mean: float  # area mean of sides and floor, or the coefficient of a bare tube
     doubt: float = math.nan  # relative error of ``mean`` by the grid [-]
 
 
 def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
-    """Return ``compute_fin_air`` for cells of no size, from two grids, one twice as fine as the other.
+    """Return ``compute_fin_air`` extrapolated to cell size zero from two grids (Richardson extrapolation).
 
-    Errors go with the square of the cells' size (three grids at 3 mm: order 1.9), so that a third of the
-    difference is still to come; 1.25 times that is the doubt, as the grid convergence index has it.
+    The cells of one grid have half the size. Errors are proportional to the square of the cell size (order
+    1.9 on three grids at 3 mm), so that a third of the difference remains. The stated error is 1.25 times
+    this remainder, as in the grid convergence index.
     """
     rough, fine = (compute_fin_air(folder, gap, fine=each, **given) for each in (1, 2))
     sides, floor, rim, mean = (
@@ -76,15 +77,15 @@ def compute_fin_air(
     seconds: float | None = None,
     fine: int = 2,
 ) -> FinAir:
-    """Return what steady laminar air takes from isothermal fins on a horizontal tube.
+    """Return the heat-transfer coefficients of isothermal fins on a horizontal tube in steady laminar air.
 
     Parameters
     ----------
-    folder : for the program, compiled where it is not there yet
-    gap, tube, outer, thickness : of the fins [m]; ``outer`` below ``tube`` is a bare tube
-    wind : of the air along y [m/s]; 0 is still air, which rises
-    seconds : that the flow is given to settle
-    fine : how much finer than the coarsest grid the cells are, in all directions
+    folder : folder of the compiled program, which is compiled if it is missing
+    gap, tube, outer, thickness : dimensions of the fins [m]; ``outer`` below ``tube`` is a bare tube
+    wind : air speed along y [m/s]; 0 is still air with natural convection
+    seconds : simulated time until the flow is steady [s]
+    fine : number of cells divided by the number of the coarsest grid, in each direction
     """
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     nu = float(air.kinematic_viscosity)
@@ -123,14 +124,14 @@ def _program(folder: Path) -> Path:
 
 
 def _radii(inner: float, outer: float, fine: int) -> FloatArray:
-    """Return the radii of the cells' faces [m]: close at tube and rim, growing evenly beyond."""
+    """Return the radii of the cell faces [m]: narrow cells at tube and rim, growing steadily outside."""
     along, beyond, slope = _ALONG * fine, _BEYOND * fine, _BARE * _BEYOND
     fin = np.array([inner])
     if outer > inner:
         share = np.tanh(_CROWDED * np.linspace(-1.0, 1.0, along + 1)) / math.tanh(_CROWDED)
         fin = inner + (outer - inner) * (0.5 + 0.5 * share)
         slope = (outer - inner) * _CROWDED / math.cosh(_CROWDED) ** 2 / math.tanh(_CROWDED) * _BEYOND / _ALONG
-    low, high = 0.1, 12.0  # how fast cells grow: those at the rim are as wide on both its sides
+    low, high = 0.1, 12.0  # Bounds of the growth, for which cells on both sides of the rim are equally wide.
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if slope / middle * math.expm1(middle) < _FAR - outer else (low, middle)
@@ -141,7 +142,7 @@ def _radii(inner: float, outer: float, fine: int) -> FloatArray:
 def law_of(
     gap: float, wind: float, tube: float = 0.046, outer: float = 0.092, excess_K: float = 60.0
 ) -> float:
-    """Return the law's film over the air's conductivity [1/m]: sides and floor in still air, else sides."""
+    """Return the correlation divided by the conductivity of air [1/m]: sides (with floor in still air)."""
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     if wind > 0.0:
         return float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))
@@ -149,7 +150,7 @@ def law_of(
 
 
 def _print_table(folder: Path, wind: float, gaps: Sequence[float], tube: float, outer: float) -> None:
-    """Print films over the air's conductivity [1/m]: computed, by the law, and how far the law is off."""
+    """Print computed values, values of the correlation, and errors of the correlation."""
     for gap in gaps:
         found, law = (
             settle_fin_air(folder, gap, wind=wind, tube=tube, outer=outer),

@@ -1,11 +1,12 @@
 """The problem of the finite elements as a FreeFem++ script: the same mesh, its own assembly and steps.
 
-Fully nonlinear: films interpolated in their tables at the surface's temperature, radiation, sources at the
-running temperature. The time steps use Alexander's two-stage SDIRK method (L-stable, order 2) with a
-fixed-point iteration in each stage, not our ROS2.
+The problem is fully nonlinear: heat-transfer coefficients are interpolated at the surface temperature, with
+radiation and temperature-dependent sources. The time steps use Alexander's two-stage SDIRK method (L-stable,
+order 2) with a fixed-point iteration in each stage, not our ROS2.
 
-``python -m tests.oracles.freefem 20`` (or ``10 20``: from the tenth on) prints how far the reduced model that
-``heat`` uses is from FreeFem++ on drawn bodies (odd seeds, which no constant was set by).
+``python -m tests.oracles.freefem 20`` (or ``10 20``: from the tenth on) prints the errors of the reduced
+model, which ``heat`` uses, compared with FreeFem++ on random bodies (odd seeds, which were not used to set
+constants).
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _INSULATED = 1000  # label of the outline that does not cool
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreefemCourse:
-    """What FreeFem++ found."""
+    """Result of FreeFem++."""
 
     nodes: FloatArray  # (r, z) [m], shape (n, 2)
     temperature: FloatArray  # final temperatures [K], shape (n,)
@@ -51,8 +52,8 @@ def write_freefem(model: FieldModel, load: Load, folder: Path, *, step: float = 
 
     Parameters
     ----------
-    load : what heats the damper, from ambient
-    step : of time [s]; the last one ends with the load
+    load : thermal load, from ambient temperature on
+    step : time step [s]; the last step ends with the load
     """
     section = model.section
     _write_mesh(model.mesh, folder / "section.msh")
@@ -116,7 +117,7 @@ def run_freefem(script: Path) -> FreefemCourse:
 
 
 def score_reduced(seed: int, folder: Path, *, step: float = 60.0) -> tuple[float, float]:
-    """Return how far the reduced model is from FreeFem++ on a drawn body: fluid and coil, RMS [K]."""
+    """Return the RMS errors [K] of fluid and coil in the reduced model of a random body, versus FreeFem++."""
     body = draw_body(seed)
     model = build_field(body.drawing)
     theirs = run_freefem(write_freefem(model, body.load, folder, step=step))
@@ -129,7 +130,7 @@ def score_reduced(seed: int, folder: Path, *, step: float = 60.0) -> tuple[float
 
 
 def _write_mesh(mesh: SectionMesh, path: Path) -> None:
-    """Write a mesh in FreeFem++'s own format; every side of the outline has a label."""
+    """Write a mesh in the format of FreeFem++; every side of the outline has a label."""
     sides = np.sort(
         np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [2, 0]]])
     )

@@ -1,6 +1,6 @@
 """The hydraulic damper as a reference: its equations as rates, integrated by SciPy's BDF.
 
-Nothing is shared with the rig's C but the parameters. All 22 states are integrated as in
+Only the parameters are shared with the C code of the rig. All 22 states are integrated as in
 ``docs/hydraulic_rig.md``. Implicit equations (wall stress of a flow, pressure of a chamber with gas) are
 solved by root finding.
 """
@@ -25,7 +25,7 @@ MU0 = 1.25663706212e-6
 ATMOSPHERE = 101325.0
 SEAL_SHARE = np.array([0.4, 0.3, 0.2, 0.1])
 SEAL_PART = np.array([0.1, 0.2, 0.3, 0.4])
-# command, coil, integral; flux; stops; field; place, speed, content, flow, gas; seal
+# Scales of command, coil, integral; flux; stops; field; position, speed, content, flow, gas; seal.
 SCALE = np.array([1.0, 1.0, 1.0, *[1e-4] * 3, *[1.0] * 6, 1.0, 1e-2, 0.1, 1e-4, 1e-4, 1e-2, *[1e-2] * 4])
 
 
@@ -95,7 +95,7 @@ class Hydraulics:
         return 2.0 * self.b / (root + rest) if rest > 0.0 else (root - rest) / (2.0 * self.a)
 
     def fluid_field(self, density: float) -> float:
-        """Field strength in the fluid [A/m]: the positive root of B = mu0 H + Js H / (H + Hsf), made odd."""
+        """Return the field strength in the fluid [A/m]: the odd solution of B = mu0 H + Js H / (H + Hsf)."""
         p, b = self.p, abs(density)
         z = MU0 * p.fluid_A_m + p.fluid_T - b
         root = math.sqrt(z * z + 4.0 * MU0 * b * p.fluid_A_m)
@@ -103,7 +103,7 @@ class Hydraulics:
         return math.copysign(h, density)
 
     def flow(self, wall: float, yield_Pa: float) -> float:
-        """Flow of the active slot at a wall stress above zero."""
+        """Return the volume flow through the active slot at a positive wall stress."""
         p, n = self.p, self.p.flow_index
         over = max(wall - yield_Pa, 0.0)
         m, k = n / (n + 1.0), n / (2.0 * n + 1.0)
@@ -113,7 +113,7 @@ class Hydraulics:
         return float(yielded * shape + self.width * p.gap_m**2 * wall / (6.0 * p.creep * self.eta))
 
     def drop(self, flow: float, yield_Pa: float) -> float:
-        """Pressure drop of the valve [Pa] at a flow."""
+        """Return the pressure drop of the valve [Pa] at a volume flow."""
         p, speed = self.p, abs(flow)
         if speed == 0.0:
             return 0.0
@@ -128,7 +128,7 @@ class Hydraulics:
         return math.copysign(2.0 * p.active_m * wall / p.gap_m + lost, flow)
 
     def start(self, place: float, speed: float) -> FloatArray:
-        """States at rest: no current, one pressure."""
+        """Return the states at rest, with zero current and equal pressures."""
         p, y = self.p, np.zeros(22)
         filled = self.V1 + self.V2 + p.gas_m3 + (self.A2 - self.A1) * place
         warmth = self.gas_constant * self.T
@@ -145,7 +145,7 @@ class Hydraulics:
         return y
 
     def magnet(self, command: float, y: FloatArray) -> FloatArray:
-        """Rates of command, coil, integral, flux, stops and field."""
+        """Return the rates of command, coil, integral, flux, stops and field."""
         p, rate = self.p, np.zeros(13)
         cf, i, integral = y[:3]
         error = cf - i
@@ -174,7 +174,7 @@ class Hydraulics:
         return rate
 
     def joint(self, deflection: float, speed: float) -> float:
-        """Force of the rod [N]."""
+        """Return the force of the rod [N]."""
         p, e = self.p, deflection
         force = p.joint_N_m * e + p.joint_N_m3 * e**3 + p.joint_N_s_m * speed
         beyond = abs(e) - p.joint_gap_m
@@ -184,7 +184,7 @@ class Hydraulics:
         return force
 
     def rates(self, x: float, v: float, command: float, y: FloatArray) -> FloatArray:
-        """Rates of all states at a motion and a command."""
+        """Return the rates of all states at a motion and a command."""
         p = self.p
         place, speed, content, flow, gas = y[13:18]
         one, two = self.pressures(place, content, gas)
@@ -219,12 +219,12 @@ class Hydraulics:
 def reference_force(
     damper: HydraulicDamper, motion: Motion, command: CurrentSteps, degrees: float, time: FloatArray
 ) -> FloatArray:
-    """Return the rod's force [N] at the times, which begin at zero; shape (n,).
+    """Return the force of the rod [N] at the times (beginning at zero), shape (n,).
 
     Raises
     ------
     ConvergenceError
-        The integrator gave up.
+        If the integrator fails.
     """
     equations = Hydraulics(damper, degrees)
     y = equations.start(float(motion.displacement(0.0)), float(motion.velocity(0.0)))
@@ -249,7 +249,7 @@ def reference_force(
 
 
 def _held(equations: Hydraulics, motion: Motion, level: float) -> Callable[[float, FloatArray], FloatArray]:
-    """Return the scaled rates at a held command."""
+    """Return the function of scaled rates at a constant command."""
 
     def scaled(t: float, y: FloatArray) -> FloatArray:
         x, v = float(motion.displacement(t)), float(motion.velocity(t))

@@ -1,6 +1,6 @@
-"""Three numbers of the paper's drawing by its three temperatures (``python -m tests.oracles.paper_drawing``).
+"""Solve for three parameters of the paper's geometry (``python -m tests.oracles.paper_drawing``).
 
-Run it again if a film law or the model changes; the geometry file contains the printed values.
+The geometry file contains the printed values. Run the program again if a correlation or the model changes.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from mrdamper.thermal.temperature_rise import simulate_rise
 
 __all__ = ["CLAIMED_DEGC", "solve_paper_drawing"]
 
-CLAIMED_DEGC = (129.9, 140.0, 76.9)  # bare after 30 and 35 min, five fins after 30
+CLAIMED_DEGC = (129.9, 140.0, 76.9)  # without fins after 30 and 35 min, with five fins after 30 min
 
 
 def solve_paper_drawing(start: DamperDrawing, work: LoopWork) -> tuple[float, float, float]:
-    """Return heat capacity, film and fin multiplier that reproduce the temperatures of the paper."""
+    """Return heat capacity, convection factor and fin factor that reproduce the temperatures of the paper."""
     sink = start.sink
     assert sink is not None
     duty = read_duty("sine:15mm:1Hz:2A:2100s")

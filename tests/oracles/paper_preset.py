@@ -1,7 +1,7 @@
 """Solve for the preset ``paper``: its force falls with temperature as for the paper's damper.
 
-The conditions are the paper's thermal values: peak force in its thermal motion, and the relative loss of
-force at two temperatures. The preset stores the numbers; a test finds them again.
+The conditions are values of the paper: the peak force in the thermal motion, and the relative loss of force
+at two temperatures. The preset contains the resulting parameters, and a test computes them again.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _CURRENT_A = 2.0
 def peak_force(
     damper: LumpedDamper, motion: Motion, current: float, temperature_degC: float, *, period_s: float = 1.0
 ) -> float:
-    """Return the greatest force [N], in either direction, over the third period of a periodic motion."""
+    """Return the largest absolute force [N] in the third period of a periodic motion."""
     time = np.arange(round(3.0 * period_s / STEP_S) + 1) * STEP_S
     force = simulate(
         damper, motion.displacement(time), motion.velocity(time), current, temperature_degC
@@ -36,15 +36,15 @@ def peak_force(
 
 
 def solve_thermal_claims(start: LumpedDamper | None = None) -> LumpedDamper:
-    """Return ``start`` (else the preset ``paper``) with yield force, viscous force and loss solved for.
+    """Return a damper with yield force, viscous force and loss of force that agree with the paper.
 
-    Three numbers against three claims, by Powell's hybrid method. The relative losses of the yield
-    force and the friction are kept equal.
+    Powell's hybrid method solves three equations, beginning with ``start`` or the preset ``paper``. The
+    relative losses of yield force and friction are equal.
 
     Raises
     ------
     ConvergenceError
-        The solve did not come within 1e-6 of the claims.
+        If the residuals are larger than 1e-6.
     """
     from scipy.optimize import root
 

@@ -1,4 +1,4 @@
-"""Running the independent programs that the finite elements are checked against."""
+"""Run the independent programs with which the finite elements are compared."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def run_program(name: str, arguments: Sequence[str], folder: Path, *, package: s
     Raises
     ------
     InputError
-        It is not installed (the message names the Debian package), or it failed.
+        If the program is not installed (the message names the Debian package), or if it fails.
     """
     found = shutil.which(name)
     if found is None:

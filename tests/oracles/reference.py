@@ -1,8 +1,8 @@
 """Reference of the kernel: every hysteresis law integrated directly, Bouc-Wen in closed form.
 
-The kernel is tested against this. The equations are written in their textbook form; the integrator is the
-one that runs users' laws in Python (``mrdamper.models.python_law``). The closed form shares nothing with it:
-it inverts the hypergeometric function along each monotone stretch of motion.
+Tests compare the kernel with this module. The equations have their textbook form. The integrator is the
+integrator of user-defined laws (``mrdamper.models.python_law``). The closed form is independent: it inverts
+the hypergeometric function along each monotone piece of motion.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.python_law import Equations, hermite, integrate, turns_of
 
-_VISCOUS_SPEED = 0.1  # [m/s], where the viscosity is viscous force over speed
+_VISCOUS_SPEED = 0.1  # Speed at which the viscosity is viscous force divided by speed [m/s].
 
 Values = Mapping[str, float]
 State = Sequence[float]
@@ -31,7 +31,7 @@ Equation = Callable[
 
 
 def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: float = 1e-10) -> FloatArray:
-    """Return the force [N] of a damper of any law at the samples, shape (n,); errors near ``tolerance``."""
+    """Return the force [N] of a damper with any law at the samples, shape (n,), with a relative tolerance."""
     return integrate(damper, trajectory, _equations(damper.law), tolerance=tolerance)
 
 
@@ -52,7 +52,7 @@ def _bouc_wen_rate(w: float, v: float, rho: float, kappa: float, n: float) -> fl
     u = w if v > 0.0 else -w  # positive while loading
     if u >= 0.0:
         return rho * v * (1.0 - math.pow(u, n))
-    return rho * v * (1.0 - kappa * math.pow(min(-u, 1.0), n))  # past 1 by rounding, kappa = 1 would run away
+    return rho * v * (1.0 - kappa * math.pow(min(-u, 1.0), n))  # Beyond 1, rounding errors grow at kappa = 1.
 
 
 def _bouc_wen(w: float, _x: float, v: float, c: Values) -> float:
@@ -96,7 +96,7 @@ def _valve_force(y_rate: float, y: float, x: float, c: Values) -> float:
 
 
 def _valve_velocity(e: float, x: float, v: float, c: Values) -> float:
-    """Return the valve velocity at which valve and compliance carry the same force [m/s]."""
+    """Return the valve velocity at which valve and compliance have the same force [m/s]."""
 
     def surplus(y_rate: float) -> float:  # rises with y_rate
         return _valve_force(y_rate, x - e, x, c) - _compliance_force(e, v - y_rate, c)
@@ -204,7 +204,7 @@ def _chain_valve(y: float, q: float, c: Values) -> float:
 
 
 def _rising_root(surplus: Callable[[float], float], scale: float) -> float:
-    """Return where a function that rises is zero, looked for from zero in steps of ``scale`` on."""
+    """Return the root of an increasing function. The search begins at zero with steps of ``scale``."""
     at_rest = surplus(0.0)
     if at_rest == 0.0:
         return 0.0
@@ -215,9 +215,9 @@ def _rising_root(surplus: Callable[[float], float], scale: float) -> float:
 
 
 def _chain_cavity(growth: float, c: Values) -> tuple[float, float]:
-    """Return the length of the cavity's gas [m] and the force that it and the charge leave [N].
+    """Return the length of the free gas in the cavity [m] and the resulting force of gas and charge [N].
 
-    ``growth`` is the logarithm of the length over that at rest.
+    ``growth`` is the logarithm of the length divided by the length at rest.
     """
     length = c["bubble_length"] * math.exp(growth)
     room = 1.0 - (length - c["bubble_length"]) / c["cavity_length"]
@@ -225,9 +225,10 @@ def _chain_cavity(growth: float, c: Values) -> tuple[float, float]:
 
 
 def _chain_moves(state: State, x: float, v: float, c: Values) -> tuple[float, float, float, float, float]:
-    """Return velocities of valve, behind the play, of the spring [m/s]; the cavity's growth [1/s]; q [m].
+    """Return velocities of valve, behind the free play, and of the spring [m/s]; cavity growth [1/s]; q [m].
 
-    States: the travel inside the play, the elastic travel, the cavity's growth and the bristles' forces.
+    The states are the travel inside the free play, the elastic travel, the growth of the cavity and the
+    bristle forces.
     """
     lost, e, growth, *bristles = state
     half = c["play"]
@@ -281,7 +282,7 @@ _EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {
 
 
 def _equations(law: HysteresisLaw) -> Equations | None:
-    """Return rate and force of a law with what acts in parallel; None for a law in Python."""
+    """Return rate and force of a law, with the parallel terms; None for a law in Python."""
     if law.python is not None:
         return None
     if law.name == "spencer":
@@ -333,8 +334,9 @@ def bouc_wen_distance(w: float, kappa: float, n: float) -> float:
 
     Notes
     -----
-    ``hyp2f1`` loses all digits near 1 when c - a - b is a rounding error instead of 0, and returns
-    infinity from 1 - 1e-13 on: hence b from c, and the leading terms of its logarithmic series there.
+    ``hyp2f1`` loses all digits near 1 if c - a - b is a rounding error instead of 0. Therefore b is computed
+    from c. It returns infinity from 1 - 1e-13 on, so that the leading terms of the logarithmic series are
+    used.
     """
     c = 1.0 + 1.0 / n
     b = c - 1.0
@@ -369,7 +371,7 @@ def bouc_wen_closed_form(
     kappa: float,
     n: float,
 ) -> FloatArray:
-    """Return the Bouc-Wen state w at the samples, exact to rounding, from w = 0 at the first.
+    """Return the Bouc-Wen state w at the samples, exact to rounding, with w = 0 at the first sample.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class SpencerDamper:
     c1_per_V: float = 295.0  # [N s/(m V)]
     k0: float = 4690.0  # [N/m]
     k1: float = 500.0  # accumulator [N/m]
-    x0: float = 0.143  # accumulator's own length [m]
+    x0: float = 0.143  # initial displacement of the accumulator spring [m]
     alpha: float = 14000.0  # [N/m]
     alpha_per_V: float = 69500.0  # [N/(m V)]
     gamma: float = 3.63e6  # [1/m^2]
@@ -92,7 +92,7 @@ def simulate(
     c0, c1 = damper.c0 + damper.c0_per_V * u, damper.c1 + damper.c1_per_V * u
     alpha = damper.alpha + damper.alpha_per_V * u
     share = 1.0 / (c0 + c1)
-    drive = (c0 * v + damper.k0 * x) * share  # the part of y' that depends on the motion alone
+    drive = (c0 * v + damper.k0 * x) * share  # the part of y' that depends only on the motion
     by_z, by_y = alpha * share, damper.k0 * share
 
     def rates(k: int, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:

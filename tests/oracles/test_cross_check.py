@@ -38,7 +38,7 @@ DUTY = Load(1800.0, fading, 16.8)
 def both_ends(
     model: FieldModel, load: Load, folder: Path, step: float = 20.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return our temperatures and FreeFem++'s at every node at the end of a load [K]."""
+    """Return the temperatures of this package and of FreeFem++ at every node at the end of a load [K]."""
     theirs = run_freefem(write_freefem(model, load, folder, step=step))
     ours = simulate_field(model.equation, [load], longest_step=0.5 * step)
     distance, which = (np.asarray(each) for each in KDTree(theirs.nodes).query(model.nodes))
@@ -49,14 +49,14 @@ def both_ends(
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
-    """The nonlinear problem for half an hour; each program has its own method of second order."""
+    """The nonlinear problem lasts half an hour. The programs use different methods of second order."""
     tool("FreeFem++")
     ours, theirs = both_ends(build_field(drawing), DUTY, tmp_path)
     assert np.ptp(theirs) > 3.0
     assert np.abs(ours - theirs).max() < 50e-3
 
 
-def test_freefem_sees_a_wrong_film(tool: Tool, tmp_path: Path):
+def test_freefem_detects_wrong_film(tool: Tool, tmp_path: Path):
     """A heat-transfer coefficient that is 10 % lower on one side makes the comparison fail."""
     tool("FreeFem++")
     section = section_of(BARE)

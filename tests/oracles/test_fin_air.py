@@ -1,4 +1,4 @@
-"""Laws of annular fins against air computed by finite volumes, for cells of no size: still and in wind."""
+"""Correlations of annular fins compared with flows computed by finite volumes, in still air and wind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def folder(tmp_path_factory, tool):
 
 
 @pytest.mark.release
-def test_bare_tube_in_still_air_is_churchill_chu(folder):
+def test_bare_tube_matches_churchill_chu(folder):
     """The computed flow agrees with a correlation that is based on measurements."""
     found = compute_fin_air(folder, 2e-3, outer=0.0, thickness=0.0)
     law = float(nusselt_horizontal_cylinder(AIR.rayleigh(TUBE, EXCESS_K), AIR.prandtl)) / TUBE
@@ -27,15 +27,15 @@ def test_bare_tube_in_still_air_is_churchill_chu(folder):
 
 
 @pytest.mark.release
-def test_single_disc_in_wind_is_pohlhausen(folder):
-    """Strips of a laminar plate each (test_annular_fins) have 735 per metre at 2 m/s."""
+def test_single_disc_matches_pohlhausen(folder):
+    """Strips of laminar plates (test_annular_fins) give 735 per metre at 2 m/s."""
     found = compute_fin_air(folder, 0.02, tube=0.006, thickness=5e-4, wind=2.0, fine=1)
     assert found.sides == pytest.approx(735.0, rel=0.08)
 
 
 @pytest.mark.release
 @pytest.mark.parametrize(("gap", "within"), [(0.002, 0.20), (0.003, 0.20), (0.005, 0.08), (0.010, 0.08)])
-def test_still_air_between_fins(folder, gap, within):
+def test_still_air_correlation_matches_computed_flow(folder, gap, within):
     """The correlation was not fitted to these flows."""
     found = settle_fin_air(folder, gap)
     assert found.doubt < 0.05
@@ -45,13 +45,13 @@ def test_still_air_between_fins(folder, gap, within):
 
 @pytest.mark.release
 @pytest.mark.parametrize(("tube", "outer"), [(0.046, 0.069), (0.030, 0.090)])
-def test_still_air_between_shorter_and_longer_fins(folder, tube, outer):
+def test_still_air_correlation_matches_different_fins(folder, tube, outer):
     found = settle_fin_air(folder, 0.003, tube=tube, outer=outer)
     assert law_of(0.003, 0.0, tube, outer) == pytest.approx(found.mean, rel=0.20)
 
 
 @pytest.mark.release
 @pytest.mark.parametrize("gap", [0.003, 0.0065])
-def test_wind_between_fins(folder, gap):
+def test_wind_correlation_matches_computed_flow(folder, gap):
     found = settle_fin_air(folder, gap, wind=2.0)
     assert law_of(gap, 2.0) == pytest.approx(found.sides, rel=0.20)

@@ -50,6 +50,6 @@ def test_invalid_parameter_raises(given, message):
     assert str(error.value).startswith("rig.toml: ")
 
 
-def test_an_unknown_preset_names_the_nearest():
+def test_unknown_preset_names_the_nearest():
     with pytest.raises(InputError, match=r"'nominel' is not a preset .*; did you mean nominal"):
         find_preset("nominel")

@@ -1,4 +1,4 @@
-"""The hydraulic damper: another implementation, energy balance, and an adaptive integrator."""
+"""The hydraulic damper: independent implementation, energy balance, and adaptive integrator."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ BENCH = HYDRAULIC["hydraulic-bench"]
 SINES = {"hydraulic-bench": Sine(5e-3, 1.0), "hydraulic-monotube": Sine(25e-3, 1.0)}
 HIGHEST_A = {"hydraulic-bench": 2.0, "hydraulic-monotube": 5.0}
 
-# Found by a separate implementation at steps of 10 us; preset: start [m], speeds [m/s], then by temperature
-# and current the force [N] at x = 0.
+# Values of a separate implementation with steps of 10 us. Each preset has start [m], speeds [m/s], then the
+# force at x = 0 [N] by temperature and current.
 AT_CONSTANT_SPEED = {
     "hydraulic-bench": (-0.02, (0.01, 0.03, 0.1), {
         (20, 0): (98.17, 181.2, 472.2), (20, 1): (971, 1116, 1483), (20, 2): (1488, 1675, 2076),
@@ -56,7 +56,7 @@ def driven(
 
 
 @pytest.mark.parametrize("preset", HYDRAULIC)
-def test_steady_forces_match_another_implementation(preset):
+def test_steady_forces_match_separate_implementation(preset):
     start, speeds, forces = AT_CONSTANT_SPEED[preset]
     for (degrees, current), expected in forces.items():
         for speed, force in zip(speeds, expected, strict=True):
@@ -70,8 +70,8 @@ def test_steady_forces_match_another_implementation(preset):
 
 
 @pytest.mark.parametrize(("preset", "degrees", "before", "after", "t63_ms", "t90_ms"), STEPS)
-def test_step_responses_match_another_implementation(preset, degrees, before, after, t63_ms, t90_ms):
-    """Through x = 0 at constant speed; the driver of one quadrant is slow to let go."""
+def test_step_responses_match_separate_implementation(preset, degrees, before, after, t63_ms, t90_ms):
+    """The motion has constant speed through x = 0. The current of a one-quadrant driver decays slowly."""
     step, speed = 2e-4, 0.03 if preset == "hydraulic-bench" else 0.15
     time = np.arange(-6250, 1251) * step
     x = speed * np.maximum(time, -0.25)
@@ -85,7 +85,7 @@ def test_step_responses_match_another_implementation(preset, degrees, before, af
 
 
 @pytest.mark.parametrize(("preset", "degrees", "heights", "areas"), LOOPS)
-def test_loops_match_another_implementation(preset, degrees, heights, areas):
+def test_loops_match_separate_implementation(preset, degrees, heights, areas):
     motion, found = SINES[preset], []
     for share in (0.0, 0.25, 0.5, 1.0):
         force = driven(preset, motion, share * HIGHEST_A[preset], degrees, 3.0).force[2000:]
@@ -100,7 +100,7 @@ def test_loops_match_another_implementation(preset, degrees, heights, areas):
     ("hydraulic-monotube", 0.0, 20.0), ("hydraulic-monotube", 5.0, 120.0),
 ])  # fmt: skip
 def test_work_is_stored_or_dissipated(preset, current, degrees):
-    """Over one cycle of 2 Hz after half of one; energies and losses from the states at steps of 10 us."""
+    """The balance covers one cycle of 2 Hz after half a cycle, with states at steps of 10 us."""
     damper, step, (half, whole) = HYDRAULIC[preset], 1e-5, (25_000, 75_001)
     motion = Sine(SINES[preset].amplitude, 2.0)
     plant = Plant(damper, step_s=step, solver_step_s=step)
@@ -138,7 +138,7 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     stored += 0.5 * p.piston_kg * s["piston_m_s"] ** 2 + 0.5 * inertance * s["flow_m3_s"] ** 2
     stored += 0.5 * p.joint_N_m * e**2 + 0.25 * p.joint_N_m3 * e**4 + 0.4 * p.pin_N * beyond**2.5
     stored += 0.5 * seal**2 @ stiff
-    # the atmosphere pushes on the rod's end; a flow's enthalpy falls by more than its inertance takes up
+    # The atmosphere acts on the end of the rod. The loss of a flow is its enthalpy drop minus inertance work.
     stored += 101325.0 * (of.A2 - of.A1) * s["piston_m"]
     flow = s["flow_m3_s"] + _bypass(of, one - two)
     power = (enthalpy(one) - enthalpy(two)) * flow
@@ -164,12 +164,12 @@ def _bypass(of: Hydraulics, drop):
 @pytest.mark.parametrize("degrees", [20.0, 120.0])
 @pytest.mark.parametrize("preset", HYDRAULIC)
 def test_adaptive_integrator_finds_the_same_force(preset, degrees):
-    """Full current, then 0.3 A, then none in mid-motion; the start is a jump of the velocity."""
+    """The current is maximal, then 0.3 A, then zero in mid-motion. The motion starts with a velocity jump."""
     motion, command = Sine(SINES[preset].amplitude, 2.0), CurrentSteps((HIGHEST_A[preset], 0.3, 0.0), 0.15)
     time = np.arange(451) * 1e-3
     expected = reference_force(HYDRAULIC[preset], motion, command, degrees, np.asarray(time, np.float64))
     x, v = motion.displacement(time), motion.velocity(time)
-    held = command.current(time - 0.5e-3)  # a sample's command holds over the step that it ends
+    held = command.current(time - 0.5e-3)  # constant over the step before a sample
     errors = [
         np.abs(
             simulate(HYDRAULIC[preset], x, v, held, degrees, step_s=1e-3, solver_step_s=step).force - expected

@@ -72,7 +72,7 @@ def test_supply_limits_current_and_its_rise():
 
 
 def test_flux_rises_and_falls_exponentially():
-    """Behind a coil without lag: 1 - exp(-t / rise), then exp(-t / fall), both shorter in warm iron."""
+    """For a coil without lag the flux is 1 - exp(-t / rise), then exp(-t / fall), faster in warm iron."""
     damper = replace(QUICK_COIL, fluid_lag_s=1e-9, play_share=0.0)
     n = 1000
     command = np.concatenate([np.ones(n), np.zeros(n)])
@@ -85,7 +85,7 @@ def test_flux_rises_and_falls_exponentially():
 
 
 def test_magnetic_hysteresis_width_is_play():
-    """From below the field lags by wp r, from above it leads by the same amount."""
+    """The field lags by wp r if the flux rises and leads by the same amount if the flux falls."""
     levels = (0.0, 1.0, 2.0, 1.0)
     command = np.repeat(levels, 2000)
     still = np.zeros(len(command))
@@ -122,7 +122,7 @@ def test_preyield_force_is_exponential_in_displacement(current, spread):
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
 @pytest.mark.parametrize("speed", [0.004, -0.1])
 def test_steady_force_is_the_sum_of_parts(degrees, speed):
-    """Yield force, power law of the slip, Stribeck friction, offset."""
+    """The parts are yield force, power law of the slip, Stribeck friction, and offset."""
     n = 40_000
     damper = replace(NOMINAL, play_share=0.0)
     force = simulate(damper, np.zeros(n), np.full(n, speed), 2.0, degrees).force[-1]
@@ -219,7 +219,7 @@ def test_method_has_first_order():
     assert coarse / half == pytest.approx(0.9 / 0.4, rel=0.15)
 
 
-# ------------------------------------------------------------------------------------------- laws of nature
+# ------------------------------------------------------------------------------------------- physical laws
 
 
 @given(

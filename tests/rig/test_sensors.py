@@ -16,7 +16,7 @@ def noise(seed=1):
 
 @pytest.mark.parametrize(("read", "size"), [("displacement", 10e-6), ("force", 5.0), ("temperature", 0.3)])
 def test_noise_is_white_with_specified_deviation(read, size):
-    """Standard deviation within 4 of its own standard errors, neighbours uncorrelated within 4 of theirs."""
+    """Standard deviation and correlation of neighbours agree within four standard errors."""
     values = getattr(Sensors(), read)(np.zeros(N), noise())
     assert np.std(values) == pytest.approx(size, rel=4.0 / np.sqrt(2 * N))
     assert abs(np.mean(values[1:] * values[:-1])) < 4.0 * size**2 / np.sqrt(N)

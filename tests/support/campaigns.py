@@ -1,8 +1,8 @@
-"""The factory of campaigns and runs for tests.
+"""Campaigns and runs for tests.
 
-``make_run`` gives a run in closed form. ``short_runs`` are runs of Spencer's damper, which an independent
-program simulates. ``default_campaign`` and ``default_fit`` are the default campaign on the virtual rig and
-its fit, made once in each process.
+``make_run`` returns a run in closed form. ``short_runs`` are runs of Spencer's damper from an independent
+program. ``default_campaign`` and ``default_fit`` return the default campaign on the virtual rig and its fit,
+which are computed once in each process.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ SINE = Sine(0.010, 2.0)
 
 
 def dry_friction(velocity: FloatArray) -> FloatArray:
-    """Return the force [N] of 1 kN, softened within 10 mm/s."""
+    """Return a friction force of 1 kN that changes sign smoothly within 10 mm/s [N]."""
     return np.asarray(1000.0 * np.tanh(velocity / 0.01), dtype=np.float64)
 
 
@@ -93,7 +93,7 @@ def short_runs() -> tuple[RigRun, ...]:
 
 
 def columns_of(run: RigRun) -> dict[str, FloatArray]:
-    """Return a run's columns, every second sample, under headers with units."""
+    """Return the columns of a run (every second sample) by headers with units."""
     chosen = {
         "time_s": run.time,
         "displacement_m": run.displacement,

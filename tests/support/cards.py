@@ -1,7 +1,7 @@
-"""The factory of cards and dampers for tests. No damper is fitted here.
+"""Cards and dampers for tests, without a fit.
 
-``DAMPERS`` holds one damper for each hysteresis model that a controller can use. ``rig_damper`` is about as
-strong as the virtual rig's damper ``nominal``. ``card_of`` and ``write_card_of`` make cards.
+``DAMPERS`` has one damper for each hysteresis model that a controller can use. ``rig_damper`` is about as
+strong as the damper ``nominal`` of the virtual rig. ``card_of`` and ``write_card_of`` create cards.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ _YIELD_FORCES = ("yield_force", "second_force", "rate_force")
 
 
 def passive(damper: Damper, *, yields: bool = True) -> Damper:
-    """Return the damper as runs at zero current identify it; optionally without yield force."""
+    """Return the damper that runs at zero current would identify, optionally without yield force."""
     at_zero = dict(zip(damper.law.names, damper.coefficients_at(np.zeros(1))[:, 0], strict=True))
     forms: dict[str, ParameterLaw] = {}
     for name, form in damper.coefficients.items():
@@ -199,7 +199,7 @@ RIG_ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.04, 0.04), (29
 
 
 def rig_forms(force: float = 1.0) -> dict[str, ParameterLaw]:
-    """Return the coefficients of a damper that is ``force`` times as strong as the rig's."""
+    """Return the coefficients of a damper with ``force`` times the force of the damper of the rig."""
     return {
         "viscosity": TemperatureDependent(Polynomial((6950.0 * force, 620.0 * force)), Arrhenius(1511.0)),
         "viscous_exponent": Constant(0.888),
@@ -224,7 +224,7 @@ def rig_forms(force: float = 1.0) -> dict[str, ParameterLaw]:
 def rig_damper(
     *, lag: Actuation | None = RIG_LAG, temperature_dependent: bool = True, force: float = 1.0
 ) -> Damper:
-    """Return a damper that is ``force`` times as strong as the rig's; optionally as identified at 20 degC."""
+    """Return a damper with ``force`` times the force of the rig's damper, optionally only for 20 degC."""
     coefficients = {
         name: form if temperature_dependent or not isinstance(form, TemperatureDependent) else form.form
         for name, form in rig_forms(force).items()

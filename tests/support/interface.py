@@ -71,7 +71,7 @@ def unbroken(parameter: str) -> str:
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:
-    """Return a text in lines; hyphens do not break."""
+    """Return the lines of a wrapped text. Lines do not break at hyphens."""
     lines = textwrap.wrap(text, width, subsequent_indent=indent, break_on_hyphens=False)
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
@@ -153,7 +153,7 @@ def named(annotation: str, module: str, types: dict[str, str]) -> str:
 
 
 def defined_in(module: str) -> Iterator[tuple[str, str]]:
-    """Yield the names that a module imports, with the modules that it imports them from."""
+    """Generate (name, module) of the names that a module imports."""
     for node in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
         if isinstance(node, ast.ImportFrom):
             yield from ((alias.name, str(node.module)) for alias in node.names)

@@ -68,7 +68,7 @@ for line in sys.stdin:
 
 
 class Nursery:
-    """Runs commands in children of one process that has everything loaded."""
+    """Run commands in child processes of one process that has loaded the program."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.mark = folder, uuid.uuid4().hex
@@ -112,9 +112,10 @@ class Nursery:
         kill: Callable[[int], None] | None = None,
         limit: int | None = None,
     ) -> int:
-        """Run a command; ``kill`` is given its process and returns when it has killed it, or not.
+        """Run a command and return its exit code.
 
-        ``limit`` is the longest file that the command may write [bytes].
+        ``kill`` is called with the process ID of the command and may end the process. ``limit`` is the
+        maximum size of a file that the command may write [bytes].
         """
         asked = {"arguments": list(map(str, arguments)), "said": str(self._said), "limit": limit}
         assert self._process.stdin is not None
@@ -131,7 +132,7 @@ class Nursery:
 
 
 def kill_after(seconds: float, how: signal.Signals = signal.SIGKILL) -> Callable[[int], None]:
-    """End a process at a moment; nothing is done to one that has ended by then."""
+    """Return a function that ends a process after a time, unless the process has ended."""
 
     def kill(process: int) -> None:
         until = time.monotonic() + seconds
@@ -143,7 +144,7 @@ def kill_after(seconds: float, how: signal.Signals = signal.SIGKILL) -> Callable
 
 
 def kill_when(ready: Callable[[], bool], *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
-    """End a process as soon as something is there; several signals follow each other ``apart_s``."""
+    """Return a function that sends signals to a process when ``ready`` is True, ``apart_s`` [s] apart."""
 
     def kill(process: int) -> None:
         wait_for(ready, process)
@@ -155,14 +156,14 @@ def kill_when(ready: Callable[[], bool], *how: signal.Signals, apart_s: float = 
 
 
 def wait_for(ready: Callable[[], bool], process: int, seconds: float = 120.0) -> None:
-    """Wait until something is there, or the process is not."""
+    """Wait until ``ready`` is True or the process has ended."""
     until = time.monotonic() + seconds
     while not ready() and time.monotonic() < until and alive(process):
         time.sleep(0.001)
 
 
 def kill_after_cpu(seconds: float, *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
-    """End a process after some CPU time: the moment does not depend on the load of the machine."""
+    """Return a function that ends a process after a CPU time, which is independent of the machine load."""
 
     def kill(process: int) -> None:
         wait_for_cpu(process, seconds)
@@ -191,7 +192,7 @@ def send(process: int, number: signal.Signals) -> None:
 
 
 def alive(process: int) -> bool:
-    """Whether a process runs (one that has ended and is not yet waited for does not)."""
+    """Return True if a process is running; a zombie process is not running."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
     except OSError:
@@ -199,7 +200,7 @@ def alive(process: int) -> bool:
 
 
 def marked(mark: str, but: int = 0) -> list[int]:
-    """Return the processes that carry a mark."""
+    """Return the IDs of the processes with a mark in their environment, except ``but``."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) not in (but, os.getpid()):
@@ -213,7 +214,7 @@ def marked(mark: str, but: int = 0) -> list[int]:
 
 
 def orphans(mark: str, but: int = 0, patience_s: float = 10.0) -> list[int]:
-    """Return the processes with a mark that are still there after a while."""
+    """Return the processes with a mark that are still running after ``patience_s``."""
     until = time.monotonic() + patience_s
     while found := marked(mark, but):
         if time.monotonic() > until:
@@ -244,17 +245,17 @@ def of_any_folder(files: dict[str, str] | None, out: Path) -> dict[str, str]:
 
 
 def rows(path: Path) -> int:
-    """Return how many whole lines a file has; none when it is not there."""
+    """Return the number of complete lines of a file, 0 if the file does not exist."""
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
 def has_more(path: Path, count: int) -> Callable[[], bool]:
-    """Return a predicate that is true if a file has more lines."""
+    """Return a function that returns True if a file has more than ``count`` lines."""
     return lambda: rows(path) > count
 
 
 def left_behind(folder: Path) -> list[str]:
-    """Return hidden folders and progress that are still there."""
+    """Return the remaining hidden folders and progress files."""
     found = [*folder.rglob(".mrdamper-*"), *folder.rglob("*.progress")]
     return [path.relative_to(folder).as_posix() for path in found]
 
@@ -264,7 +265,7 @@ def _plain(path: Path) -> str:
     if path.suffix == ".json":
         return json.dumps(_timeless(json.loads(raw)))
     if path.suffix in {".fmu", ".mat", ".png"}:
-        return f"{len(raw) > 0}"  # they hold dates
+        return f"{len(raw) > 0}"  # these files contain dates
     text = raw.decode("utf-8", "replace")
     if path.suffix == ".html":
         assert text.rstrip().endswith("</html>"), f"{path}: cut off"

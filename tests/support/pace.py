@@ -1,8 +1,8 @@
 """Present speed of this machine, so that a budget of processor time is comparable between machines.
 
-A budget is written in seconds of a reference: a quiet core on which a piece of work takes ``REFERENCE_S``.
-Shared machines are slower, sometimes much slower. A time is divided by the present time of the same piece of
-work.
+A budget is stated in seconds of a reference machine: an idle core on which a fixed computation takes
+``REFERENCE_S``. Shared machines are slower, sometimes much slower. A measured time is divided by the present
+duration of the same computation and multiplied by ``REFERENCE_S``.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ REFERENCE_S = 0.0043
 
 
 def pace() -> float:
-    """Return how many times longer than on the reference a fixed piece of work takes here and now."""
+    """Return the present duration of the fixed computation divided by its duration on the reference."""
     begun = time.process_time()
     _work()
     return (time.process_time() - begun) / REFERENCE_S
 
 
 def taken(job: Callable[[], object]) -> float:
-    """Return the CPU time [s] of a job, as it would be on the reference."""
+    """Return the CPU time [s] of a job, converted to the reference machine."""
     before, begun = pace(), time.process_time()
     job()
     spent = time.process_time() - begun

@@ -40,7 +40,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command in this process, whose libraries are loaded; ``command`` is for a process of its own."""
+    """Run a command in this process, which has loaded the libraries; ``command`` is for a new process."""
     out, err, status = io.StringIO(), io.StringIO(), 0
     with ExitStack() as stack:
         patch = stack.enter_context(pytest.MonkeyPatch.context())
@@ -50,7 +50,7 @@ def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.Complete
             patch.delenv(name, raising=False)
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("default")
-        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # a command takes them for its process
+        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # a command installs handlers
             stack.callback(signal.signal, each, signal.getsignal(each))
         if cwd is not None:
             stack.enter_context(chdir(cwd))
@@ -64,7 +64,7 @@ def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.Complete
 
 
 def answer_of(run: subprocess.CompletedProcess[str]) -> dict[str, Any]:
-    """Return the JSON object on standard output; it must be all that is there."""
+    """Return the JSON object on standard output, which must contain nothing else."""
     assert run.returncode == 0, run.stderr
     lines = run.stdout.strip().splitlines()
     assert len(lines) == 1

@@ -21,7 +21,7 @@ NOISE_N = 4.0
 
 
 def warm_damper(*, viscous_loss_K: float = 1435.5, yield_slope: float = 1e-3) -> Damper:
-    """Return a Dahl damper that loses viscosity (Arrhenius) and yield force (linear) with warmth."""
+    """Return a Dahl damper whose viscosity (Arrhenius) and yield force (linear) decrease with temperature."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": TemperatureDependent(Constant(5e3), Arrhenius(viscous_loss_K)),
         "yield_force": TemperatureDependent(Polynomial((60.0, 500.0)), Linear(yield_slope)),

@@ -1,6 +1,7 @@
-"""Random dampers of many shapes, by seed: even seeds to choose constants by, odd ones to report.
+"""Random dampers of many shapes, by seed. Even seeds are for the choice of constants, odd seeds for reports.
 
-``python -m tests.thermal.bodies 50`` prints how well the reduced model follows the finite elements on them.
+``python -m tests.thermal.bodies 50`` prints the errors of the reduced model compared with the finite
+elements.
 """
 
 from __future__ import annotations
@@ -35,14 +36,17 @@ _SHORTEST_GAP = 0.003
 
 @dataclass(frozen=True)
 class HeatedBody:
-    """A damper and what heats it for half an hour."""
+    """A damper and its thermal load for half an hour."""
 
     drawing: DamperDrawing
     load: Load
 
 
 def draw_body(seed: int) -> HeatedBody:
-    """Return a damper of 32 to 80 mm by 120 to 320 mm, up to 15 fins, and power for 40 to 130 K."""
+    """Return a random damper (diameter 32 to 80 mm, length 120 to 320 mm, up to 15 fins) and its load.
+
+    The power would heat the insulated damper by 40 to 130 K at constant power.
+    """
     rng = np.random.default_rng(seed)
     outer, length = rng.uniform(0.032, 0.080), rng.uniform(0.120, 0.320)
     wall = outer * rng.uniform(0.06, 0.12)
@@ -88,7 +92,7 @@ def _draw_sink(rng: np.random.Generator, fins: int, outer: float, length: float)
 
 @dataclass(frozen=True)
 class BodyScore:
-    """Greatest differences of the reduced model from the finite elements [mK], and its CPU time [s]."""
+    """Largest differences of the reduced model from the finite elements [mK], and its CPU time [s]."""
 
     fluid: float
     gap: float
@@ -97,7 +101,7 @@ class BodyScore:
 
 
 def score_body(seed: int) -> BodyScore:
-    """Return how well the reduced model follows a body, built and run for half an hour."""
+    """Return the errors and the CPU time of the reduced model of a body, built and run for half an hour."""
     body = draw_body(seed)
     started = time.process_time()
     model = build_field(body.drawing)
@@ -115,7 +119,7 @@ def score_body(seed: int) -> BodyScore:
 
 
 def odd_bodies(count: int) -> list[int]:
-    """Return the seeds of bodies to report on."""
+    """Return the odd seeds, which are for reports."""
     return [2 * k + 1 for k in range(count)]
 
 

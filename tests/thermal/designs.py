@@ -1,4 +1,4 @@
-"""Random designs of the paper's damper: fins, width and air over the ranges that heat sinks are judged on."""
+"""Random heat sinks for the damper of the paper: number and width of fins, air speed."""
 
 from __future__ import annotations
 

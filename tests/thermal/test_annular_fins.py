@@ -26,7 +26,7 @@ DRAWING = read_drawing("paper")
 
 
 def still(gap: float) -> float:
-    """Return the film of the sides over the air's conductivity in still air [1/m]."""
+    """Return the heat-transfer coefficient of the sides divided by the conductivity of still air [1/m]."""
     rayleigh = AIR.rayleigh(gap, EXCESS_K) * gap / OUTER
     return float(nusselt_annular_fins(rayleigh, OUTER / TUBE)) / gap
 
@@ -39,7 +39,8 @@ def windy(gap: float, speed: float = 2.0) -> float:
 def test_narrow_gaps_have_developed_flow(ratio):
     """In potential flow, all air that passes through the ring leaves at the temperature of the fins."""
     inner = 1.0 / ratio
-    # Pressure p(r) sin(theta), buoyancy sin(theta); the pressure is zero at the rim, the flow at the tube.
+    # Pressure and buoyancy are proportional to sin(theta). The pressure is zero at the rim, the flow at the
+    # tube.
     ring = solve_bvp(
         lambda r, p: np.vstack([p[1], p[0] / r**2 - p[1] / r]),
         lambda at_tube, at_rim: np.array([1.0 - at_tube[1], at_rim[0]]),
@@ -47,13 +48,13 @@ def test_narrow_gaps_have_developed_flow(ratio):
         np.zeros((2, 50)),
         tol=1e-9,
     )
-    enters = 2.0 * (1.0 - ring.sol(1.0)[1])  # through the lower half of the rim, over the speed Ra / 12
+    enters = 2.0 * (1.0 - ring.sol(1.0)[1])  # lower half of the rim, divided by the speed Ra / 12
     exact = enters / (12.0 * math.pi * (1.0 - inner**2))  # S / D, and both faces
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 
 
 def test_single_disc_agrees_with_pohlhausen():
-    """Strips of a disc without a tube, each a laminar plate of its own chord: 0.664 Re^1/2 Pr^1/3."""
+    """A disc without a tube consists of strips that are laminar plates, Nu = 0.664 Re^1/2 Pr^1/3."""
     nu, pr = float(AIR.kinematic_viscosity), float(AIR.prandtl)
     height = 0.5 * OUTER * (np.arange(4000) + 0.5) / 4000
     chord = np.sqrt(OUTER**2 - 4.0 * height**2)
@@ -66,7 +67,7 @@ def test_single_disc_agrees_with_pohlhausen():
     ("speed", "low", "high"), [(0.0, 5.0, 6.5), (2.0, 2.0, 3.5), (10.0, 0.8, 1.8), (0.7, 3.5, 6.0)]
 )
 def test_best_gap_agrees_with_published_rules(speed, low, high):
-    """Fins of 1 mm, as many as fit, no least gap: still air as Senapati 2016 finds, wind as Bejan's rule."""
+    """The best gap of fins of 1 mm agrees with Senapati 2016 in still air and with Bejan's rule in wind."""
     gaps = np.arange(0.5e-3, 12e-3, 0.05e-3)
     film = still if speed == 0.0 else lambda gap: windy(gap, speed)
     best = gaps[int(np.argmax([film(gap) / (gap + 1e-3) for gap in gaps]))]
@@ -77,7 +78,7 @@ def test_best_gap_agrees_with_published_rules(speed, low, high):
 
 
 def test_interpolated_films_agree_with_direct_ones():
-    """The forced film is computed at a few temperatures; the interpolation error is below 1e-6."""
+    """Forced convection is computed at a few temperatures; the interpolation error is below 1e-6."""
     sink = HeatSink(fins=8, width=0.02, thickness=1e-3, pitch=4e-3, film_multiplier=1.3)
     drawing = replace(DRAWING, sink=sink, surroundings=replace(DRAWING.surroundings, air_speed=1.5))
     kelvin = np.linspace(240.0, 460.0, 100)

@@ -1,4 +1,4 @@
-"""Calibration by a measured curve: known factors are recovered, and foreign or dirty curves are handled."""
+"""Calibration by a measured curve: known factors are recovered, unrelated and noisy curves are handled."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_reduced_model_recovers_factors_of_own_curve():
     assert shown == pytest.approx(curve.temperature, abs=0.1)
 
 
-def test_calibrated_geometry_predicts_another_duty():
+def test_calibrated_geometry_predicts_different_duty():
     """A calibration with 15 min of heating predicts an hour at half the power within 1 K."""
     assert DRAWING.sink is not None
     finned = replace(DRAWING.sink, film_multiplier=1.3)
@@ -164,13 +164,13 @@ def test_residual_variance_counts_autocorrelation():
         lambda t: 20.0 - 0.05 * t,  # cools under load
     ],
 )
-def test_curve_of_no_damper_is_rejected(course):
+def test_implausible_curve_is_rejected(course):
     time = np.arange(0.0, 120.0, 1.5)
     with pytest.raises(ConvergenceError, match="K off it at best"):
         calibrate_drawing(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY)
 
 
-# ------------------------------------------------------------------------------------------- dirty curves
+# ------------------------------------------------------------------------------------------- bad readings
 
 
 def test_bad_readings_are_dropped_and_counted():

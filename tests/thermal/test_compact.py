@@ -1,6 +1,6 @@
-"""The thermal model of six states against the reduced finite elements, and laws of nature that it keeps.
+"""The thermal model with six states: comparison with the reduced finite elements, and physical laws.
 
-``python -m tests.thermal.test_compact 20`` prints how well it follows on drawn bodies.
+``python -m tests.thermal.test_compact 20`` prints the errors of this model on random bodies.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LATE_S = 15.0  # time after a step of the power
 
 @dataclass(frozen=True)
 class CompactScore:
-    """Greatest differences from the reduced model [K]: fluid always, gap and coil later than 15 s."""
+    """Largest differences from the reduced model [K]: fluid always, gap and coil from 15 s after a step."""
 
     fluid: float
     gap: float
@@ -44,7 +44,7 @@ def _constant(watts: float, kelvin: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Course:
-    """Courses of the reduced model one after the other, in surroundings that change."""
+    """Temperatures of the reduced model over successive segments with different surroundings."""
 
     time: list[FloatArray]
     fluid: list[FloatArray]
@@ -59,7 +59,7 @@ class _Course:
 
 
 def score(seed: int) -> CompactScore:
-    """Return how well a drawn body is followed through drawn steps of power, current, ambient and air."""
+    """Return the errors on a random body after random steps of power, current, ambient and air speed."""
     rng, body = np.random.default_rng(1000 + seed), draw_body(seed)
     drawing = body.drawing
     power = float(body.load.power(np.array([drawing.surroundings.ambient]))[0])
@@ -144,7 +144,7 @@ def test_compact_cools_to_air_with_any_step(model: CompactModel, step: float):
 
 
 def test_compact_films_agree_with_the_section(model: CompactModel):
-    """At a point exactly, between them within 3 %; radiation and mounting as they are."""
+    """The coefficients agree exactly at table points and within 3 % between; radiation and mount exactly."""
     drawing = read_drawing("paper")
     asked = ((288.15, 2.0, 40.0, 1e-9), (270.0, 1.7, 33.0, 0.03), (310.0, 0.0, 70.0, 0.03))
     for ambient, speed, above, rel in asked:

@@ -33,12 +33,12 @@ from mrdamper.thermal.sinks.gain import gain_band
 from mrdamper.thermal.temperature_rise import simulate_rise
 from tests.thermal.bodies import HALF_HOUR_S, HeatedBody, draw_body, odd_bodies
 
-_REACHED = 0.7  # Time fraction at which the nominal body reaches the limit.
+_REACHED = 0.7  # Fraction of the time at which the nominal body reaches the limit.
 _90 = 1.645  # standard deviations
 
 
 def _times(factor: float, load: Load) -> Callable[[FloatArray], FloatArray]:
-    """Return the load's power times a factor."""
+    """Return the power of a load multiplied by a factor."""
     return lambda kelvin: np.asarray(factor * load.power(kelvin))
 
 
@@ -72,7 +72,7 @@ def off_its_drawing(body: HeatedBody, rng: np.random.Generator) -> tuple[np.ndar
 
 
 def hold_times(seed: int, draws: int) -> list[bool]:
-    """Return whether the interval of the time to the fluid's limit holds, on dampers like a drawn body."""
+    """Return True for each perturbed damper whose time to the fluid limit is inside the interval."""
     body, rng = draw_body(seed), np.random.default_rng(5000 + seed)
     drawing = body.drawing
     kelvin = np.linspace(233.15, 473.15, 40)
@@ -96,14 +96,14 @@ def hold_times(seed: int, draws: int) -> list[bool]:
 
 
 def another_sink(drawing: DamperDrawing, sink: HeatSink) -> HeatSink:
-    """Return thinner fins in the same span, half as many again."""
+    """Return a heat sink with thinner fins, 1.5 times as many, over the same length."""
     fins = max(round(1.5 * sink.fins), sink.fins + 1)
     span = max(sink.span, 0.3 * drawing.body.length)
     return replace(sink, fins=fins, thickness=1e-3, pitch=(span - 1e-3) / (fins - 1), width=1.1 * sink.width)
 
 
 def hold_gains(seed: int, draws: int) -> list[bool]:
-    """Return whether a gain's band holds it with films and power drawn all at once; none without fins."""
+    """Return True for each random damper whose gain is inside the interval; [] if the body has no fins."""
     body, rng = draw_body(seed), np.random.default_rng(7000 + seed)
     drawing, sink = body.drawing, body.drawing.sink
     if sink is None or sink.fins < 2:

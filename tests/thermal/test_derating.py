@@ -1,4 +1,4 @@
-"""Derating: permissible loads keep every limit, and larger ones do not."""
+"""Derating: permissible loads keep every limit, larger loads exceed a limit."""
 
 from __future__ import annotations
 

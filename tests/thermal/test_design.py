@@ -91,7 +91,7 @@ def test_elements_confirm_the_gain(found, reference):
 
 @pytest.mark.nightly
 def test_freefem_confirms_the_gain(found, tool, tmp_path):
-    """An independent program on the same section; steps of 300 s cost it some tenths of a kelvin."""
+    """An independent program uses the same section. Its steps of 300 s cause errors of some tenths of 1 K."""
     tool("FreeFem++")
     pytest.importorskip("skfem")
     ends = []
@@ -144,7 +144,7 @@ def test_gain_interval_contains_the_gain(reference):
 
 
 def test_dirt_and_tolerance_narrow_the_gap():
-    """Narrow gaps lose more than wide gaps. A closed gap is rejected. The min gap follows."""
+    """Narrow gaps lose more than wide gaps. A closed gap is rejected. This determines the minimum gap."""
     dirty = replace(DRAWING, manufacture=Manufacture(tolerance=0.4e-3, fouling=0.8e-3))
     lost = []
     for sink in (SINK, replace(SINK, fins=12, thickness=1e-3, pitch=7e-3)):

@@ -38,7 +38,7 @@ def constant(watts: float):
 
 
 def fading(kelvin):
-    """Power that falls with temperature, as in an MR damper."""
+    """Return a power that falls with temperature, as in an MR damper."""
     return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - AMBIENT)
 
 
@@ -46,7 +46,7 @@ DUTY = Load(1800.0, fading, 16.8)
 
 
 def of(course, name: str):
-    """Return the fluid's, coil's or wall's temperature on a course [K]."""
+    """Return the temperature of fluid, coil or wall [K]."""
     return getattr(course, name)
 
 
@@ -78,7 +78,7 @@ def test_insulated_field_rises_by_power():
 
 
 def test_heated_tube_has_logarithmic_profile():
-    """Inside the heated core the profile is a parabola, in the wall a logarithm: 1e-6 of the rise."""
+    """The profile is a parabola in the heated core and a logarithm in the wall, within 1e-6 of the rise."""
     length, inner, middle, outer, k_core, k_wall, film, power = 0.01, 0.004, 0.01, 0.03, 3.0, 5.0, 40.0, 6.0
     regions = (Region("gap", "gap", k_core, k_core, 2e6), Region("wall", "wall", k_wall, k_wall, 3e6))
     blocks = (Block(0, inner, middle, 0.0, length), Block(1, middle, outer, 0.0, length))
@@ -88,7 +88,7 @@ def test_heated_tube_has_logarithmic_profile():
     outside = power / (film * 2.0 * math.pi * outer * length)
     per_length = power / length
     at_middle = outside + per_length * math.log(outer / middle) / (2.0 * math.pi * k_wall)
-    # an annulus heated evenly, tight inside
+    # The annulus is heated evenly and insulated inside.
     heat = per_length / (math.pi * (middle**2 - inner**2))
     at_inner = at_middle + heat / (4.0 * k_core) * (
         middle**2 - inner**2 - 2.0 * inner**2 * math.log(middle / inner)
@@ -100,7 +100,7 @@ def test_heated_tube_has_logarithmic_profile():
 
 
 def test_annular_fin_has_exact_efficiency():
-    """Kern and Kraus with Bessel functions, insulated tip; the fin conducts well across, as theirs."""
+    """The reference is Kern and Kraus (Bessel functions, insulated tip, uniform over the fin thickness)."""
     root, tip, thickness, k, film, power = 0.02, 0.05, 1e-3, 20.0, 60.0, 30.0
     regions = (Region("gap", "gap", 1e6, 1e6, 2e6), Region("fins", "fins", k, 1e5, 2e6))
     blocks = (Block(0, 0.015, root, 0.0, thickness), Block(1, root, tip, 0.0, thickness))
@@ -206,7 +206,7 @@ def test_symmetric_damper_has_symmetric_field(drawing: DamperDrawing):
 
 @pytest.mark.nightly
 def test_contact_resistance_causes_its_own_drop():
-    """Heat through the feet times resistance over their area is the drop from the body to the fins."""
+    """The temperature drop from body to fins is heat flow times contact resistance divided by area."""
     assert SINK is not None
     contact = 4e-4
     with_it = DRAWING.with_sink(replace(SINK, contact=contact))
@@ -234,7 +234,7 @@ def test_contact_resistance_causes_its_own_drop():
 
 
 def test_mesh_converges_with_third_order():
-    """A smooth problem: the error of a mean falls with order 3 or more (4 in theory) for quadratics."""
+    """In a smooth problem, the error of a mean has order 3 or more with quadratic elements (4 in theory)."""
     regions = (Region("gap", "gap", 3.0, 3.0, 2e6),)
     section = small_section(
         regions, (Block(0, 0.005, 0.03, 0.0, 0.08),), (Edge(0, 0.03, 0.03, 0.0, 0.08),), 500.0
@@ -253,7 +253,7 @@ def test_mesh_converges_with_third_order():
 @pytest.mark.nightly
 @pytest.mark.parametrize("drawing", [DRAWING, BARE, SLENDER], ids=["paper", "bare", "slender"])
 def test_mesh_error_is_below_50_millikelvin(drawing: DamperDrawing):
-    """In the gap most: it conducts 1e4 times better along than across, so heat turns in thin layers there."""
+    """The error is largest in the gap, which conducts 1e4 times better along than across (thin layers)."""
     section = section_of(drawing)
     fine = discretise(section, refined(mesh_section(section)))
     steps: dict[str, Any] = {"longest_step": 300.0, "first_step": 20.0}

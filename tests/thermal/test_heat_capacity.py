@@ -63,14 +63,15 @@ def test_polynomial_in_celsius_is_evaluated_in_kelvin():
 
 
 def test_variable_capacity_gives_temperature_from_heat():
-    """A whole damper whose heat capacity rises from 900 J/K at 20 degC by 5 J/K a kelvin: a quadratic."""
+    """The heat is quadratic if the heat capacity of the damper is 900 J/K at 20 degC and rises by 5 J/K^2."""
     model = coarse(paper(WHOLE, fins=False), insulated=True)
     load = replace(LOAD, duration=1200.0, coil_W=0.0)
     course = simulate_field(model.equation, [load])
     mean = float(model.equation.uniform @ (model.equation.mass @ course.state[-1]))
     mean /= float(model.equation.uniform @ (model.equation.mass @ model.equation.uniform))
     expected = (np.sqrt(900.0**2 + 2.0 * 5.0 * 95.0 * 1200.0) - 900.0) / 5.0
-    assert mean == pytest.approx(expected, rel=2e-3)  # each part by its own mean, not by the whole's
+    # The capacity of each part depends on its own temperature, ``expected`` uses the mean temperature.
+    assert mean == pytest.approx(expected, rel=2e-3)
     assert course.closure < 1e-12
 
 
@@ -82,12 +83,12 @@ def test_variable_capacity_agrees_when_reduced(fins: bool):
     assert np.abs(full.hottest("coil") - small.hottest("coil")).max() < 50e-3
     assert max(full.closure, small.closure) < 1e-9
     constant = simulate_field(replace(model.equation, storage=()), [LOAD])
-    assert np.abs(constant.fluid - full.fluid).max() > 0.5  # it makes a difference
+    assert np.abs(constant.fluid - full.fluid).max() > 0.5  # The effect of the variable capacity is large.
 
 
 @pytest.mark.nightly
 def test_variable_capacity_agrees_with_scipy_integrator():
-    """The reduced equation by an implicit method of SciPy's, tight; our error falls by four with the step."""
+    """The reference is an implicit SciPy method. The error falls by four if the step is halved."""
     equation = reduce_field(coarse(paper(STEEP))).equation
     system = FieldSystem(equation)
     system.take(LOAD)

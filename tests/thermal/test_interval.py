@@ -1,4 +1,4 @@
-"""Intervals of a heating curve: they hold on dampers off their geometry file, before and after a curve."""
+"""Intervals of a heating curve contain the temperatures of perturbed dampers, also after calibration."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Score:
     """Error, coverage and width of predicted temperatures after 30 min."""
 
     rmse: float  # [K]
-    inside: float  # fraction of the 90 % intervals that hold
+    inside: float  # fraction of the 90 % intervals that contain the temperature
     width: float  # mean [K]
 
 
@@ -81,7 +81,10 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
 
 @pytest.mark.nightly
 def test_prior_interval_holds_on_perturbed_dampers():
-    """Of 60 dampers 85 % less two deviations of that count; the width is at most twice the needed one."""
+    """The intervals contain at least 85 % of 60 dampers, minus two standard deviations of this count.
+
+    The width of the intervals is at most twice the required width.
+    """
     rng = np.random.default_rng(1)
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
     ends = np.array([truth_of(BARE, rng).fluid[-1] for _ in range(60)])
@@ -119,7 +122,7 @@ def test_ten_minutes_predict_perturbed_dampers(base):
     """For six dampers with wrong geometry values, the error at 30 min is 2 K and most intervals hold."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
-    assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
+    assert found.inside >= 0.5  # 85 % minus 2.5 standard deviations of this count
 
 
 @pytest.mark.release

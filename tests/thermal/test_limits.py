@@ -1,4 +1,4 @@
-"""What parts bear: the moment of a limit, the part that is nearest to its own, and stated limits."""
+"""Temperature limits of parts: time of a limit, part with the smallest margin, and stated limits."""
 
 from __future__ import annotations
 

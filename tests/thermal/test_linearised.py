@@ -26,7 +26,7 @@ NETWORK = zone_network(WINDY)
 
 
 def falling(kelvin: FloatArray) -> FloatArray:
-    """Power that bends with temperature, so that no slope of it is a constant."""
+    """Return a power that is nonlinear in temperature, so that none of its derivatives is constant."""
     return np.asarray(80.0 * np.exp(-0.004 * (kelvin - 293.15)))
 
 
@@ -41,7 +41,7 @@ def slope_along(function: Callable[[FloatArray], FloatArray], at: FloatArray, mo
 
 
 def check(system: System, state: FloatArray, seed: int = 0) -> None:
-    """Compare rate and solver of (M - shrunk J) with the rate itself."""
+    """Compare the linearised rate, and the solver of (M - c J), with differences of the rate."""
     rate, solve = system.linearise(state, SHRUNK_S)
     assert rate == pytest.approx(system.rate(state), rel=1e-12)
     right = np.random.default_rng(seed).standard_normal(state.shape)

@@ -1,4 +1,4 @@
-"""The network through time: limits in closed form, conservation, order, symmetry, and what cools better."""
+"""The thermal network: closed forms, conservation of energy, order of convergence, and symmetry."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def constant(watts: float):
 
 
 def fading(kelvin):
-    """Power that falls with warmth, as an MR damper's does."""
+    """Return a power that falls with temperature, as in an MR damper."""
     return 75.0 - 0.2 * (kelvin - AMBIENT)
 
 
@@ -59,7 +59,7 @@ def one_node(*, capacity: float = 1000.0, conductance: float = 0.5) -> ThermalNe
 
 
 def steady_state(network: ThermalNetwork, load: Load) -> np.ndarray:
-    """Return the temperatures that a load ends in [K], by long steps of the L-stable method."""
+    """Return the steady temperatures of a load [K], by long steps of the L-stable method."""
     run = simulate_network(network, [replace(load, duration=1e7)], longest_step=1e5)
     return np.asarray(run.temperature[-1])
 
@@ -96,7 +96,7 @@ def test_one_node_follows_the_closed_form():
 
 
 def test_fin_node_has_the_exact_heat(monkeypatch):
-    """With a constant film and no radiation the fin's node is exact, contact resistance or not."""
+    """For constant heat transfer without radiation the fin node is exact, also with contact resistance."""
     film = 14.0
     for module in (network_module, surfaces):
         monkeypatch.setattr(module, "fin_film", lambda _, kelvin: np.full(np.shape(kelvin), film))
@@ -117,7 +117,7 @@ def test_fin_node_has_the_exact_heat(monkeypatch):
 
 
 def shell(inner: float, outer: float, conductivity: float, length: float) -> float:
-    """Return the resistance of an annulus from face to face [K/W], ring by ring."""
+    """Return the radial thermal resistance of an annulus [K/W], summed over thin rings."""
     return quad(lambda r: 1.0 / (2.0 * np.pi * r * conductivity * length), inner, outer)[0]
 
 
@@ -138,7 +138,7 @@ def heated(inner: float, outer: float, conductivity: float, length: float, *, co
 
 @pytest.mark.parametrize("through", [True, False])
 def test_network_conductances_agree_with_quadrature(through):
-    """Radially by quadrature; a slab that is heated evenly counts from its mean, a third of it."""
+    """Radial conductances agree with quadrature. An evenly heated slab has a third of its resistance."""
     factors = NodeFactors(fluid_wall=1.3, fluid_core=0.8, coil=1.4, fin_root=1.7)
     sink = HeatSink(fins=3, width=0.02, thickness=2e-3, pitch=0.01, contact=1e-4)
     drawing = replace(
@@ -199,7 +199,7 @@ UPRIGHT = replace(
 
 @pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
 def test_network_and_elements_lose_the_same(drawing):
-    """Path by path, at any temperature; the network's fins take their rim by a corrected radius."""
+    """The losses agree for each path at any temperature. A corrected radius includes the rim of the fins."""
     network, model = zone_network(drawing), build_field(drawing, size=0.05)
     equation = model.equation
     for kelvin in network.grid[[60, 90, 140]]:
@@ -216,7 +216,7 @@ def test_network_and_elements_lose_the_same(drawing):
 
 @pytest.mark.parametrize("through", [True, False])
 def test_weak_mount_takes_its_whole_conductance(through):
-    """From the rod along it and from the cap across it, in proportion to what each lets through."""
+    """Heat flows into the mount along the rod and through the cap, in proportion to the conductances."""
     held = replace(BARE, rod=replace(BARE.rod, through=through, mount=1e-6))
     network = zone_network(replace(held, surroundings=replace(BARE.surroundings, mount=0.0)))
     excess = float(network.grid[-1] - AMBIENT)
@@ -270,7 +270,7 @@ def test_network_steps_converge_with_second_order():
 
 
 def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
-    """Return the fluid's temperature after steps of equal size, one per load."""
+    """Return the fluid temperature after steps of equal size, one step per load."""
     system = NetworkSystem(network)
     system.take(loads[0])
     state = np.concatenate([start, np.zeros(system.columns)])
@@ -300,7 +300,7 @@ def test_through_rod_network_is_symmetric():
 
 
 def test_network_capacity_equals_masses_by_hand():
-    """By hand: a steel tube with caps, a piston and rod without the coil, copper and potting, the fluid."""
+    """The reference is the sum of steel tube with caps, piston and rod, coil (copper, potting), and fluid."""
     drawing = replace(BARE, calibration=replace(BARE.calibration, heat_capacity=1.0))
     ring = lambda a, b: np.pi / 4.0 * (b**2 - a**2)  # noqa: E731
     steel = ring(36, 46) * 200 + 2 * ring(14, 36) * 5  # mm^3

@@ -1,4 +1,4 @@
-"""The paper's heating figures, with the power of the virtual rig's preset ``paper`` and one parameter file.
+"""The heating values of the paper, with the power of the preset ``paper`` and one parameter file.
 
 Some statements of the paper about the same run contradict each other. Tests document the contradictions.
 """
@@ -87,14 +87,14 @@ def test_paper_reduction_is_relative_to_temperature_rise(work):
 
 
 def test_five_millimetre_label_contradicts_the_temperature(work):
-    """At 5 mm the damper stays below the quoted temperature WITH fins, so the runs have 15 mm."""
+    """At 5 mm, the damper stays cooler without fins than the paper states with fins. The runs have 15 mm."""
     small = rig_work(Sine(5e-3, 1.0))
     assert rise(small, BARE, 30.0).fluid_degC[-1] == pytest.approx(75.0, abs=1.0)
     assert rise(small, FINNED, 30.0).fluid_degC[-1] == pytest.approx(49.0, abs=1.0)
 
 
 def test_paper_outer_diameter_is_the_radius(work):
-    """The piston does not fit; and a damper scaled to it would be past 200 degC."""
+    """The piston does not fit into this diameter, and a damper scaled to it would exceed 200 degC."""
     with pytest.raises(InputError, match=r"Is 23 mm the body's radius"):
         replace(BARE, body=replace(BARE.body, outer_diameter=0.023))
     small = replace(
@@ -109,7 +109,7 @@ def test_paper_outer_diameter_is_the_radius(work):
 
 @pytest.mark.parametrize(("width", "least"), [(0.018, 0.98), (0.023, 0.975), (0.028, 0.965), (0.033, 0.95)])
 def test_fin_conduction_does_not_explain_the_optimum(width, least):
-    """The fins' efficiency stays above 95 % over the paper's widths, with the raised film coefficient."""
+    """The fin efficiency is above 95 % for the widths of the paper, with increased heat transfer."""
     sink = FINNED.sink
     assert sink is not None
     sink = replace(sink, width=width)

@@ -1,4 +1,4 @@
-"""The reduced model against the finite elements it comes from, and what both conserve."""
+"""The reduced model compared with its finite elements, and conservation of energy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BARE = DRAWING.with_sink(None)
 
 
 def fading(kelvin):
-    """Power that falls with warmth, as an MR damper's does."""
+    """Return a power that falls with temperature, as in an MR damper."""
     return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - 293.15)
 
 
@@ -37,7 +37,7 @@ def miss(full, reduced, name: str) -> float:
 @pytest.mark.system
 @pytest.mark.parametrize("number", one_by_day(range(4)))
 def test_reduced_model_follows_the_elements(number: int):
-    """On random designs, duty of half an hour; no design was used to build anything but its own model."""
+    """The designs are random, and the load lasts half an hour. No constant was chosen with these designs."""
     model = build_field(draw_designs(4, seed=2)[number])
     small = reduce_field(model)
     full, reduced = (simulate_field(each.equation, [DUTY]) for each in (model, small))
@@ -57,10 +57,10 @@ def test_reduced_model_follows_forty_designs():
 
 
 @pytest.mark.system
-def test_reduced_model_follows_another_load():
-    """The load has other powers, a pause and a start at 60 degC, which the basis does not include.
+def test_reduced_model_follows_new_load():
+    """The load has different powers, a pause and a start at 60 degC, which the basis does not include.
 
-    The fluid's error is largest just after a step of the power and in proportion to it.
+    The error of the fluid is largest just after a step of the power, and proportional to this step.
     """
     model = build_field(DRAWING)
     loads = [Load(400.0, constant(200.0), 0.0), Load(300.0, constant(0.0)), Load(400.0, fading, 50.0)]

@@ -63,7 +63,7 @@ def test_amplitude_table_has_a_segment_per_row(tmp_path):
 
 
 def test_equivalent_stroke_moves_the_same_fluid():
-    """Amplitude times frequency is the mean of all segments and rests; the path sets the amplitude."""
+    """Amplitude times frequency is the mean of segments and rests. The longest stroke gives the amplitude."""
     sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
     segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
     rest = replace(segments[0], path=None, duration=300.0)
@@ -191,7 +191,7 @@ def test_volts_need_the_driver_gain():
 
 
 def test_reduced_rise_follows_the_elements():
-    """Within 10 mK of them all the way; its account has the network's paths and closes."""
+    """The difference is at most 10 mK. The heat balance has the paths of the network and closes."""
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     works = [tabulate_work(temperature_dependent(), segment) for segment in duty.segments]
     rise, zones = (simulate_rise(works, DRAWING, duty, model=model) for model in ("reduced", "network"))
@@ -220,7 +220,8 @@ def test_reported_force_belongs_to_its_segment():
     duty = Duty((moving, rest, moving), "A", "")
     rise = simulate_rise(works, BARE, duty, model="network")
     for k, at in enumerate(rise.time):
-        which = 0 if at < 60.0 - 1e-6 else 1 if at < 120.0 - 1e-6 else 2  # an end is the next one's start
+        # A time at the end of a segment belongs to the next segment.
+        which = 0 if at < 60.0 - 1e-6 else 1 if at < 120.0 - 1e-6 else 2
         force = float(works[which].peak_at(rise.fluid[k]))
         assert np.isnan(rise.peak_force_N[k]) if which == 1 else rise.peak_force_N[k] == pytest.approx(force)
     fall = 1.0 - float(works[2].peak_at(rise.fluid[-1])) / 500.0

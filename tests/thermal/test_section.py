@@ -1,4 +1,4 @@
-"""The section of a drawing: volumes, areas, heat and conductances by hand from the drawing's lengths."""
+"""The section of a damper: volumes, areas and conductances computed by hand from the dimensions."""
 
 from __future__ import annotations
 

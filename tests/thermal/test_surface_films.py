@@ -1,7 +1,7 @@
-"""Heat losses of surfaces, computed one value at a time, with ``ht`` if it has the correlation.
+"""Heat losses of surfaces, computed one value at a time, with the library ``ht`` if it has the correlation.
 
-The published equations of annular fins strip by strip, each with its own root; a groove by the radiation
-between its walls; the moving fluid by its three laws.
+The equations of annular fins are solved for each strip, a groove by the radiation between its walls, and the
+moving fluid by its three laws.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ G = 9.80665
 
 
 def published_still(rayleigh: float, ratio: float) -> float:
-    """Return Tsubouchi and Masuda's law, a tube of the share 1 / ``ratio`` in the way of the air."""
+    """Return the law of Tsubouchi and Masuda for fins on a tube with 1 / ``ratio`` of their diameter."""
     share = 1.0 / ratio
     beta = 0.17 * share + math.exp(-4.8 * share)
     c = ((23.7 - 1.1 * (1.0 + 152.0 * share**2) ** 0.5) / (1.0 + beta)) ** (4.0 / 3.0)
@@ -50,7 +50,7 @@ def published_still(rayleigh: float, ratio: float) -> float:
 def published_wind(
     speed: float, gap: float, tube: float, outer: float, nu: float, pr: float, driving: float
 ) -> float:
-    """Return the film of a disc over the conductivity [1/m]: strips that are channels in balance."""
+    """Return the heat-transfer coefficient of a disc divided by the conductivity [1/m], by strips."""
     heat = length = 0.0
     for k in range(annular_fins.STRIP_COUNT):
         y = 0.5 * outer * (k + 0.5) / annular_fins.STRIP_COUNT
@@ -111,7 +111,7 @@ def drawn(law: str, speed: float, *, altitude: float = 0.0) -> DamperDrawing:
 
 
 def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[float, ...]:
-    """Return the films of body, fins' sides, rim and floor [W/(m^2 K)]."""
+    """Return the heat-transfer coefficients of body, fin sides, rim and floor [W/(m^2 K)]."""
     air = air_at(0.5 * (kelvin + 288.15), altitude)
     k, nu, pr = (float(each) for each in (air.conductivity, air.kinematic_viscosity, air.prandtl))
     tube, outer, gap, excess = 0.046, 0.088, 0.0125 - 5e-4, abs(kelvin - 288.15)
@@ -166,7 +166,7 @@ def sent_back_and_forth(
 ) -> float:
     """Return the fraction of a black body's radiation that leaves a groove, per area of the walls.
 
-    Walls of one mean emissivity, each seeing the others evenly: reflection after reflection.
+    The walls have one mean emissivity and exchange radiation uniformly, reflection after reflection.
     """
     walls = sum(areas)
     mean = sum(e * a for e, a in zip(emissivities, areas, strict=True)) / walls

@@ -291,8 +291,8 @@ def open_batch(
 ) -> Record:
     """Return the record of the settled samples of a batch of a run.
 
-    A sample is settled if later samples cannot change the monotone piece that it belongs to. Later batches
-    settle the other samples.
+    A sample is settled if later samples cannot change the monotone piece that contains the sample. Later
+    batches settle the remaining samples.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def carry(
     Raises
     ------
     ValueError
-        If shapes are wrong, the law is unknown, kappa or n vary, or the state belongs to another batch.
+        If shapes are wrong, the law is unknown, kappa or n vary, or the state is not from the previous batch.
     """
     native, force = batch.native, np.zeros(batch.samples)
     model, at = _model(law, coefficients, native.known), _state(state, "mrd_state *", "state")
@@ -366,8 +366,9 @@ def gram_sums(
 ) -> FloatArray:
     """Return the Gram matrix of tangents and residual for every candidate and run.
 
-    The shape is (candidates, runs, rows, rows). The rows are the derivatives of the force with respect to the
-    coefficients at the indices ``places``, followed by the residual (measured minus computed force).
+    A candidate is one set of coefficients. The result has the shape (candidates, runs, rows, rows). The rows
+    are the derivatives of the force with respect to the coefficients at the indices ``places``, followed by
+    the residual (measured minus computed force).
 
     Parameters
     ----------
@@ -442,6 +443,8 @@ def squared_errors(
 ) -> FloatArray:
     """Return the sum of squared errors [N^2] of every candidate on every run, shape (candidates, runs).
 
+    A candidate is one set of coefficients.
+
     Parameters
     ----------
     coefficients : constant over each run, shape (candidates, runs, m)
@@ -464,10 +467,10 @@ def first_order_lag(
     saturation: float = 0.0,
     before: tuple[float, float] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a command behind a first-order lag, and its derivative with respect to the time constant.
+    """Return a command after a first-order lag, and the derivative with respect to the time constant.
 
-    The result is exact for a command that is linear between samples. The lag starts settled, or from the
-    output and derivative at the first sample (``before``).
+    The result is exact for a command that is linear between samples. The initial state is settled, or given
+    by ``before``: output and derivative at the first sample.
 
     With ``fall``, the time constant is ``rise`` [s] while the absolute input exceeds the output, otherwise
     ``fall`` [s]. The output then falls at most with the free-wheeling time constant ``wheel`` [s] (0: no

@@ -15,14 +15,17 @@ from mrdamper.core.native import DOUBLE, SINGLE, doubles, ffi, lib
 
 __all__ = ["Tracker", "follow"]
 
-# Exponent, smallest and largest size, log2 of the cells, scale of each octave, cells (as in controller.h).
+# Table of a power function (as in controller.h): exponent, smallest and largest argument,
+# log2 of the number of cells, scale of each octave, cells.
 Power = tuple[float, float, float, int, FloatArray, FloatArray]
-# Offset, largest size, log2 of the cells in an octave, cells.
+# Table of a function: offset, largest argument, log2 of the number of cells in an octave, cells.
 Lookup = tuple[float, float, int, FloatArray]
-# Coefficients by temperature and current, coefficients by temperature, powers, functions.
+# Tables of series valve and chain: coefficients by temperature and current, coefficients by temperature,
+# power functions, other functions.
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
-# Plant steps per sample, delay in samples and additional plant steps, True if the force is measured, gain and
-# offset of the damper force, largest current, resolution of the converters of current and force.
+# Settings of a closed loop: plant steps per sample, delay in samples, additional delay in plant steps, True
+# if the force is measured, gain and offset of the damper force, largest current, resolutions of the
+# converters of current and force.
 Settings = tuple[int, int, int, bool, float, float, float, float, float]
 
 PIECES_MAX = 10_000
@@ -32,10 +35,10 @@ COUNT_MAX = 1_000_000_000
 """Maximum of an integer in a configuration."""
 
 CHOICE_MAX = 2
-"""Last value of each enumeration in a configuration."""
+"""Largest value of each enumeration in a configuration."""
 
 CURRENT_TOLERANCE_RATIO = 1e-9
-"""Quarters of the largest current may deviate by this fraction of it because the currents are rounded."""
+"""Rounding tolerance of the table currents at quarters of the largest current, relative to the largest."""
 
 DELAY_MAX: int = lib.MRD_TRACK_DELAY_LINE
 """Number of commands that can be on their way between controller and coil."""
@@ -54,7 +57,7 @@ class Tracker:
     Parameters
     ----------
     config : object whose nested attributes have the names of the structures in ``controller_config.h``
-    rows : row of each term, levels first
+    rows : table row of each term; terms that do not depend on the current come first
     current : currents of the tables [A], shape (currents,)
     factor : parabolas of temperature for each term, shape (pieces, terms, 3)
     column : terms as functions of the current, shape (currents, columns)
@@ -138,7 +141,7 @@ class Tracker:
         return self._steps(self._build.lib.mrd_model_run, "mrd_model_inputs[]", state, inputs)
 
     def read(self, state: bytes) -> tuple[Any, tuple[float, float, float, float]]:
-        """Return the C structure of a state, and yield force, viscous force, friction and the rest [N]."""
+        """Return the C structure of a state, and the force parts [N]: yield, viscous, friction, rest."""
         at = self._open(state)[1]
         parts = self._build.ffi.new("mrd_real[4]")
         self._build.api.track_parts(self.native, at, parts)

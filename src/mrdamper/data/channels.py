@@ -50,7 +50,7 @@ class ChannelTable:
 
 @dataclass(frozen=True, slots=True)
 class Channel(ChannelTable):
-    """A role, with the content of its table in the channel map."""
+    """A role (such as force) with the settings of its table in the channel map."""
 
     role: str
 
@@ -81,7 +81,7 @@ class Channel(ChannelTable):
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
-        """Return the index of the channel's column, None if the header determines the column."""
+        """Return the index of the channel's column, from 0; None if the map does not name a column."""
         where = f"{place}: channel.{self.role}"
         if self.index is not None:
             if not 1 <= self.index <= len(names):
@@ -109,7 +109,7 @@ class Channel(ChannelTable):
         return found[0]
 
     def to_si(self, raw: FloatArray, header_unit: str, place: str) -> FloatArray:
-        """Return the channel in SI. ``header_unit`` is used if the map has no unit."""
+        """Return the values of the channel in SI. ``header_unit`` applies if the map states no unit."""
         unit = self.unit or header_unit
         if self.gain is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # The range check rejects an overflow.
@@ -174,9 +174,9 @@ class ChannelMap:
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
-        """Return the map in a TOML document.
+        """Return the channel map that a TOML document describes.
 
-        Raise InputError with a line for each fault, and with the nearest valid key for an unknown one.
+        Raise InputError with one line for each fault. The line on an unknown key names the nearest valid key.
         """
         document = read_record(_Document, given, place)
         channels = {}
@@ -209,7 +209,7 @@ class ChannelMap:
         )
 
     def channel(self, role: str) -> Channel:
-        """Return the channel of a role, or a channel without settings."""
+        """Return the channel of a role. If the map has no table for the role, all settings are defaults."""
         return self.channels.get(role) or Channel(role)
 
 

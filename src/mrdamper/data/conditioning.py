@@ -31,9 +31,9 @@ class Rules:
     Parameters
     ----------
     step_s : step of the grid
-    cutoff_Hz : cut-off of the smoothing; the Nyquist frequency of the grid if nothing is removed
+    cutoff_Hz : cut-off of the smoothing; the Nyquist frequency of the grid if there is no smoothing
     dead_band_m : smaller reversals of the motion are noise
-    reference_m : measured displacement that counts as zero
+    reference_m : measured displacement at the zero of the trajectory
     command : current or voltage of a run that keeps it constant [A or V]; None: as measured
     measured_velocity : True if the velocity channel is used
     thermocouple_lag_s : first-order lag of the temperature sensor
@@ -64,7 +64,7 @@ class Samples:
 
 
 def even_step(time: FloatArray) -> float | None:
-    """Return the step [s] of timestamps on a uniform grid, None if they are resampled."""
+    """Return the step [s] of uniform time stamps, None if the run must be resampled."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
     # Resample if a time stamp deviates more than this from a uniform grid.
@@ -130,7 +130,7 @@ def condition_run(sampled: Samples, path: Kinematics, rules: Rules) -> Trajector
 
 
 def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0.0) -> FloatArray:
-    """Return the temperature [K] without noise and lag of the sensor, shape (n,).
+    """Return the measured temperature [K] with the noise and the lag of the sensor removed, shape (n,).
 
     The temperature of a run is constant (the mean) if its linear drift is below 1 K (or three standard
     errors) and the means of its eighths agree within 1 K (or six standard errors). Other runs are smoothed

@@ -17,7 +17,7 @@ from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.quantities import QUANTITIES
 
 STROKE_MIN_m = 50e-6  # A smaller motion is considered noise of the displacement sensor.
-OUTLIERS_PERCENT = 0.1  # Samples at either end that do not count in the range of a record.
+OUTLIERS_PERCENT = 0.1  # The range of a record excludes this percentage of the highest and lowest samples.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class CycleFigures:
     stiffness_N_per_m: FloatArray
     highest_force_N: FloatArray
     lowest_force_N: FloatArray
-    temperature_K: FloatArray  # Mean; NaN without a measurement.
+    temperature_K: FloatArray  # Mean; NaN if temperature was not measured.
     command: FloatArray  # Mean [A or V].
     samples: NDArray[np.int64]
 
@@ -59,12 +59,12 @@ class CycleFigures:
         return 2.0 * self.amplitude_m
 
     def where(self, chosen: NDArray[np.bool_]) -> CycleFigures:
-        """Return some of the cycles."""
+        """Return the cycles for which ``chosen`` is True."""
         return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     @classmethod
     def concatenate(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
-        """Return the cycles of several parts, in order."""
+        """Return one object with the cycles of all parts, in order."""
         kinds = {"row": np.int64, "samples": np.int64}
         none = {f.name: np.empty(0, kinds.get(f.name, np.float64)) for f in fields(cls)}
         return cls(**{n: np.concatenate([e, *(getattr(part, n) for part in parts)]) for n, e in none.items()})
@@ -80,7 +80,7 @@ class CountedRecord:
 
 
 def cycles(prepared: PreparedRun) -> CycleFigures:
-    """Return the cycles of a prepared run from the first scored sample on.
+    """Return the cycles of a prepared run that begin at or after the first scored sample.
 
     A reversal below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
@@ -124,7 +124,7 @@ def unbroken_segments(run: Recording) -> list[slice]:
     for values, role in (
         (run.displacement, "displacement"),
         (run.force, "force"),
-        (run.command, "voltage"),  # The wider range of the two commands.
+        (run.command, "voltage"),  # The range of voltage is wider than the range of current.
     ):
         valid &= (values >= QUANTITIES[role].low) & (values <= QUANTITIES[role].high)
     steps = np.diff(run.time)

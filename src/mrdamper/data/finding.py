@@ -69,10 +69,10 @@ class Inference:
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Return (finding, number of runs): the largest finding of each kind, channel and severity, worst first.
+    """Return pairs (largest finding of one severity, kind and channel; number of affected runs), worst first.
 
-    The number counts runs with such a finding. Copies of other runs are not counted. The number is 0 if the
-    finding concerns the whole campaign.
+    Runs that are copies of other runs are not counted. The number is 0 if the finding concerns the whole
+    campaign.
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}
@@ -94,7 +94,7 @@ def _run_count(group: Sequence[Finding], copies: Collection[str]) -> int:
 def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
     """Return the first finding of each kind in each run, channel and time span, worst first.
 
-    Two tests may report the same fault of a run, such as a delay within the run and between the runs.
+    Two checks may report the same fault of a run, such as a delay within the run and between the runs.
     """
     first: dict[tuple[object, ...], Finding] = {}
     for finding in sorted(findings, key=severity_rank):
@@ -104,7 +104,7 @@ def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def percent(share: float) -> str:
-    """Return a ratio as text in percent, with two digits or without decimals."""
+    """Return a ratio as text in percent: two digits below 10 %, no decimals from 10 % on."""
     return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
 
 

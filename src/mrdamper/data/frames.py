@@ -61,8 +61,8 @@ class Frame:
     def read(self, chosen: ChannelMap) -> RigFile:
         """Return the runs of the frame.
 
-        Raise AskingError if a needed column is missing, or has no unit. Raise InputError if a column does not
-        have shape (n,), or has another length than the other columns.
+        Raise AskingError if a needed column is missing or has no unit. Raise InputError if a column does not
+        have shape (n,), or if the columns differ in length.
         """
         try:
             return runs_in((self._table(),), chosen, Path(self.name), name=self.name)
@@ -128,7 +128,7 @@ def is_frame(given: object) -> bool:
     return hasattr(type(given), "columns") and hasattr(given, "__getitem__")
 
 
-def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames, or one of them
+def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, or a sequence of these
     """Return the input as a list of paths, runs and named frames. A mapping names its frames."""
     if isinstance(given, str | Path | RigRun):
         return [given]
@@ -199,10 +199,11 @@ def columns_by_name(
     Parameters
     ----------
     given : paths, runs or frames; None: the columns are the run
-    columns : by quantity, with its unit (``force_kN``) or without: the name of a column, the column itself,
-        or one number for the whole run; ``rate_Hz``
+    columns : quantity with or without unit (``force_kN``) -> name of a column, the column itself, or one
+        number for the whole run; the key ``rate_Hz`` is the sampling rate
 
-    Raise InputError if a key is not a quantity or has no valid unit, or there are columns for several frames.
+    Raise InputError if a key is not a quantity or has no valid unit, or if columns are given for several
+    frames.
     """
     if not columns:
         return given, None

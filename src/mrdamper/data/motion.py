@@ -15,9 +15,9 @@ from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 
 REVERSAL_MIN_RATIO = 0.05
-"""Share of its range by which a motion comes back where a turning point counts."""
+"""A reversal of a smaller fraction of the range of the motion is not a turning point."""
 
-_STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate less from their median.
+_STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate from their median by less than this.
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +32,15 @@ class MotionFound:
 def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     """Classify a motion by the turning points of a displacement [m] at a uniform step [s].
 
-    - At least 70 % equal strokes (within 15 % in length and duration): a sine or, if the rms is
-      nearer to that, a triangle; amplitude is half the median stroke.
+    - At least 70 % equal strokes (within 15 % in length and duration): a sine, or a triangle if the rms is
+      nearer to the rms of a triangle. The amplitude is half the median stroke.
     - Durations that change smoothly from stroke to stroke, by a factor above 1.5 in total: a chirp.
     - An autocorrelation above 0.9 at a lag: periodic, with this lag as period.
     - All other motions: random, with the frequency band that holds 90 % of the squared velocity.
 
-    Amplitudes have two significant digits. A frequency is the roundest number within 2.5 % of it
-    (10 % for the ends of a band). Both 0.2549 and 0.2551 Hz are "0.25 Hz". The half period is the
-    median time between reversals.
+    Amplitudes have two significant digits. A frequency is replaced by the roundest number within 2.5 %
+    (10 % for the ends of a band): 0.2549 and 0.2551 Hz are "0.25 Hz". The half period is the median time
+    between reversals.
     """
     stroke_range = float(np.ptp(displacement))
     turns = turning_points(displacement, REVERSAL_MIN_RATIO * stroke_range)
@@ -54,7 +54,7 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     alike = (np.abs(durations / half - 1.0) < _STROKE_DEVIATION_MAX) & (
         np.abs(strokes / stroke - 1.0) < _STROKE_DEVIATION_MAX
     )
-    # A motion is periodic if at least this fraction is equal.
+    # A motion is periodic if at least this fraction of its strokes is equal.
     if np.count_nonzero(alike) >= 0.7 * len(alike):
         regular = np.flatnonzero(alike)
         period = 2.0 * float(durations[regular[1:-1] if len(regular) > 4 else regular].mean())
@@ -62,7 +62,7 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
         # Midpoint of rms / amplitude: sine 0.707, triangle 0.577.
         kind = "triangle" if float(np.std(steady)) < 0.64 * stroke / 2 else "sine"
         return MotionFound(f"{kind} {_mm(stroke / 2)} {_round_number(1.0 / period)} Hz", period, period / 2)
-    change = float(np.median(np.abs(np.diff(np.log(durations)))))  # From one stroke to the next.
+    change = float(np.median(np.abs(np.diff(np.log(durations)))))  # Relative, from one stroke to the next.
     is_smooth = len(durations) >= 8 and change < _STROKE_DEVIATION_MAX / 2
     if is_smooth and durations.max() > 1.5 * durations.min():
         band = f"{_round_number(0.5 / durations.max(), 0.1)}-{_round_number(0.5 / durations.min(), 0.1)} Hz"
@@ -91,9 +91,9 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     if not len(below):
         return None
     rest = echo[below[0] :]
-    if not rest.max() > 0.9:  # A motion is periodic above this value at its period.
+    if not rest.max() > 0.9:  # A periodic motion has a larger autocorrelation at its period.
         return None
-    near = np.flatnonzero(rest > 0.98 * rest.max())  # Take the first peak, not a multiple.
+    near = np.flatnonzero(rest > 0.98 * rest.max())  # The first peak is the period, later ones are multiples.
     first = near[: int(np.argmax(np.diff(near, append=len(echo)) > 1)) + 1]
     return float(below[0] + first[np.argmax(rest[first])]) * step
 

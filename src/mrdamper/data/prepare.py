@@ -68,9 +68,9 @@ class PreparedRun:
     run: RigRun
     trajectory: Trajectory
     force: FloatArray  # Measured force [N] on the trajectory's samples.
-    scored_from: int  # First sample that counts in an error.
+    scored_from: int  # First sample that counts in an error; earlier samples are a warm-up of the model.
     period_s: float | None  # None: not periodic
-    rules: Rules  # Rules of the preparation.
+    rules: Rules  # Settings that the preparation used.
     motion: str
 
     def __post_init__(self) -> None:
@@ -96,7 +96,7 @@ class PreparedRun:
 
     @property
     def cutoff_Hz(self) -> float:
-        """Cut-off of the smoothing; the Nyquist frequency of the run if nothing was removed."""
+        """Cut-off of the smoothing; the Nyquist frequency of the run if there was no smoothing."""
         return self.rules.cutoff_Hz
 
     @property
@@ -105,7 +105,7 @@ class PreparedRun:
 
     @property
     def reference_m(self) -> float:
-        """Measured displacement that counts as zero."""
+        """Measured displacement [m] at the zero of the trajectory."""
         return self.rules.reference_m
 
 
@@ -116,21 +116,19 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     rounding. Otherwise, the run is resampled to the median step: displacement by a cubic spline, the other
     channels linearly.
 
-    *Smoothing.* Noise is the median level of the upper quarter of the displacement's spectrum (at least its
-    rounding). The cut-off is the frequency above which noise exceeds the signal in velocity, and at least
+    *Smoothing.* Noise is the median magnitude in the upper quarter of the displacement's spectrum (at least
+    its rounding). The cut-off is the frequency above which noise exceeds the signal in velocity, and at least
     five times the motion's mean frequency. There is no smoothing if noise is below 0.1 % of the rms velocity
-    (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half
-    period of the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and
-    acceleration are its derivatives. A measured velocity is used only if requested and if it agrees
-    within 10 % of its rms.
+    (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half period of
+    the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and acceleration are
+    its derivatives. A measured velocity is used only if requested and if it agrees within 10 % of its rms.
 
     *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 
-    *Reference.* "start": the zero of displacement is the median of the first half of the rest before the
-    motion starts. A rest of one sample counts as a rest. If the run starts slowly without a rest (within
-    three dead bands), zero is the first sample. If the run begins in motion (above a tenth of the maximum
-    speed or acceleration), zero is the mean of the run. "mean": zero is the mean of the run. "none": as
-    measured.
+    *Reference.* "start": zero is the median displacement in the first half of the time before the motion
+    starts, if the displacement varies by at most three dead bands there. Otherwise zero is the first sample
+    if the run starts slowly, with at most a tenth of its maximum speed and acceleration. A run that begins in
+    motion has its mean as zero. "mean": zero is the mean of the run. "none": as measured.
 
     *Score.* The motion starts if displacement is 2 % of its range away from its first value. Errors count
     from half a period later. Without a period, half a period is the median time between reversals.
@@ -193,9 +191,10 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 def select_plot_samples(
     prepared: PreparedRun, *, seconds: float | None = None, points: int = 240
 ) -> NDArray[np.intp]:
-    """Return the samples of a run for a plot: the second cycle (without the transient), decimated.
+    """Return the indices of at most ``points`` samples for a plot: the second cycle, after the transient.
 
-    ``seconds`` selects a duration from the start instead of a cycle. Without a period, it is three seconds.
+    If ``seconds`` is given, the samples cover this duration from the first scored sample. A motion without a
+    period is plotted for three seconds.
     """
     path, start = prepared.trajectory, prepared.scored_from
     length = round((seconds or prepared.period_s or _PLOT_DURATION_s) / path.step) + 1
@@ -206,7 +205,7 @@ def select_plot_samples(
 
 
 def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
-    """Return every k-th sample, with the largest k for which the rate is at least ``rate_Hz``.
+    """Return the run with every k-th sample, for the largest k with a rate of at least ``rate_Hz``.
 
     Displacement, velocity and acceleration are samples of the smoothed signals, so they remain consistent.
     The force is not filtered because a filter would remove parts that the model must reproduce. Aliasing does

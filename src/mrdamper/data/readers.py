@@ -31,7 +31,7 @@ _GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})  # Programs write any object 
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """A file that is not readable, with the error. The error has questions if only answers are missing."""
+    """An unreadable file and its error. The error has questions if answers would make the file readable."""
 
     path: Path
     fault: InputError
@@ -70,7 +70,7 @@ class ReadFiles:
         return tuple(question for file in self.unreadable for question in file.questions)
 
     def fault(self) -> InputError | None:
-        """Return the faults and the questions of all unreadable files as one error."""
+        """Return an error with the faults and questions of all unreadable files, None if there are none."""
         return ask_all([item.fault for item in self.unreadable]) if self.unreadable else None
 
 
@@ -197,7 +197,7 @@ def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bo
     Parameters
     ----------
     given : paths that the user named; these files are never ignored
-    foreign : generic suffixes without a run in any of the files
+    foreign : generic suffixes, such as .json, that no file with a run has
     """
     suffix = file.path.suffix.lower()
     is_unknown = suffix not in format_suffixes() and isinstance(file.fault, AskingError)
@@ -237,8 +237,8 @@ def read_runs(
 ) -> Dataset:
     """Return the runs in files, folders and glob patterns, with findings and inferred values.
 
-    Raise AskingError if information is missing. It contains the faults and the questions of all files. Raise
-    InputError if a file is not readable, or a run has faults.
+    Raise AskingError if information is missing. The error contains the faults and the questions of all files.
+    Raise InputError if a file is not readable, or a run has faults.
     """
     read = read_each(paths, channels, answers)
     runs: list[RigRun] = []
@@ -257,14 +257,15 @@ def read_runs(
 def map_beside(file: Path) -> Path | None:
     """Return the path of the channel map next to a file, or None if it does not exist.
 
-    Its name is the name of the file with the suffix ``.channels.toml``. It is used if no other map is given.
+    The name of the map is the name of the file with the suffix ``.channels.toml``. A map that the user gives
+    has priority.
     """
     path = file.with_name(f"{file.name}{MAP_SUFFIX}")
     return path if is_file(path) else None
 
 
 def load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:
-    """Return a channel map: the given one, the map in a file, or an empty map for None."""
+    """Return the given channel map, the map in the file at the given path, or an empty map for None."""
     if channels is None:
         return ChannelMap()
     return channels if isinstance(channels, ChannelMap) else read_channel_map(channels)

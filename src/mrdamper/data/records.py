@@ -32,12 +32,12 @@ WITHOUT_MOTION = (
 )
 """Effect and remedy of a run without motion, for messages."""
 
-_CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
+CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 LEAST_SAMPLES = 16
 _SPEED_MAX_m_s = 10.0  # No damper rig is faster.
 _STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
 _BLOCK_STEP_COUNT = 16  # Jitter averages out in this number of time steps.
-STROKE_MIN_m = 1e-9  # Numerically constant below this stroke.
+STROKE_MIN_m = 1e-9  # A displacement with a smaller stroke is numerically constant.
 GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step is a gap.
 
 
@@ -61,7 +61,7 @@ class Recording:
     source: str = ""
 
     def __post_init__(self) -> None:
-        for channel in _CHANNELS:
+        for channel in CHANNELS:
             given = getattr(self, channel)
             if given is not None:
                 object.__setattr__(self, channel, read_only(given))
@@ -79,9 +79,9 @@ class RigRun(Recording, Picture):
     """One measured run of one damper on a rig: a recording without faults.
 
     Arrays have shape (n,), and the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz".
-    It is empty until ``prepare_run`` finds it.
+    If the label is empty, ``prepare_run`` classifies the motion.
 
-    Raise InputError if the run has faults. One message lists all of them.
+    Raise InputError if the run has faults. The message lists all faults.
     """
 
     motion: str = ""
@@ -125,7 +125,7 @@ class RigRun(Recording, Picture):
         if to_s is not None:
             kept &= self.time <= to_s
         cut: dict[str, Any] = {
-            name: column[kept] for name in _CHANNELS if (column := getattr(self, name)) is not None
+            name: column[kept] for name in CHANNELS if (column := getattr(self, name)) is not None
         }
         return replace(self, **cut)
 
@@ -172,7 +172,7 @@ class Dataset(Picture):
         digest = hashlib.sha256()
         for run in sorted(self.runs, key=lambda run: run.name):
             digest.update(f"{run.name}\0{run.command_unit}\0{len(run)}\0".encode())
-            for channel in (getattr(run, name) for name in _CHANNELS):
+            for channel in (getattr(run, name) for name in CHANNELS):
                 digest.update(b"\0" if channel is None else np.ascontiguousarray(channel, dtype="<f8").data)
         return digest.hexdigest()
 
@@ -225,10 +225,10 @@ def steady_command(command: FloatArray) -> float | None:
 
 
 def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
-    """Return the runs with each command that is constant except for noise replaced by its median.
+    """Return the runs. A command that is constant except for noise is replaced by its median.
 
-    A command is noise around a level if its standard deviation is at most 8 % of the largest command of all
-    runs, and if the medians of sixteen parts of the run differ by at most 4 % of it.
+    A command is constant except for noise if its standard deviation is at most 8 % of the largest command of
+    all runs, and if the medians of sixteen parts of the run differ by at most 4 % of the largest command.
     """
     runs = tuple(runs)
     largest = max((float(np.quantile(np.abs(run.command), 0.99)) for run in runs), default=0.0)
@@ -247,7 +247,7 @@ def command_slack(command: float) -> float:
 
 
 def _faults(run: RigRun) -> list[InputError]:
-    """Return all faults of a run, without the name of the run."""
+    """Return all faults of a run. The faults do not contain the name of the run."""
     faults: list[InputError] = []
     if not run.name:
         faults.append(InputError("has no name", remedy="Pass a name"))
@@ -282,7 +282,7 @@ def _faults(run: RigRun) -> list[InputError]:
     ]
     if not faults:
         faults += _motion_faults(run)
-    if np.ptp(run.force) < 1e-6:  # Numerically constant below this range.
+    if np.ptp(run.force) < 1e-6:  # A force with a smaller range is numerically constant.
         faults.append(
             InputError(
                 f"force never changes ({run.force[0]:g} N at every sample)",
@@ -370,7 +370,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
 
 
 def find_time_faults(time: FloatArray) -> list[Finding]:
-    """Return the fault of times [s] that do not increase, have gaps, or change their rate; [] if valid."""
+    """Return the fault of times [s]: they do not increase, change their rate, or have gaps; [] if valid."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
         return []

@@ -2,7 +2,7 @@
 
 A header contains a quantity and its unit: ``temperature_degC``, ``viscosity_mPas``, ``field_mT`` (flux
 density) or ``field_kA_m`` (field strength), ``yield_stress_kPa``. The forms ``Viscosity [mPa s]``,
-``Temperature (degC)`` and ``eta / Pa s`` are accepted, too. A missing unit is an error. The module
+``Temperature (degC)`` and ``eta / Pa s`` are also accepted. A missing unit is an error. The module
 ``models.fluids.fits`` fits the fluid properties.
 """
 
@@ -126,7 +126,7 @@ def _offer(what: str) -> str:
 
 
 def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
-    """Return the header of a quantity. A header with a valid unit has priority."""
+    """Return the header of a quantity with its unit, None if no header names the quantity."""
     named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
     good = [name for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:
@@ -144,7 +144,7 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
 
 
 def _unit_in(header: str, what: str) -> str | None:
-    """Return the unit at the end of a header ("" if it is missing); None for another quantity."""
+    """Return the unit at the end of a header ("" if missing), None if the header names another quantity."""
     for word in _QUANTITIES[what].words:
         spelled = word.replace(" ", r"[\s_]+")
         case = re.IGNORECASE if len(word) > 1 else re.NOFLAG

@@ -39,7 +39,7 @@ class Spectrum:
 
     step: float  # [s]
     frequency: FloatArray  # [Hz]
-    power: FloatArray  # White noise has its variance at every frequency [m^2].
+    power: FloatArray  # Scaled so that white noise has the power of its variance at every frequency [m^2].
     noise: float  # standard deviation of the white noise [m]
 
     def cut_off(self) -> float:
@@ -53,7 +53,7 @@ class Spectrum:
         """
         square = self.frequency**2
         velocity_rms = 2 * np.pi * np.sqrt(np.mean(square * self.power))
-        # Smaller noise in velocity, divided by the rms velocity, is not filtered.
+        # There is no filter if the noise of the velocity is below this fraction of the rms velocity.
         if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= 1e-3 * velocity_rms:
             return 0.5 / self.step
         gain = self.power - 2 * self.noise**2
@@ -84,7 +84,7 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     at least the rounding error if all displacements are on a grid. Up to 2 % of the record are ignored at its
     end, because the transform of the shorter length is faster.
     """
-    from scipy.fft import prev_fast_len  # It takes a quarter of a second to load.
+    from scipy.fft import prev_fast_len  # Imported here because SciPy takes a quarter of a second to load.
 
     n = prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
@@ -116,7 +116,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     If the spacing is one sample, the derivatives are sixth-order differences.
     """
-    from scipy.linalg import solveh_banded  # It takes a quarter of a second to load.
+    from scipy.linalg import solveh_banded  # Imported here because SciPy takes 0.25 s to load.
 
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
@@ -203,7 +203,7 @@ def _rounding(displacement: FloatArray) -> float:
     if resolution == 0.0:
         return 0.0
     steps = np.abs(np.diff(displacement)) / resolution
-    if steps.min() > 0.5 and steps.max() < 1.5:  # This is a motion at constant speed.
+    if steps.min() > 0.5 and steps.max() < 1.5:  # Equal steps are a constant speed, not a resolution.
         return 0.0
     for parts in (1, 2, 3):  # The smallest change can be a multiple of the resolution.
         if np.max(np.abs(parts * steps - np.round(parts * steps))) < 0.01:

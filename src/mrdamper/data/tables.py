@@ -118,8 +118,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
     """Convert each exception of a library that decodes a binary file into one ``InputError``.
 
     The libraries raise undocumented exceptions on damaged bytes, and a panic of Polars is not a subclass of
-    ``Exception``. Messages and logs of the libraries describe their own code. Such messages do not help the
-    user.
+    ``Exception``. Messages and logs of the libraries describe their own code and do not help the user.
     """
     loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
     loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
@@ -144,7 +143,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
 
 
 def _decode_on_use(columns: Mapping[str, Value], path: Path, what: str) -> OnUse[Value]:
-    """Return columns that are decoded when they are used, with the same errors as the file."""
+    """Return columns that are decoded on each access. A decoding error is raised as InputError."""
 
     def read(name: str) -> Value:
         with decoding(path, what):

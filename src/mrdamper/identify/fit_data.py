@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mrdamper.data.continuation import join_continuations
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.data.records import Dataset
 from mrdamper.identify.evaluate import prepare_all, set_reference_temperature
@@ -55,9 +56,14 @@ class FitData:
     ) -> FitData:
         """Return the data of a fit; runs whose names match a pattern in ``hold_out`` are not fitted."""
         training, held_out = runs.split(hold_out) if hold_out else (runs, Dataset(()))
+        fingerprint = training.fingerprint
+        training, continued = join_continuations(training)
         preparation = preparation or Preparation()
         prepared, unseen = prepare_all(training, preparation), prepare_all(held_out, preparation)
         notes = _noisy_currents(training, prepared)
+        if continued:
+            note = f"{len(continued)} of the files continue the record of another file: they are one run"
+            notes += (f"{note} (the first: {continued[0]})",)
         if fluid is not None:
             prepared, unseen = (
                 tuple(map(set_reference_temperature, prepared)),
@@ -83,7 +89,7 @@ class FitData:
             fluid,
             one_command,
             preparation,
-            training.fingerprint,
+            fingerprint,
             notes,
             settings,
         )

@@ -1,12 +1,12 @@
 """Actuation: dynamics between the command and the effective current (or voltage) of the hysteresis law.
 
-Driver and coil delay the current, eddy currents delay the field, and the fluid needs some time. For the force
-this is a delay and two first-order lags in series; the first has separate rise and fall times. The iron has
-magnetic hysteresis: half of the field follows the lagged command through a dead band, so that a falling
-command has a larger effect than a rising one. Alternatively, a quarter follows through a narrow and 0.15
-through a wide dead band, so that a small change opens a smaller loop. Lags and dead bands act on the flux,
-which saturates. The model is identified from runs with steps of the command (``identify.actuation``).
-Controllers use it for their preview.
+Driver and coil delay the current, eddy currents delay the field, and the fluid needs some time. The effect on
+the force is modelled as a delay and two first-order lags in series. The first lag has separate rise and fall
+times. The iron has magnetic hysteresis: half of the field follows the lagged command through a dead band, so
+that a falling command has a larger effect than a rising command. Alternatively, a fraction of 0.25 follows
+through a narrow dead band and a fraction of 0.15 through a wide dead band, so that a small change of the
+command causes a smaller loop. Lags and dead bands act on the flux, which saturates. The model is identified
+from runs with steps of the command (``identify.actuation``). Controllers use the model for their preview.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from mrdamper.errors import InputError
 from mrdamper.schema import NotNegative, check_ranges
 
 HYSTERESIS_WEIGHT = 0.5
-"""Weight of the field with magnetic hysteresis. Steps determine only its product with the half width."""
+"""Weight of the field with magnetic hysteresis. Runs determine only the product of weight and half width."""
 
 TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
-"""Weights of the field with the narrow and the wide dead band, if there are both (decision 0007)."""
+"""Weights of the field with the narrow and the wide dead band, if a damper has both (decision 0007)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """Delay, first lag (rise and fall), second lag and hysteresis of an actuation; coil data, if known.
+    """Parameters of an actuation: delay, first lag, second lag and hysteresis, and the coil data if known.
 
     The first lag has the time constant ``rise_s`` while its input exceeds its output. ``hysteresis_width_A``
     is the half width [A or V] of the dead band behind the lags. A rising command from zero is unchanged. A
@@ -48,7 +48,7 @@ class Actuation:
     hysteresis_width_A: NotNegative = 0.0  # half width of the dead band [A or V]
     freewheel_time_s: NotNegative = 0.0  # free-wheeling time constant; 0: the driver pulls the current down
     saturation: NotNegative = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
-    wide_hysteresis_width_A: NotNegative = 0.0  # half width [A or V]; 0: none
+    wide_hysteresis_width_A: NotNegative = 0.0  # half width of the wide dead band [A or V]; 0: disabled
 
     def __post_init__(self) -> None:
         check_ranges(self, "actuation")
@@ -61,7 +61,7 @@ class Actuation:
         return size if self.saturation <= 0.0 else np.asarray(size / (1.0 + size / self.saturation))
 
     def current(self, flux: FloatArray) -> FloatArray:
-        """Return the absolute command [A or V] for a flux, shape (n,)."""
+        """Return the absolute command [A or V] for a flux, the inverse of ``flux``, shape (n,)."""
         return flux if self.saturation <= 0.0 else np.asarray(flux / (1.0 - flux / self.saturation))
 
     @property

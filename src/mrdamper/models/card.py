@@ -85,7 +85,7 @@ class ModelCard(Picture):
     force_band: ForceBand | None = None
     file: str = field(default="", compare=False)
 
-    # The jobs that begin with a card.
+    # Every function whose first parameter is a card is also a method of the card.
     evaluate = mrdamper.evaluate
     simulate = mrdamper.simulate
     compare = mrdamper.compare
@@ -108,7 +108,7 @@ class ModelCard(Picture):
                 expected="both, or none for a law of the kernel",
             )
         replace(self.damper, limited=False).check(self.envelope)
-        # A form can leave the limits between the commands of the runs and outside their temperatures.
+        # A coefficient can exceed its limits between the commands of the runs and outside their temperatures.
         object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
@@ -185,7 +185,10 @@ def _require_unicode(text: str, place: str) -> None:
 
 
 def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
-    """Return a read-only copy with tables in alphabetical order; raise InputError if it is not JSON."""
+    """Return a read-only copy of a JSON value, with sorted keys unless ``ordered``.
+
+    Raise InputError if the value is not JSON.
+    """
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
         if not all(isinstance(key, str) for key in keys):

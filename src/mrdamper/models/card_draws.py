@@ -1,7 +1,7 @@
-"""Posterior samples of the parameters of a card, for the intervals of predictions.
+"""Posterior samples of the parameters of a card. They give predictions an interval.
 
-The samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card itself
-contains the best fit. A hash of law and parameters in the file assigns the samples to their card.
+The posterior samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card
+itself contains the best fit. A hash of law and parameters in the file assigns the samples to their card.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
 DRAWS_FILE = "posterior.npz"
-"""Name of the file in the folder of the card."""
+"""Name of the file with the posterior samples, in the folder of the card."""
 
 INTERVAL_PROBABILITY = 0.9
-"""Probability of every interval from samples: 5th to 95th percentile."""
+"""Probability of every interval from posterior samples: 5th to 95th percentile."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CardDraws:
-    """Samples of the parameters of a damper, all equally likely."""
+    """Posterior samples of the parameters of a damper, with equal weights."""
 
     names: tuple[str, ...]
     values: FloatArray  # shape (samples, parameters), SI
@@ -36,7 +36,7 @@ class CardDraws:
         return len(self.values)
 
     def dampers(self, damper: Damper, most: int) -> tuple[Damper, ...]:
-        """Return ``damper`` with the parameters of at most ``most`` evenly spaced samples."""
+        """Return copies of ``damper`` with the parameters of at most ``most`` evenly spaced samples."""
         rows = np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).round().astype(np.intp))
         return tuple(
             damper.with_parameters(dict(zip(self.names, row, strict=True)))
@@ -45,12 +45,12 @@ class CardDraws:
 
     @property
     def standard_deviation(self) -> dict[str, float]:
-        """Return the standard deviation of each parameter."""
+        """Return the standard deviation of each parameter by name."""
         return dict(zip(self.names, np.std(self.values, axis=0, ddof=1).tolist(), strict=True))
 
     @property
     def percentiles(self) -> dict[str, tuple[float, float]]:
-        """Return the 5th and 95th percentile of each parameter."""
+        """Return the 5th and 95th percentile of each parameter by name."""
         low, high = percentile_ends(self.values)
         return {name: (float(a), float(b)) for name, a, b in zip(self.names, low, high, strict=True)}
 
@@ -63,7 +63,7 @@ def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
-    """Return at most ``most`` equally likely dampers from the samples of a card; an empty result for 0.
+    """Return at most ``most`` dampers from the posterior samples of a card, () if ``most`` is 0.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
 
 
 def write_draws(draws: CardDraws, damper: Damper, path: str | Path) -> None:
-    """Write samples of the parameters of a damper."""
+    """Write posterior samples of the parameters of a damper to a file."""
     units = [damper.units.get(name, "s") for name in draws.names]
     with Path(path).open("wb") as file:
         np.savez_compressed(
@@ -96,12 +96,12 @@ def write_draws(draws: CardDraws, damper: Damper, path: str | Path) -> None:
 
 
 def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
-    """Return the samples in the folder of a card.
+    """Read the posterior samples that are stored in the folder of a card.
 
     Raises
     ------
     InputError
-        If the file is missing or invalid, or its samples belong to another card.
+        If the file is missing or invalid, or its samples belong to a different card.
     """
     path = Path(folder) / DRAWS_FILE
     try:

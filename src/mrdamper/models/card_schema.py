@@ -1,8 +1,8 @@
 """The file of a model card: its records, reading, checking and writing.
 
-A card contains no code. A coefficient names its form (``FORMS``) and its temperature factor
-(``temperature.FACTORS``). The file contains a hash of its content, so that an edited card is rejected. There
-is one schema version. The same card gives the same bytes.
+A card contains no code. Each coefficient states the name of its form (``FORMS``) and the name of its
+temperature factor (``temperature.FACTORS``). The file contains a hash of its content, so that an edited card
+is rejected. There is one schema version. The same card gives the same bytes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SCHEMA_VERSION = 4
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
     {form.kind: form for form in (Constant, Polynomial, Hill, Saturation, Exponential, Bipolynomial)}
 )
-"""Forms by the name that a card stores."""
+"""Name in a card -> form of the dependence on command and temperature."""
 
 CARD_SIZE_MAX_BYTES = 1 << 26  # A card has about 10 kB. A larger file is not a card.
 _HASH_KEY = "content_sha256"
@@ -254,7 +254,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     Raises
     ------
     InputError
-        With all problems of the file and their places.
+        The message lists all problems of the file and their locations.
     """
     text = read_text(path, "card", CARD_SIZE_MAX_BYTES)
     try:
@@ -275,7 +275,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
 def card_from_json(
     document: object, place: str = "card", *, python_law: HysteresisLaw | None = None
 ) -> ModelCard:
-    """Return the card that ``card_to_json`` wrote; ``place`` begins the messages.
+    """Return the card in a document from ``card_to_json``. Error messages begin with ``place``.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def card_from_json(
 def content_sha256(document: Json) -> str:
     """Return the SHA-256 of the document of a card without its notes, preceded by ``sha256:``.
 
-    The hash depends only on the values, so that another layout of the file does not change it.
+    The hash depends only on the values. A different layout of the file does not change it.
     """
     content = {key: value for key, value in document.items() if key not in _KEYS_OUTSIDE_HASH}
     values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 are the same number.
@@ -341,7 +341,7 @@ def _verified(document: object, place: str) -> Json:
     Raises
     ------
     InputError
-        If the document is not a card, has another schema version, or was edited.
+        If the document is not a card, has a different schema version, or was edited.
     """
     if not isinstance(document, dict):
         raise InputError(

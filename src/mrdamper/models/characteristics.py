@@ -5,7 +5,7 @@ They are the peak-velocity-pick curve of a damper dynamometer, the energy per cy
 the dynamic range, the gas force, and the response to a step of the command. ``default_scope`` chooses round
 commands, temperatures and speeds inside an operating envelope.
 
-Extension is positive, and so is a force that resists extension. Without a temperature, 20 degC is used.
+Extension is positive, and a force that resists extension is positive. The default temperature is 20 degC.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ PERIOD_COUNT = 3
 
 SAMPLES_PER_PERIOD = 400  # A multiple of 4, so that the peak velocities are samples.
 RESPONSE_FRACTIONS = (0.63, 0.90)
-STATIC_COMMAND_COUNT = 21  # Commands between which the static force is interpolated.
+STATIC_COMMAND_COUNT = 21  # Number of commands between which the static force is interpolated.
 CURVE_SPEED_COUNT = 15
 CURVE_SPEED_COUNT_PYTHON = 6  # A law in Python is slow.
 TEMPERATURE_STEP_K = 20.0
-FORCE_RATIO_MIN = 1e-9  # A smaller force at the weakest command is rounding.
+FORCE_RATIO_MIN = 1e-9  # A smaller ratio of forces is a rounding error.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +101,7 @@ class PeakVelocityCurve:
     command: float  # [A or V]
     velocity: FloatArray  # peak velocity of each sine [m/s], shape (n,)
     extension: FloatArray  # force at the peak velocity in extension [N], shape (n,)
-    retraction: FloatArray  # retraction, negative if the damper resists [N], shape (n,)
+    retraction: FloatArray  # force at the peak velocity in retraction [N], negative if the damper resists
 
     @property
     def damping(self) -> FloatArray:
@@ -158,7 +158,8 @@ class Scope:
 class Response:
     """Times to 63 % and 90 % of the change after a step of the command [s].
 
-    The force is simulated at constant velocity. Its times are None if it does not depend on the command.
+    The force is simulated at constant velocity. The times of the force are None if the force does not depend
+    on the command.
     """
 
     start: float  # [A or V]
@@ -178,7 +179,7 @@ class Characterisation:
     extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
     retraction: FloatArray  # [N]
     energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
-    responses: tuple[Response, ...]  # rising and falling; empty without a lag
+    responses: tuple[Response, ...]  # to a rising and a falling step; empty if the damper has no lag
 
     @property
     def damping(self) -> FloatArray:
@@ -271,10 +272,11 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
 
 
 def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
-    """Return the responses to steps from the weakest to the strongest command and back; empty without lag.
+    """Return the responses to steps from the weakest to the strongest command and back.
 
-    The force at constant velocity follows the effective command without delay. The time to a fraction of
-    its change is therefore the time to the command at which the static force has that fraction.
+    The result is empty if the damper has no lag. The force at constant velocity follows the effective command
+    without delay. Therefore, the force has reached a fraction of its change when the effective command
+    reaches the command with this static force.
     """
     low, high = (scope.commands[index] for index in scope.ends)
     lags = damper.actuation
@@ -344,7 +346,7 @@ def _temperatures(
         return tuple(sorted(map(float, given)))
     low, high = envelope.temperature or (REFERENCE_K, REFERENCE_K)
     if high - low < TEMPERATURE_STEP_K / 4.0:
-        # The runs have one temperature and the rest is assumed: heating matters most.
+        # All runs have one temperature. Higher temperatures are then the most useful because dampers heat up.
         high = max((damper.temperature_range or (low, high))[1], low)
     if high - low < TEMPERATURE_STEP_K / 4.0:
         return (low,)

@@ -63,7 +63,7 @@ class Comparison(JobResult):
 
     @property
     def verdict(self) -> str:
-        """One sentence: how the second damper differs from the first, and where most."""
+        """One sentence: how the second damper differs from the first, and where the difference is largest."""
         first, second = self.names
         before = self.found[0].damping
         difference = self.found[1].damping - before
@@ -95,7 +95,7 @@ class Comparison(JobResult):
 
 
 def _names(*files: str) -> tuple[str, str]:
-    """Return the names of cards: of the file, or of its folder if the file is called card."""
+    """Return the names of two cards: the name of the file, or of its folder if the file is ``card.json``."""
     paths = [Path(file) for file in files]
     first, second = (path.absolute().parent.name if path.stem == "card" else path.stem for path in paths)
     return (first, second) if first != second and first and second else ("first", "second")
@@ -189,7 +189,7 @@ def _common_temperature(
 
 
 def _temperatures_of(card: ModelCard) -> Range | None:
-    """Return the temperatures [K] of the runs, or of the assumed factors if the runs have only one."""
+    """Return the temperature range [K] of the runs, or of the assumed factors if this range is one value."""
     tested, assumed = card.envelope.temperature, card.damper.temperature_range
     single = tested is None or tested[1] - tested[0] < TEMPERATURE_TOLERANCE_K
     if single and card.damper.temperature_dependent and assumed is not None:
@@ -198,7 +198,7 @@ def _temperatures_of(card: ModelCard) -> Range | None:
 
 
 def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
-    """Return the parameters of two dampers of the same law that were fitted in a card or that differ."""
+    """Return the parameters of two dampers that were fitted or that differ; () if the laws differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()
@@ -220,7 +220,7 @@ def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]
 
 
 def _combined_error(cards: tuple[ModelCard, ModelCard]) -> float | None:
-    """Return the root sum of squares of both RMS errors [N], for held-out runs if there are any."""
+    """Return the root sum of squares of the RMS errors of two cards [N], of held-out runs if available."""
     total = 0.0
     for card in cards:
         runs = [run for run in card.evidence.runs if run["split"] == "held_out"] or card.evidence.runs

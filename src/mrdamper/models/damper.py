@@ -43,7 +43,7 @@ class OperatingEnvelope:
     velocity: Annotated[Range, Option(key="velocity_m_s")]
     temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: unknown
     acceleration: Annotated[Range | None, Option(key="acceleration_m_s2")] = None
-    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # range of 90 % of v^2
+    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # band with 90 % of v^2
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -249,7 +249,7 @@ class Damper:
         )
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
-        """Return the values of one coefficient, one per command; a single value if the form is constant.
+        """Return the values of one coefficient, one per command, or one value if the form is constant.
 
         A value that violates a limit of the law only by rounding is set to the limit.
         """
@@ -282,7 +282,7 @@ class Damper:
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
         """Return the violations of 1 + position_gain x > 0, one sentence each.
 
-        The force of the valve would change its sign.
+        If the condition is violated, the force of the valve changes its sign.
         """
         commands = envelope.commands()
         for x in envelope.displacement:

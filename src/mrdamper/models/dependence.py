@@ -4,10 +4,10 @@ A parameter law is a named form with parameters. The card stores ``kind`` and ``
 ``identify.problem`` decides which parameters a fit may change. ``damper`` checks the values against the
 limits of the law.
 
-Every form has closed forms of its value and of the derivatives with respect to parameters and command, and
-states in which parameters it is linear. Most forms depend only on the command. ``TemperatureDependent``
-multiplies such a form by a temperature factor. ``Bipolynomial`` is a polynomial in command and temperature.
-The default temperature is 20 degC.
+Every form computes its value and the derivatives with respect to parameters and command by closed-form
+expressions, and states in which parameters the value is linear. Most forms depend only on the command.
+``TemperatureDependent`` multiplies a form of the command by a temperature factor. ``Bipolynomial`` is a
+polynomial in command and temperature. The default temperature is 20 degC.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from mrdamper.quantities import REFERENCE_K
 class ParameterLaw(Protocol):
     """A coefficient as a function of command and temperature [K], with named parameters.
 
-    ``linear[k]`` is True if the value is linear in parameter ``k`` with the others fixed. ``settings`` are
-    fixed options of the form (a reference current). Command and temperature may be arrays of equal shape;
-    temperature None is 20 degC.
+    ``linear[k]`` is True if the value is linear in parameter ``k`` for fixed values of all other parameters.
+    ``settings`` are constants of the form that are not fitted (a reference current). Command and temperature
+    may be arrays of equal shape; temperature None is 20 degC.
     """
 
     @property
@@ -82,7 +82,7 @@ class ParameterLaw(Protocol):
         ...
 
     def with_parameters(self, parameters: Sequence[float]) -> Self:
-        """Return the same form with other parameters."""
+        """Return the same form with new values of the parameters."""
         ...
 
 
@@ -343,9 +343,9 @@ class Exponential:
 
 @dataclass(frozen=True, slots=True)
 class Bipolynomial:
-    """value = sum of c_ij I^i (T - 293.15)^j, i to the command's degree, j to the temperature's.
+    """value = sum of c_ij I^i (T - 293.15)^j, a polynomial in command I and temperature T.
 
-    The value is linear in all parameters. Their order is c00, c01, c10, c11, ...
+    The value is linear in all parameters. The order of the parameters is c00, c01, c10, c11, ...
     """
 
     parameters: tuple[float, ...]

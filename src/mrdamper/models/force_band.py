@@ -1,9 +1,10 @@
 """Prediction band of the force of a card: expected error of the force in a new motion.
 
-The band is conformal: the model was fitted again without each motion, and the band is as wide as needed to
-contain the stated fraction of the held-out errors. The band is wider for a motion that is farther from the
-fitted motions than these are from one another, and for a run with changing current. The band assumes only
-that a new motion is similar to the held-out motions. Outside the envelope of the card the band is too narrow.
+The band is a conformal prediction band. The model was fitted once for each motion, without this motion. The
+band is just wide enough to contain the stated fraction of the errors on the held-out motions. The band is
+wider for a motion that is farther from the fitted motions than these are from one another, and for a run with
+changing current. The band assumes only that a new motion is similar to the held-out motions. Outside the
+envelope of the card the band is too narrow.
 """
 
 from __future__ import annotations
@@ -35,7 +36,11 @@ class MotionSize:
         return cls(float(np.std(motion.displacement)), float(np.std(motion.velocity)))
 
     def distance(self, others: Sequence[MotionSize]) -> float:
-        """Return the distance to the nearest other motion, in e-folds: 0.7 if it is half as fast."""
+        """Return the distance [-] to the nearest of the ``others``.
+
+        The distance is the larger absolute logarithm of the ratios of displacement and velocity: 0.69 for a
+        motion that is half as fast.
+        """
         known = np.log([(each.displacement_m, each.velocity_m_s) for each in others])
         return float(np.abs(known - np.log((self.displacement_m, self.velocity_m_s))).max(axis=1).min())
 
@@ -63,7 +68,7 @@ class ForceBand:
     worst_nrmse_percent: _Positive
     left_out: LeftOut
     folds: Annotated[int, Option(least=1)]
-    motions: tuple[MotionSize, ...] = ()  # motions of the fit
+    motions: tuple[MotionSize, ...] = ()  # motions of the fitted runs
     usual_distance: _Positive = 0.0
     widening: _Positive = 0.0
     changing_current_ratio: Annotated[float, Option(least=1.0)] = 1.0

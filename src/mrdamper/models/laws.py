@@ -8,9 +8,8 @@ Sign convention: extension positive, a force that resists extension is positive.
     F = law(x, v, state) + mass a + c0 v |v / v0|^(m - 1)
         + [coulomb + breakaway exp(-(v / v_s)^2)] tanh(v / v_t)
 
-Friction and mass are zero by default. The viscous exponent m is 1 by default; ``viscosity`` c0 is viscous
-force
-divided by speed at v0 = 0.1 m/s.
+Friction and mass are zero by default. The viscous exponent m is 1 by default. ``viscosity`` c0 is the viscous
+force divided by the speed, at v0 = 0.1 m/s.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from mrdamper.models.dependence import ParameterLaw
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """A coefficient that is nonlinear in a parameter, so that its gradient can vary."""
+    """A coefficient that is nonlinear in a parameter. Its gradient depends on the parameters."""
 
     place: int  # index of the coefficient in the law
     column: int  # index among the differentiated coefficients; -1: not differentiated

@@ -30,7 +30,7 @@ CALL_COUNT_MAX = 20_000  # Calls of a law's rate for one sample; typical are som
 Values = Mapping[str, float]
 State = Sequence[float]
 Rate = Callable[[State, float, float, Values], State]  # states, displacement, velocity, coefficients
-Force = Callable[[State, float, float, float, Values], float]  # the same with acceleration after velocity
+Force = Callable[[State, float, float, float, Values], float]  # as Rate, with acceleration after velocity
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def force_of_states(
     Raises
     ------
     ConvergenceError
-        The law returned something that is not finite.
+        If the law returns a force that is not finite.
     """
     equations = equations or _equations_of(damper.law)
     path = _Path(damper, trajectory)

@@ -28,8 +28,9 @@ BATCH_RUN_COUNT_MIN = 3  # Fewer runs are simulated one by one.
 class Drive:
     """A trajectory that is prepared for many simulations: record of the kernel, command and temperature.
 
-    ``constant`` is the command if it is constant over the run, else ``None``; ``temperature`` [K] is the
-    constant temperature of the run, if known; ``warms`` is True if it changes.
+    ``constant`` is the command if the command is constant during the run, else None. ``temperature`` [K] is
+    the temperature if it is known and constant, else None. ``temperature_varies`` is True if it is not
+    constant.
     """
 
     trajectory: Trajectory
@@ -40,7 +41,7 @@ class Drive:
 
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
-    """Return the trajectory prepared for the kernel; ``longest_step`` limits implicit laws [s]."""
+    """Return the trajectory prepared for the kernel. ``longest_step`` [s] limits steps of implicit laws."""
     command, kelvin = trajectory.command, trajectory.temperature
     constant = float(command[0]) if np.ptp(command) == 0.0 else None
     temperature_varies = kelvin is not None and bool(np.ptp(kelvin) > 0.0)

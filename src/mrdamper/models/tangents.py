@@ -53,7 +53,7 @@ class Tangents:
     """Forces and tangents along many runs.
 
     Coefficients are evaluated once for all runs: at each operating point of the runs with constant current
-    and temperature, and at all samples of the other runs together.
+    and temperature, and at all samples of the remaining runs.
     """
 
     def __init__(self, damper: Damper, parameters: Sequence[str], drives: Sequence[Drive]) -> None:

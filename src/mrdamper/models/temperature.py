@@ -3,7 +3,7 @@
 Every factor is 1 at 293.15 K. A coefficient of a damper (``dependence.TemperatureDependent``), or viscosity
 and yield stress of a fluid (``fluid``), is its value at 20 degC times a factor. Temperature is in kelvin.
 
-A factor outside its range (a linear one below zero, a VFT law at its pole) is reported by the caller with the
+The caller reports a factor outside its range (a linear factor below zero, a VFT law at its pole) with the
 name of the coefficient.
 """
 
@@ -54,7 +54,7 @@ class TemperatureFactor(Protocol):
         ...
 
     def with_parameters(self, parameters: Sequence[float]) -> Self:
-        """Return the same factor with other parameters."""
+        """Return the same factor with new values of the parameters."""
         ...
 
 
@@ -234,7 +234,7 @@ class PolynomialFactor:
 FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
     {factor.kind: factor for factor in (Linear, Arrhenius, Reynolds, Vft, PolynomialFactor)}
 )
-"""Factors by the name that a card or a fluid file stores."""
+"""Name in a card or fluid file -> temperature factor."""
 
 
 def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@
 #ifdef MRD_SINGLE
 #include "controller.h"
 
-/* The functions of a controller; the kernel's structure of this name has the same members among others. */
+/* The functions of a controller. The structure of this name in kernel.h has further members. */
 typedef struct {
     const char *name;
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
@@ -28,11 +28,11 @@ typedef struct {
     mrd_track_state *state;
     size_t late;         /* samples by which a command is late */
     int reads_force;
-    double gain, offset; /* of the damper's force [-], [N] */
-    double highest, current_step, force_step; /* driver's limit [A]; steps of the two converters, 0: none */
+    double gain, offset; /* gain [-] and offset [N] of the damper force */
+    double highest, current_step, force_step; /* limit of the driver [A]; resolutions of the two converters, 0: none */
     const mrd_inputs *sensed; /* [samples] readings; the force is the noise of its sensor */
     const double *frozen;     /* [samples] 1 if the force sensor repeats its last reading, else 0 */
-    double *force;            /* [steps] of the damper [N] */
+    double *force;            /* [steps] force of the damper [N] */
     double *given;            /* [late + 1 + samples] commands, of which the first are zero [A] */
     double felt, read;        /* force of the damper and reading of its sensor [N] */
 } mrd_loop;
@@ -50,7 +50,7 @@ const mrd_api *mrd_level(int level);
 /* Return 1 if all sizes and indices of a controller are in the range that a step relies on, else 0. */
 int mrd_track_is_sound(const mrd_track *track);
 
-/* Take n steps of a controller or of the model; fill what each step gives, and its flags. */
+/* Take n steps of a controller or of the model. Write the result and the flags of each step. */
 void mrd_track_run(const mrd_api *api, const mrd_track *track, mrd_track_state *state, size_t n, const mrd_inputs *inputs,
                    mrd_real *current, int32_t *flags);
 void mrd_model_run(const mrd_api *api, const mrd_track *model, mrd_track_state *state, size_t n,

@@ -9,9 +9,9 @@
 typedef struct loop_plant loop_plant;
 struct loop_plant {
     size_t count; /* number of equal dampers on one motion with individual currents */
-    /* Moves all on along `steps` samples of displacement [m] and velocity [m/s], the currents [A] held; fills the
-     * force [N] of each damper. Returns 0 where a sample is refused. It needs no GIL, and runs in one thread at a
-     * time. */
+    /* Advance all dampers by `steps` samples of displacement [m] and velocity [m/s] at constant currents [A]. Write
+     * the force [N] of each damper. Return 0 if a sample is rejected. The function needs no GIL, and runs in one
+     * thread at a time. */
     int (*advance)(loop_plant *self, const double *displacement, const double *velocity, size_t steps,
                    const double *current, double *const *force);
 };

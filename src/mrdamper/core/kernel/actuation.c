@@ -1,10 +1,13 @@
 /* Dynamics between a command and the field: first-order lags with separate rise and fall times.
  *
- * The lag is `rise` while the absolute input exceeds the output, otherwise `fall`. If a driver cannot pull the
-  * current down, the output falls at most with the free-wheeling time constant `wheel`; 0: no free-wheeling. With `saturation` I_s input and output are the flux phi = I / (1 + I / I_s), so that a saturated current falls faster: wheel phi' = -I; 0: no saturation.
+ * The time constant is `rise` while the absolute input exceeds the output, otherwise `fall`. If a driver cannot pull
+ * the current down, the output falls at most with the free-wheeling time constant `wheel` (0: no free-wheeling). With
+ * `saturation` I_s, the lag acts on the flux phi = I / (1 + I / I_s), so that a saturated current falls faster:
+ * wheel phi' = -I (0: no saturation).
  */
 
-/* The size of the flux of a free-wheeling current a step later, and its slope over the flux before; second order. */
+/* Return the flux of a free-wheeling current after one step, by a method of order two. *slope is its derivative by
+ * the initial flux. */
 static double flux_left(double flux, double step, double wheel, double saturation, double *slope)
 {
     const double bend = saturation > 0.0 ? 1.0 / saturation : 0.0, share = step / wheel, rate = 1.0 / (1.0 - bend * flux);
@@ -15,8 +18,9 @@ static double flux_left(double flux, double step, double wheel, double saturatio
     return flux * left;
 }
 
-/* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
- * rise and fall are one lag). It starts settled, or from output and derivative at sample 0: `before`. */
+/* Compute the response to a command that is linear between samples, and its derivative by the active time constant.
+ * The derivative is exact if rise and fall are equal. The initial state is settled, or it is `before`: output and
+ * derivative at sample 0. */
 static void first_order_lag(size_t n, double step, double rise, double fall, double wheel, double saturation,
                             const double *command, double *applied, double *by_lag, const double *before)
 {

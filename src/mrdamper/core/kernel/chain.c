@@ -1,6 +1,7 @@
-/* The chain: free play, elasticity and dashpot in series with a valve. Every term is off at its default.
+/* The chain: free play, elasticity and dashpot in series with a valve. Every term is disabled at its default.
  *
- * xb follows x with a play of half width b; e + q - z = xb, y = q', z the cavity. The same force in all:
+ * xb follows x with a free play of half width b; e + q - z = xb, y = q', z is the cavity. All elements have the
+ * same force:
  *
  *     F = S(e) + cB |e'/v0|^(mB-1) e'                                            compliance.c
  *     F = C l/(l + z) - H, H = C (1 - z/L)^-1.3                                   cavity
@@ -11,28 +12,31 @@
  *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), C a straight line to a corner at 1
  *     y = (v1 + mu Y) u + bp (Y u)^1/2                                            creep, and flow through a bypass
  *
- * The cavity (L > 0; without it z = 0): H is what the gas charge, of the length L, bears on the piston with. The chamber
- * that the valve fills as the damper retracts holds free gas, of the length l at that pressure, so that its force never
- * falls to zero: where the valve is too slow z opens, at the force of the charge, and closes before force builds up again.
- * Both are springs in z: C L (1 - z/L)^-0.3 / 0.3 - C l ln(l + z) is stored, hence passive.
+ * The cavity (L > 0; otherwise z = 0): H is the force of the gas charge of length L on the piston. The chamber
+ * that the valve fills during retraction contains free gas, which has the length l at the pressure of the charge.
+ * The free gas keeps the force above zero. If the valve is too slow, the cavity z opens at the force of the
+ * charge, and it closes before the force builds up again. Charge and free gas are springs in z with the stored
+ * energy C L (1 - z/L)^-0.3 / 0.3 - C l ln(l + z), hence the cavity is passive.
  *
- * A bristle is a force: f' = sigma (y - |y| f / level), with a stiffness sigma that neither position nor speed
- * changes, so that f^2 / (2 sigma) is stored and the rest is lost: passive whatever the level does. Levels are
- * phi G Y (1 + as sgn y) in shares 1/2, 1/4, 1/4 (stiffnesses apart by e^0, e^spread, e^-spread), friction
- * (1 + excess exp(-(y/fade)^2)), and memory. When the current moves Y, the share `follow` of a bristle's force goes
- * with it at once; the rest must be built up by travel.
+ * A bristle is a force f with f' = sigma (y - |y| f / level). Its stiffness sigma does not depend on position or
+ * speed, so that f^2 / (2 sigma) is stored and the rest is dissipated. A bristle is therefore passive for any
+ * change of the level. The levels of the three pre-yield bristles are phi G Y (1 + as sgn y) times 1/2, 1/4, 1/4
+ * (with the relative stiffness 1, e^spread, e^-spread). The level of the friction bristle is the friction force
+ * times 1 + excess exp(-(y/fade)^2), and the level of the memory bristle is the memory force. If the current
+ * changes Y, the fraction `follow` of the bristle force changes at once; the rest is built up by travel.
  *
- * A step is backward Euler in y, bristles by the two-term rational form of their exponential; G and the Stribeck level
- * are those before the step, the gas is linear in it, z solves a quadratic. The residual rises with y.
+ * A step is backward Euler in y. The exponential of a bristle is replaced by a rational function with two terms. G
+ * and the Stribeck level have their values before the step, the gas force is linearised, and z solves a quadratic
+ * equation. The residual increases with y.
  *
  * The coefficients of a disabled term are zero, so that few masks are needed. A term that is disabled in all lanes is
  * skipped.
  */
 
 #define CHAIN_STEP_RATIO 0.68 /* Longest step relative to that of other laws: backward Euler needs shorter steps. */
-#define CHAIN_FLOOR 0.02  /* least G, and least gas volume over its volume at q = 0 */
+#define CHAIN_FLOOR 0.02  /* minimum of G, and of the gas volume divided by its volume at q = 0 */
 #define GAS_EXPONENT 1.3
-#define CORNER 0.05 /* rounding of C */
+#define CORNER 0.05 /* rounding of the corner of C */
 #define CHAIN_LEAST 1e-100 /* minimum level of a bristle [N]; below it the rate would overflow */
 
 enum { PRE_YIELD = 3, FRICTION_BRISTLE = 3, MEMORY_BRISTLE = 4, BRISTLES = 5 };
@@ -41,48 +45,50 @@ static const double CHAIN_SHARE[PRE_YIELD] = {0.5, 0.25, 0.25}, CHAIN_APART[PRE_
 
 /* Coefficients and state of PACK lanes. A disabled bristle has a level but no stiffness, hence no force. */
 typedef struct {
-    pack c[CH_COUNT], per[CH_COUNT]; /* coefficients, and one over each, 0 of next to nothing */
+    pack c[CH_COUNT], per[CH_COUNT]; /* coefficients and their inverses; 0 is the inverse of a value near zero */
     pack yield_velocity, per_velocity, bypass, level[BRISTLES], stiffness[BRISTLES];
     compliance compliance;
     pack_mask plastic, cavity_on, bypass_on, gas_on;
     int some_plastic, some_cavity, some_bypass, some_gas, thins, knee, fades, bristle_on[BRISTLES];
     pack q, y;                /* valve travel and velocity */
-    pack lag, change;         /* velocity that the valve lags behind, and its change from step to step */
-    pack play, cavity;        /* displacement behind the play, travel that the cavity takes (z) */
+    pack lag, change;         /* v - y after the last step and its change, for the next start value */
+    pack play, cavity;        /* displacement behind the free play, cavity z */
     pack bristle[BRISTLES];
-    pack followed[2];         /* yield and memory force that the bristles follow */
+    pack followed[2];         /* yield and memory force at the last step */
 } chain_state;
 
-/* The equation of a step. `rate` is the relaxation of a bristle divided by |y|. Retracting, extending. */
+/* Constants of the equation of a step. `rate` is the relaxation rate of a bristle divided by |y|. The first index of
+ * `level` and `rate` is 0 for retraction and 1 for extension. */
 typedef struct {
-    pack h, v, e;             /* step, velocity behind the play, elastic travel at y = z = 0 */
-    pack per_h;               /* one over the step, 0 without a cavity */
-    pack charge, charge_slope, charge_curvature; /* H, and by z */
+    pack h, v, e;             /* step, velocity behind the free play, elastic travel at y = z = 0 */
+    pack per_h;               /* inverse of the step, 0 if there is no cavity */
+    pack charge, charge_slope, charge_curvature; /* H and its derivatives by z */
     pack gain, gain_slope;
-    pack rest, rest_slope;    /* offset, spring and gas at y = 0, and by travel */
+    pack rest, rest_slope;    /* force of offset, spring and gas at y = 0, and its derivative by travel */
     pack gas_curvature, gas_unit, gas_per;
-    pack viscoplastic, thinning; /* their forces without shape */
+    pack viscoplastic, thinning; /* factors of these terms, without their functions of y */
     pack fade;
     pack level[2][BRISTLES], rate[2][BRISTLES];
     int cavity;
 } chain_step;
 
-/* The equation at one y. */
+/* Terms of the equation at one y. */
 typedef struct {
     pack y, force, slope, force_slope;
-    pack u, u_slope;          /* and its slope by |y| */
-    pack t, t_slope, sharper; /* yield's rise, its slope by u, C - tanh */
+    pack u, u_slope;          /* u and its derivative by |y| */
+    pack t, t_slope, sharper; /* t (rise of the yield force), its derivative by u, and C - tanh u */
     pack power, log_size;     /* thinning power, ln |y/v0| */
     compliance_point k;
-    pack cavity, length, cavity_slope, by_cavity; /* z, l + z, slopes: of z by y, of its equation by z */
+    pack cavity, length, cavity_slope, by_cavity; /* z, l + z, dz/dy, derivative of the equation of z by z */
     pack bristle[BRISTLES], bristle_slope[BRISTLES], kept[BRISTLES];
 } chain_point;
 
-/* Partial derivatives by each coefficient with y and the former states fixed; zero but where a step writes. */
+/* Partial derivatives by each coefficient for fixed y and fixed states before the step. Entries that a step does not
+ * write are zero. */
 typedef struct {
     pack valve[CH_COUNT], compliance[CH_COUNT], bristle[BRISTLES][CH_COUNT];
     pack by_travel, bristle_by_travel[BRISTLES], friction_by_speed;
-    pack charge[CH_COUNT], charge_slope[CH_COUNT]; /* H and its slope */
+    pack charge[CH_COUNT], charge_slope[CH_COUNT]; /* of H and of its derivative by z */
 } chain_partials;
 
 /* Derivatives of the state by each direction. */
@@ -96,7 +102,7 @@ typedef struct {
     chain_tangents by;
 } chain_lanes;
 
-/* Compute what follows from the coefficients. */
+/* Compute the constants that depend only on the coefficients. */
 static void chain_set(chain_state *l)
 {
     const pack *c = l->c;
@@ -134,7 +140,7 @@ static void chain_set(chain_state *l)
     }
 }
 
-/* Set up the step of length h to the velocity v behind the play. */
+/* Set up the step of length h to the velocity v behind the free play. */
 static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain_step *s)
 {
     const pack *c = l->c, q = l->q, floor = pack_of(CHAIN_FLOOR), none = pack_of(0.0);
@@ -186,7 +192,7 @@ static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain
     }
 }
 
-/* Compute the rise of the yield force: u of the speed, and t. */
+/* Compute u(|y|) and the rise t of the yield force. */
 IN_LANES void chain_yield(const chain_state *l, pack size, pack side, chain_point *p)
 {
     p->u = size * l->per_velocity;
@@ -211,7 +217,7 @@ IN_LANES void chain_yield(const chain_state *l, pack size, pack side, chain_poin
     p->t_slope = only(l->plastic, p->t_slope);
 }
 
-/* Open or close the cavity at the valve's force: F + H + H' (z - before) = C l / (l + z) is a quadratic in l + z. */
+/* Solve for the cavity at the force of the valve: F + H + H' (z - z_before) = C l / (l + z) is quadratic in l + z. */
 IN_LANES void chain_cavity(const chain_state *l, const chain_step *s, chain_point *p)
 {
     const pack bubble = l->c[CH_BUBBLE], gas = l->c[CH_CAVITY] * bubble, slope = s->charge_slope;
@@ -222,7 +228,7 @@ IN_LANES void chain_cavity(const chain_state *l, const chain_step *s, chain_poin
     p->cavity_slope = only(l->cavity_on, -p->length / p->by_cavity * p->force_slope);
 }
 
-/* Return valve less compliance at y; rises with y. */
+/* Return the force of the valve minus the force of the compliance at y, which increases with y. */
 IN_LANES pack chain_residual(const chain_state *l, const chain_step *s, pack y, chain_point *p)
 {
     const pack *c = l->c, size = size_of(y), none = pack_of(0.0);
@@ -282,7 +288,7 @@ static void chain_solve(const chain_state *l, const chain_step *s, pack guess, c
         chain_point rest;
         search_turn(&find, ask, chain_residual(l, s, pack_of(0.0), &rest));
     }
-    /* One more Newton step without a new evaluation: the error is the square of this one. */
+    /* Take one more Newton step without a new evaluation. The remaining error is the square of this step. */
     const pack dy = find.last;
     p->y += dy;
     p->force += p->force_slope * dy;
@@ -293,7 +299,7 @@ static void chain_solve(const chain_state *l, const chain_step *s, pack guess, c
         if (l->bristle_on[j]) p->bristle[j] += p->bristle_slope[j] * dy;
 }
 
-/* Partial derivatives of a bristle by the coefficients of its level and its stiffness. */
+/* Compute the partial derivatives of a bristle by the coefficients of its level and its stiffness. */
 IN_LANES void chain_bristle_partials(const chain_state *l, const chain_step *s, const chain_point *p, int j, chain_partials *d)
 {
     const pack *c = l->c, *per = l->per, none = pack_of(0.0);
@@ -328,7 +334,7 @@ IN_LANES void chain_bristle_partials(const chain_state *l, const chain_step *s, 
     }
 }
 
-/* Partial derivatives of the valve's force without bristles. */
+/* Compute the partial derivatives of the force of the valve without bristles. */
 static void chain_valve_partials(const chain_state *l, const chain_step *s, const chain_point *p, chain_partials *d)
 {
     const pack *c = l->c, *per = l->per, q = l->q, none = pack_of(0.0);
@@ -366,7 +372,7 @@ static void chain_valve_partials(const chain_state *l, const chain_step *s, cons
                              * (q + ahead * (1.0 - (GAS_EXPONENT + 1.0) * q * per[CH_GAS_LENGTH] / room)));
 }
 
-/* Partial derivatives at the solution; `l` is the state before the step. */
+/* Compute the partial derivatives at the solution. `l` is the state before the step. */
 static void chain_partials_at(const chain_state *l, const chain_step *s, const chain_point *p, chain_partials *d)
 {
     const pack *c = l->c, *per = l->per;
@@ -385,7 +391,8 @@ static void chain_partials_at(const chain_state *l, const chain_step *s, const c
     d->compliance[CH_SPEED] = only(is_bent(&l->compliance, p->k.rate), by_speed);
 }
 
-/* Return the derivative of z along a direction at fixed y. The force's is `force`, that of z before the step `before`. */
+/* Return the derivative of z along a direction at fixed y. `force` is the derivative of the force, `before` is the
+ * derivative of z before the step. */
 IN_LANES pack chain_cavity_moved(const chain_state *l, const chain_step *s, const chain_point *p, const chain_partials *d,
                                  int k, pack seed, pack before, pack force)
 {
@@ -396,7 +403,8 @@ IN_LANES pack chain_cavity_moved(const chain_state *l, const chain_step *s, cons
     return only(l->cavity_on, (gas - p->length * sum) / p->by_cavity - bubble);
 }
 
-/* Update the derivatives of the state after a solved step. `column` receives those of the force unless it is NULL. */
+/* Update the derivatives of the state after a solved step. `column` receives the derivatives of the force unless it is
+ * NULL. */
 static void chain_differentiate(const chain_state *l, const chain_step *s, const chain_point *p, const chain_partials *d,
                                 const lane_samples *t, double fraction, chain_tangents *by, double *const *column)
 {
@@ -424,7 +432,7 @@ static void chain_differentiate(const chain_state *l, const chain_step *s, const
     }
 }
 
-/* Let the bristles' forces follow a level that the current has moved, as far as they follow at once. */
+/* Change the bristle forces by the fraction that follows a change of their level at once. */
 static void chain_follow(chain_lanes *l, const lane_samples *t, double before, double fraction)
 {
     const int of[2] = {CH_YIELD, CH_MEMORY}, from[2] = {0, MEMORY_BRISTLE}, to[2] = {PRE_YIELD, BRISTLES};
@@ -480,7 +488,7 @@ static void chain_advance(chain_lanes *l, const lane_samples *t, pack h, double 
     memcpy(force, &p.force, sizeof p.force);
 }
 
-/* The first sample: the valve in the middle of its travel. */
+/* Compute the first sample, with the valve in the middle of its travel. */
 static void chain_lanes_first(chain_lanes *l, const lane_samples *t, double *force, double *const *column)
 {
     l->at.q = l->at.play = t->x[1];
@@ -489,7 +497,7 @@ static void chain_lanes_first(chain_lanes *l, const lane_samples *t, double *for
     chain_advance(l, t, pack_of(0.0), 1.0, 1, t->x[1], t->v[1], force, column);
 }
 
-/* From one sample to the next: force and columns at the second. */
+/* Step from one sample to the next. Compute force and columns at the second sample. */
 static void chain_lanes_step(chain_lanes *l, const lane_samples *t, double *force, double *const *column)
 {
     const pack h = t->step / (double)t->substeps;

@@ -14,7 +14,7 @@ static inline int varies(const mrd_model *m, int k, size_t n)
     return 0;
 }
 
-/* Mean over the sample interval that ends at sample i (the first and the last one: what there is). */
+/* Mean over the sample interval that ends at sample i. At the ends of a row, it is the first or last value. */
 static inline double interval_mean(const double *row, size_t stride, size_t i, size_t n)
 {
     if (i == 0 || i >= n) return row[stride * (i ? n - 1 : 0)];

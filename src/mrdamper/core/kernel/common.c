@@ -1,10 +1,10 @@
 /* Terms common to all laws: viscous force, spring, offset, inertia, Stribeck friction.
  *
- * Along a record the three expensive functions of velocity (a power, an exponential, a hyperbolic tangent) are
- * worked out once and shared by the force and all its partial derivatives.
+ * Three functions of velocity are expensive: a power, an exponential, and a hyperbolic tangent. They are computed once
+ * for a record and used by the force and all its partial derivatives.
  */
 
-/* Laws whose spring and offset sit inside them. */
+/* Return true for laws in which spring and offset are inside the series connection. */
 static inline int has_own_spring(mrd_law law) { return law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW; }
 
 static inline double tanh_of(double u)
@@ -13,7 +13,7 @@ static inline double tanh_of(double u)
     return u < 0.0 ? -size : size;
 }
 
-/* Speed to the viscous exponent, scaled to be the speed itself at MRD_VISCOUS_SPEED. */
+/* Return v |v / v0|^(exponent - 1), with v0 = MRD_VISCOUS_SPEED. */
 static inline double viscous_speed(double v, double exponent)
 {
     if (exponent == 1.0 || v == 0.0) return v;
@@ -38,7 +38,7 @@ static int has_friction(const mrd_model *m, size_t n)
     return 0;
 }
 
-/* The force of these terms at one sample. */
+/* Return the force of the common terms at one sample. */
 static inline double common_force(const mrd_model *m, const mrd_record *r, size_t i)
 {
     const double v = r->v[i], viscosity = coefficient_at(m, C_VISCOSITY, i);
@@ -54,7 +54,7 @@ static inline double common_force(const mrd_model *m, const mrd_record *r, size_
 /* Common terms of force and partial derivatives along a record; unused rows are NULL. */
 typedef struct {
     const double *power; /* viscous speed */
-    double *fade, *side; /* of the friction */
+    double *fade, *side; /* Stribeck factor and sign of the friction */
     double *store;
 } common_rows;
 
@@ -90,7 +90,7 @@ static mrd_status common_open(const mrd_model *m, const mrd_record *r, size_t di
 
 static void common_close(common_rows *rows) { free(rows->store); }
 
-/* Add the force of these terms along a record; `step` is 1 if coefficients vary, otherwise 0. */
+/* Add the force of the common terms along a record; `step` is 1 if coefficients vary, otherwise 0. */
 static inline void common_add_of(const mrd_model *m, const mrd_record *r, const common_rows *rows, size_t step,
                                  double *restrict force)
 {
@@ -114,7 +114,7 @@ static void common_add(const mrd_model *m, const mrd_record *r, const common_row
     else common_add_of(m, r, rows, 0, force);
 }
 
-/* The partial derivative by one of the common coefficients along a record, times the direction's seed. */
+/* Compute the partial derivative by a common coefficient along a record, times the seed of the direction. */
 static void common_column(const mrd_model *m, const mrd_record *r, const common_rows *rows, const mrd_direction *d,
                           double *restrict column)
 {

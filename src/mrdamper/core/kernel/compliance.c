@@ -3,31 +3,31 @@
  *     S(e) + cB |e'/v0|^(mB-1) e',   S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)]
  */
 
-#define LEAK_SPEED_RATIO_MIN 1e-6 /* The dashpot's power is a straight line below this ratio to v0: it is regular at rest. */
+#define LEAK_SPEED_RATIO_MIN 1e-6 /* The power of the dashpot is a straight line below this fraction of v0. */
 
 typedef struct {
     pack spring, gap, corner, leak, exponent, per_speed;
-    int bent; /* An exponent differs from one. */
+    int bent; /* 1 if the exponent of a lane is not one */
 } compliance;
 
 typedef struct {
     pack e, rate, spring_slope, leak_slope;
 } compliance_point;
 
-/* Return the compliance of coefficients that begin with the spring. */
+/* Return the compliance. `c` are its coefficients, the spring first. */
 IN_LANES compliance compliance_of(const pack *c, pack per_speed)
 {
     const compliance out = {c[0], c[1], c[2], c[3], c[4], per_speed, some_lane(c[4] - 1.0)};
     return out;
 }
 
-/* Return true if the dashpot's force is a power of the rate there, not a straight line. */
+/* Return true in lanes in which the force of the dashpot is a power of the rate, not a straight line. */
 IN_LANES pack_mask is_bent(const compliance *c, pack rate)
 {
     return is_less(pack_of(LEAK_SPEED_RATIO_MIN), size_of(rate) * c->per_speed);
 }
 
-/* The dashpot's force divided by leak and rate, and the logarithm of the speed. */
+/* Return the force of the dashpot divided by leak and rate. Compute the logarithm of the speed. */
 IN_LANES pack leak_power(const compliance *c, pack rate, pack *log_speed)
 {
     *log_speed = log_of(greater_of(size_of(rate) * c->per_speed, pack_of(LEAK_SPEED_RATIO_MIN)));
@@ -49,7 +49,7 @@ IN_LANES pack compliance_force(const compliance *c, compliance_point *p)
     return 0.5 * c->spring * (2.0 * p->e + su - sv) + power * p->rate;
 }
 
-/* Partial derivatives of the force by spring, gap, corner, leak and exponent, in this order. */
+/* Compute the partial derivatives of the force by spring, gap, corner, leak and exponent, in this order. */
 IN_LANES void compliance_partials(const compliance *c, const compliance_point *p, pack *by)
 {
     const pack u = p->e - c->gap, v = p->e + c->gap, rr = c->corner * c->corner;

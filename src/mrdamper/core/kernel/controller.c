@@ -1,9 +1,9 @@
 /* One step of a force-tracking controller.
  *
- * The step updates motion, temperature and applied current. It predicts the hysteresis at the preview, when a command
-  * given now acts, and solves for the current at which the model has the wanted force then. The reversal clamp limits
-  * the current near the static answer while the hysteresis builds up. The same step contains the paper's bank of
-  * models at constant currents, and force feedback.
+ * The step updates motion, temperature and applied current. A command given now acts at the preview. The step predicts
+ * the hysteresis at this time and solves for the current at which the model then has the wanted force. The reversal
+ * clamp limits the current near the static answer while the hysteresis builds up. The same step contains the paper's
+ * bank of models at constant currents, and force feedback.
  */
 #include "controller.h"
 
@@ -21,7 +21,7 @@ MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 /* Search for the current at which the force has the wanted value: the lowest of several solutions, or the nearest
  * current if there is none. It visits all currents of the table in descending order, so that the run time is constant. */
 typedef struct {
-    mrd_real before, from, to, least; /* force minus wanted force: last; at both ends of the cell; smallest */
+    mrd_real before, from, to, least; /* force minus wanted force: last visited, at both ends of the cell, smallest */
     int32_t cell, nearest;
 } search;
 
@@ -76,7 +76,7 @@ static mrd_real predict_lagged_flux(const mrd_track *c, const mrd_track_state *s
 }
 
 /* Return the current at which a bank of models at constant currents has the wanted force now. `off` is the force of the
- * levels less the wanted one. */
+ * terms that do not depend on the current, minus the wanted force. */
 static mrd_real solve_bank(const mrd_track *c, const mrd_track_state *s, const moment *m, const mrd_real *weight,
                             mrd_real off, bool *found)
 {

@@ -45,28 +45,27 @@ typedef uint64_t mrd_pattern;
 #define MRD_TRACK_STEPS 16    /* maximum number of steps of that horizon */
 #define MRD_TRACK_BRISTLES 5  /* bristles of the chain: three before yield, friction, memory */
 
-/* A lookup table of a function of a size u >= 0: cubics on bins that double in width with every octave of
- * u + offset. */
+/* A lookup table of a function of u >= 0: cubics on cells whose width doubles with every octave of u + offset. */
 typedef struct {
     mrd_real offset;      /* a power of two */
-    mrd_real top;         /* largest u + offset in the table; beyond, the last value holds */
+    mrd_real top;         /* largest u + offset in the table; the function is constant beyond */
     int32_t bits;         /* log2 of the cells in an octave */
     int32_t cells;
     const mrd_real *cell; /* [4 * cells] */
 } mrd_lookup;
 
-/* A power u^m of a size u: cubics over one octave, and a factor for each octave. */
+/* A power u^m of u >= 0: cubics over one octave, and a factor for each octave. */
 typedef struct {
     mrd_real exponent;     /* m */
     mrd_real lowest;       /* a power of two; below it the power is a straight line to zero */
-    mrd_real top;          /* largest size in the table; beyond, the last value holds */
+    mrd_real top;          /* largest u in the table; the power is constant beyond */
     int32_t bits;          /* log2 of the cells */
-    int32_t octaves;       /* from `lowest` up */
+    int32_t octaves;       /* number of octaves, beginning at `lowest` */
     const mrd_real *scale; /* [octaves] */
     const mrd_real *cell;  /* [4 << bits] */
 } mrd_power;
 
-/* Rows of the coefficients of the series valve, then those of the chain; all of them can depend on temperature. */
+/* Rows of the coefficients of the series valve, then further rows of the chain. All can depend on temperature. */
 enum { MRD_CHAIN_OFFSET, MRD_CHAIN_STIFFNESS, MRD_CHAIN_THINNING, MRD_CHAIN_SLOWNESS, MRD_CHAIN_POSITION,
        MRD_CHAIN_SPRING, MRD_CHAIN_GAP, MRD_CHAIN_SHARPNESS, MRD_CHAIN_LEAK, MRD_CHAIN_MASS, MRD_CHAIN_VISCOSITY,
        MRD_CHAIN_SLIDING, MRD_CHAIN_BREAKAWAY, MRD_CHAIN_TRANSITION, MRD_CHAIN_STRIBECK, MRD_CHAIN };
@@ -79,7 +78,7 @@ enum { MRD_CHAIN_ORIFICE = MRD_CHAIN, MRD_CHAIN_ASYMMETRY, MRD_CHAIN_FLOW_ASYMME
 /* Planes of the coefficients that also depend on the current; the series valve has only the first. */
 enum { MRD_PLANE_YIELD, MRD_PLANE_THINNING, MRD_PLANE_BRISTLE, MRD_PLANE_MEMORY, MRD_PLANES };
 
-/* Series valve and chain: coefficients against temperature, some of them against current, too. */
+/* Tables of series valve and chain: coefficients by temperature, and some coefficients also by current. */
 typedef struct {
     int32_t currents;      /* one more than a power of two */
     const mrd_real *yield; /* [temperatures][currents][planes], the first plane rising with the current */
@@ -130,7 +129,7 @@ typedef struct {
     mrd_lookup sliding;         /* sliding friction divided by its final value */
     mrd_lookup breakaway;
     mrd_lookup saturation;      /* yield force that saturates with speed or has no memory */
-    const mrd_series *series; /* series valve and chain, without the tables above; NULL: another law */
+    const mrd_series *series; /* tables of series valve and chain, which replace the tables above; else NULL */
 } mrd_track;
 
 /* State of the chain. */
@@ -142,7 +141,7 @@ typedef struct {
     mrd_real level[2]; /* yield and memory force of the bristles [N] */
 } mrd_chain_state;
 
-/* A value and its derivatives by the moves of the command. */
+/* A value and its derivatives by the moves of the command (its values over the horizon). */
 typedef struct {
     mrd_real at, by[MRD_TRACK_MOVES];
 } mrd_moved;

@@ -6,20 +6,20 @@
  *     dw/dtau = 1 - w^n             w >= 0   (the "rise")
  *     dw/dtau = 1 - kappa |w|^n     w <  0   (the "fall" towards zero)
  *
- * so one curve Y(tau) through Y(0) = 0 serves a whole record. Both branches are u' = 1 - k u^n from
- * u(0) = 0 in their own coordinates (u = |w|, k = 1 or kappa, tau counted away from zero), tabulated
- * as cubics on cells whose width doubles with every octave of tau + offset: fine where u^n bends,
- * wide where the curve is flat. The cell index is read off the floating-point bits.
+ * One curve Y(tau) through Y(0) = 0 therefore describes a whole record. Both branches satisfy
+ * u' = 1 - k u^n, u(0) = 0, with u = |w|, k = 1 or kappa, and |tau| instead of tau. They are tabulated
+ * as cubics on cells whose width doubles with every octave of |tau| + offset: narrow cells where u^n
+ * bends, wide cells where the curve is flat. The floating-point bits contain the index of the cell.
  *
- * The knots come from Taylor series (no pow per knot); the derivatives by n and by kappa are
- * tabulated on the same knots by the same series, differentiated, so that the tangents of the table
- * are exact for the table.
+ * The knots are computed by Taylor series, without a pow per knot. The derivatives by n and by kappa are
+ * tabulated at the same knots by the derivative of the same series. Therefore, the tangents are the exact
+ * derivatives of the tabulated curve.
  */
 #include <math.h>
 #include <string.h>
 
-#define ORDER 6      /* of the Taylor step between knots */
-#define SERIES 6     /* terms in tau^n near zero */
+#define ORDER 6      /* order of the Taylor step between knots */
+#define SERIES 6     /* number of terms of the series in tau^n near zero */
 
 /* Data of one cell of a table with tangents. */
 enum { BY_NOTHING, BY_TAU, BY_N, BY_KAPPA, POINT };
@@ -27,13 +27,13 @@ enum { BY_NOTHING, BY_TAU, BY_N, BY_KAPPA, POINT };
 typedef struct {
     double offset;      /* power of two added to tau before the look-up */
     double top;         /* largest tau + offset inside the table */
-    double last;        /* u there and beyond */
+    double last;        /* u at and beyond `top` */
     double step_scale;  /* 2^bits: a cell of the octave [2^e, 2^(e+1)) is 2^e / step_scale wide */
     uint64_t base;      /* bits of offset, shifted */
     int shift;          /* 52 - log2(cells per octave) */
     size_t cells;
     double cell[4 * MRD_CELLS];
-    double *all;        /* the same cubic, its derivative by tau, by n, by k: power by power, a cell in two cache lines */
+    double *all;        /* cubic and derivatives by tau, n and k, power by power; a cell in two cache lines */
     double room[4 * POINT * MRD_CELLS + 8];
 } branch;
 
@@ -58,7 +58,7 @@ static inline double from_bits(uint64_t u)
     return t;
 }
 
-/* Position inside its cell, 0 to 1, of t = tau + offset. */
+/* Return the position of t = tau + offset inside its cell, 0 to 1. */
 static inline double local_of(uint64_t bits, int shift)
 {
     return from_bits(((bits << (52 - shift)) & UINT64_C(0x000fffffffffffff)) | UINT64_C(0x3ff0000000000000)) - 1.0;
@@ -72,7 +72,7 @@ static inline double cubic_at(const double *restrict cell, uint64_t base, int sh
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* The cubic at many places. */
+/* Evaluate the cubics of a branch at n arguments. */
 static inline void cubics_at(const branch *b, size_t n, const double *restrict t, double *restrict u)
 {
     const double *restrict cell = b->cell;
@@ -83,7 +83,7 @@ static inline void cubics_at(const branch *b, size_t n, const double *restrict t
 
 #define BLOCK 256
 
-/* The cubic and its derivatives at n <= BLOCK places, POINT numbers each. */
+/* Evaluate the cubics of a branch and their derivatives at n <= BLOCK arguments, POINT numbers each. */
 static inline void points_at(const branch *b, size_t n, const double *restrict t, double *restrict out)
 {
     const uint64_t base = b->base;
@@ -103,7 +103,7 @@ static inline void points_at(const branch *b, size_t n, const double *restrict t
     }
 }
 
-/* Derivative of the same cubic by tau. */
+/* Return the derivative of the cubic by tau. */
 static inline double slope_at(const double *restrict cell, uint64_t base, int shift, double t)
 {
     const uint64_t bits = bits_of(t);
@@ -122,8 +122,8 @@ static void hermite(double *c, double f0, double d0, double f1, double d1, doubl
     c[3] = (d0 + d1) * width - 2.0 * rise;
 }
 
-/* The same for a curve that rises: slopes no steeper than three times the chord keep the cubic between its knots
- * (Fritsch & Carlson), so that the curve nowhere falls and never passes 1. */
+/* Compute a monotone cubic for a curve that rises. Slopes are limited to three times the chord (Fritsch & Carlson), so
+ * that the cubic stays between its knots. The curve then never falls and never exceeds 1. */
 static void hermite_rising(double *c, double f0, double d0, double f1, double d1, double width)
 {
     const double steepest = 3.0 * (f1 > f0 ? f1 - f0 : 0.0) / width;
@@ -226,7 +226,7 @@ static knot knot_step(knot a, double h, double k, double n, int tangents)
     return out;
 }
 
-/* By kappa only the fall changes. */
+/* Store a cell with tangents. Only the fall branch (`to_one`) depends on kappa. */
 static void cell_with_tangents(double *all, const double *cell, const double *by_n, const double *by_k, double width,
                                int to_one)
 {
@@ -240,7 +240,7 @@ static void cell_with_tangents(double *all, const double *cell, const double *by
 
 static void branch_build(branch *b, double k, double n, int tangents, int to_one)
 {
-    /* Cells per octave and first octave: a cubic errs by less than 5e-7 on every cell. */
+    /* The number of cells per octave and the first octave limit the error of every cubic to 5e-7. */
     const int rise_bits = n <= 1.5 ? 4 : n < 6.0 ? 5 : n < 12.0 ? 6 : 7;
     const int bits = rise_bits + (to_one ? (n >= 12.0 ? 1 : n > 3.5 ? 2 : n > 2.0 ? 1 : 0) : 0);
     const double per_octave = (double)(1 << bits);
@@ -300,11 +300,11 @@ static void curve_build(curve *c, double kappa, double n, int tangents)
     branch_build(&c->fall, kappa, n, tangents, 1);
 }
 
-/* tau of u on one branch: the cell by bisection on its knots, the place in it by Newton. */
+/* Return |tau| for u on one branch. Bisection of the knots finds the cell, Newton's method the position in it. */
 static double branch_inverse(const branch *b, double u)
 {
     size_t low = 0;
-    for (size_t left = b->cells; left > 1;) { /* without a branch */
+    for (size_t left = b->cells; left > 1;) { /* bisection without conditional jumps */
         const size_t half = left / 2;
         low += b->cell[4 * (low + half)] <= u ? half : 0;
         left -= half;
@@ -357,14 +357,15 @@ static curve_point curve_at(const curve *c, double tau)
     return branch_point(c, rising, fabs(tau) + (rising ? c->rise.offset : c->fall.offset));
 }
 
-/* The same at start + travel, in the order of operations that hysteresis.c has for many samples: the same bits. */
+/* Return the point of the curve at start + travel. The order of operations is the same as for many samples in
+ * hysteresis.c, so that the results are bitwise equal. */
 static curve_point curve_along(const curve *c, double start, double travel)
 {
     const int rising = start + travel >= 0.0;
     return branch_point(c, rising, rising ? c->rise.offset + start + travel : c->fall.offset - start - travel);
 }
 
-/* tau of w in the coordinates of the motion. */
+/* Return tau for w in the coordinates of the motion. */
 static double curve_inverse(const curve *c, double w)
 {
     return w >= 0.0 ? branch_inverse(&c->rise, w) : -branch_inverse(&c->fall, -w);

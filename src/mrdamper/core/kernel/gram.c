@@ -1,7 +1,8 @@
 /* Gram sums of many candidates on many runs, for each step of a least-squares fit. */
 
-/* Products are summed in eight lanes, sample i in lane i % 8, whatever the width of a pack: the same bits at every one. A
- * tile of rows against rows stays in registers, over a block of samples that stays in the first-level cache. */
+/* Products are summed in eight lanes, sample i in lane i % 8. The sums are therefore bitwise equal for every width
+ * of a pack. The sums of a tile (rows times rows) stay in registers, and a block of samples stays in the
+ * first-level cache. */
 #define TILE_I (PACK == 8 ? 4 : 2)
 #define TILE_J 4
 
@@ -33,8 +34,8 @@ static void gram_few(size_t rows, const double *const *row, size_t from, size_t 
             for (size_t k = from; k < to; k++) lanes[8 * (i * rows + j) + (k & 7)] += row[i][k] * row[j][k];
 }
 
-/* Add the products of samples [from, to) of rows to lanes [row][row][8]; of each pair the lower triangle counts. A tile
- * that reaches beyond the last row works that one out twice. */
+/* Add the products of samples [from, to) of all pairs of rows to lanes [row][row][8]. Only the lower triangle is
+ * used. A tile that extends beyond the last row computes the last row twice. */
 static void gram_add(size_t rows, const double *const *row, size_t from, size_t to, double *lanes)
 {
     const size_t begin = (from + 7) / 8 * 8 < to ? (from + 7) / 8 * 8 : to, end = begin + (to - begin) / 8 * 8;
@@ -61,7 +62,7 @@ static void gram_add(size_t rows, const double *const *row, size_t from, size_t 
     gram_few(rows, row, end, to, lanes);
 }
 
-/* The sums of the lanes. */
+/* Compute the Gram matrix from the sums of the lanes. */
 static void gram_close(size_t rows, const double *lanes, double *out)
 {
     for (size_t i = 0; i < rows; i++) {
@@ -88,7 +89,7 @@ static mrd_status gram(size_t rows, size_t n, const double *columns, size_t from
     return status;
 }
 
-/* What many candidates on many runs share: the rows of a Gram matrix are tangents and the residual. */
+/* Memory and indices that all candidates and runs share. The rows of a Gram matrix are tangents and the residual. */
 typedef struct {
     size_t places, rows;
     const int *by;
@@ -96,7 +97,7 @@ typedef struct {
     double *lanes;         /* [rows][rows][8] */
 } gram_room;
 
-/* The tangent of a force that is proportional to a channel of the run, if it is one. */
+/* Return the channel of the run that equals the tangent by a coefficient, or NULL if there is no such channel. */
 static const double *channel_of(const mrd_model *m, const mrd_record *r, int coefficient, const double *one)
 {
     if (coefficient == C_MASS) return r->a;
@@ -105,7 +106,8 @@ static const double *channel_of(const mrd_model *m, const mrd_record *r, int coe
     return coefficient == C_OFFSET && !has_own_spring(m->law) ? one : NULL;
 }
 
-/* The directions that must be worked out; row[i] is set to where each tangent is, or will be. */
+/* Collect the directions that must be computed, and return their number. row[i] is set to the location of the
+ * tangent. */
 static size_t directions_of(const gram_room *g, const mrd_model *m, const mrd_record *r, mrd_direction *direction,
                             const double **row)
 {
@@ -119,7 +121,7 @@ static size_t directions_of(const gram_room *g, const mrd_model *m, const mrd_re
     return count;
 }
 
-/* The sums of one candidate on one run. */
+/* Compute the Gram matrix of one candidate on one run. */
 static mrd_status gram_of_one(const gram_room *g, const mrd_model *m, const mrd_record *r, const double *measured,
                               size_t from, mrd_workspace *workspace, double *out)
 {

@@ -1,5 +1,6 @@
-/* Gram sums of a stepped law, LANES candidates and runs at a time: rows are lane by lane, a row's sample i of lane k at
- * LANES i + k, so that the sums of a block of them are those of every lane. Runs of one block end at different samples; missing samples of a lane are zero. */
+/* Gram matrices of a stepped law, for LANES jobs (a candidate on a run) at a time. Rows are interleaved: sample i
+ * of lane k is at index LANES i + k. One pass over a block of samples therefore adds up the products of every lane.
+ * Runs of one block may differ in length; missing samples of a lane are zero. */
 
 #define STEPS (BLOCK / LANES) /* samples of a block */
 
@@ -8,12 +9,12 @@ typedef struct {
     size_t job, run;
     mrd_model model;
     const mrd_record *record;
-    const double *row[MRD_DIRECTIONS + 1]; /* rows that the law does not step; NULL: it does */
-    double *left; /* measured less the force that all laws have in common */
+    const double *row[MRD_DIRECTIONS + 1]; /* tangents that are known without stepping the law, else NULL */
+    double *left; /* measured force minus the force of the common terms */
     double *residual; /* destination of measured minus computed force, or NULL */
 } lane_job;
 
-/* Jobs of one number of substeps together, the longest first. */
+/* Sort key of a job: jobs with the same number of substeps are computed together, the longest first. */
 typedef struct {
     size_t substeps, n, job;
 } job_order;
@@ -26,7 +27,8 @@ static int compare_jobs(const void *one, const void *other)
     return a->job < b->job ? -1 : a->job > b->job;
 }
 
-/* Rows that are not stepped, and what is left for the law: into store [rows + 1][longest]. */
+/* Compute the tangents that are not stepped, and the measured force minus the common terms, in store
+ * [rows + 1][longest]. */
 static mrd_status lane_open(lane_job *lane, const gram_room *g, const gram_task *t, size_t job, size_t longest, double *store)
 {
     lane->job = job;
@@ -59,7 +61,7 @@ static mrd_status lane_open(lane_job *lane, const gram_room *g, const gram_task 
     return MRD_OK;
 }
 
-/* Samples [begin, end) of one array of every lane, lane by lane; a run that has ended stays where it is. */
+/* Interleave samples [begin, end) of one array of every lane. A run that has ended repeats its last sample. */
 static void gather(const double *const *source, const lane_job *lane, size_t begin, size_t end, double *restrict out)
 {
     for (size_t k = 0; k < LANES; k++) {
@@ -68,7 +70,8 @@ static void gather(const double *const *source, const lane_job *lane, size_t beg
     }
 }
 
-/* The stepped rows of a block: force to `force`, tangents to column[d], both lane by lane. Packs without a job are skipped. */
+/* Step the law over a block. Write the force to `force` and the tangents to column[d], interleaved. Packs without a job
+ * are skipped. */
 static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lane_job *lane, size_t jobs, size_t begin,
                        size_t end, double *force, double *const *column)
 {
@@ -102,8 +105,8 @@ static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lan
     }
 }
 
-/* The sums of up to LANES jobs of one number of substeps, all records at least one sample long; the other lanes repeat a job.
- * `block` is [rows][BLOCK]. */
+/* Compute the Gram matrices of up to LANES jobs with the same number of substeps. Unused lanes repeat a job. Every
+ * record has at least one sample. `block` is [rows][BLOCK]. */
 static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job *lane, size_t jobs, double *block)
 {
     law_lanes state[LANES / PACK];

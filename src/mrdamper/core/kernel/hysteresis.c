@@ -1,12 +1,12 @@
-/* The Bouc-Wen family along a record: exact flow from turning point to turning point.
+/* The Bouc-Wen family along a record: exact solution from turning point to turning point.
  *
- * All samples between two reversals are independent (w = Y(tau_start + rho travel)); the only
- * recurrence is one inverse of the curve per reversal.
+ * All samples between two reversals are independent: w = Y(tau_start + rho travel). Only one inverse of the curve per
+ * reversal depends on the previous piece.
  */
 
-/* Ask for the n numbers of an array that come a block after the n from sample `from` on, where there are any: while a
- * block is worked on, the next is on its way from memory. The processor does not see far enough ahead for that by
- * itself. A macro: GCC drops calls of a function that does nothing but ask. */
+/* Prefetch the n numbers of an array one block after sample `from`, if they exist. The next block is then loaded from
+ * memory while the present block is computed; the hardware does not prefetch that far. This is a macro because GCC
+ * removes calls of a function that only prefetches. */
 #if defined(__GNUC__)
 #define FETCH_AHEAD(array, from, n, known)                                              \
     do {                                                                                \
@@ -18,15 +18,15 @@
 #define FETCH_AHEAD(array, from, n, known) ((void)0)
 #endif
 
-/* Samples of a monotone stretch by where the curve has them: the travel never falls, so the fall branch (tau < 0) comes
- * first, and the end of the table, where w stays, last. */
+/* Ranges of the samples of a monotone piece by their part of the curve. The travel never decreases, so that the samples
+ * on the fall branch (tau < 0) are first, then the rise branch, then the samples beyond the table with constant w. */
 typedef struct {
-    size_t fall, rise; /* ends of the first two */
+    size_t fall, rise; /* ends of the first two ranges */
 } spans;
 
 static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)
 {
-    for (size_t left = high - low; left > 0;) { /* without a branch */
+    for (size_t left = high - low; left > 0;) { /* bisection without conditional jumps */
         const size_t half = left / 2;
         const int before = offset + rho * path_at(r, p, low + half) < limit;
         low += before ? half + 1 : 0;
@@ -43,7 +43,7 @@ static spans spans_of(const curve *c, const mrd_record *r, size_t p, size_t from
     return out;
 }
 
-/* t = offset + rate travel of n samples from sample i of a piece on, in the table of a branch. */
+/* Compute the table argument t = offset + rate travel of n samples from sample i on, limited to the table. */
 static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, double offset, double rate,
                              const branch *b, double *restrict t)
 {
@@ -68,7 +68,7 @@ static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, 
     }
 }
 
-/* w over the side of the motion, of n <= BLOCK samples from sample i on, all on one branch. */
+/* Compute |w| of n <= BLOCK samples from sample i on, all on one branch. */
 static inline void block_of(const curve *c, const mrd_record *r, size_t p, size_t i, size_t n, double start, double rho,
                             int rising, double *restrict w)
 {
@@ -82,17 +82,18 @@ static inline void block_of(const curve *c, const mrd_record *r, size_t p, size_
     }
 }
 
-/* tau at the start of the next piece, from tau at the end of this one. */
+/* Return tau at the start of the next piece, from tau at the end of this piece. */
 static double turned(const curve *c, double tau_end)
 {
     return curve_inverse(c, -curve_at(c, tau_end).w);
 }
 
-/* Travel of a whole piece [m]. */
+/* Return the travel of a whole piece [m]. */
 static inline double piece_length(const mrd_record *r, size_t p) { return fabs(r->turn[p + 1] - r->turn[p]); }
 
-/* Scaled travel since the turning point, rho its mean over each sample interval (which errs with the square of the
- * step): base + rho (path - from); where rho changes, base and from move on. While it does not, rho path to the bit. */
+/* Scaled travel since the turning point: base + rho (path - from). rho is the mean over a sample interval, with an
+ * error of order two. If rho changes, base and from are updated. For constant rho the result is bitwise equal to
+ * rho path. */
 typedef struct {
     double base, from, rho;
 } weighted_travel;
@@ -107,7 +108,8 @@ static inline double travel_to(weighted_travel *t, double rho, double last, doub
     return t->base + rho * (path - t->from);
 }
 
-/* w along a record at constant rho, from tau at the start of the first piece; returns that of the last piece. */
+/* Compute w along a record at constant rho. `start` is tau at the start of the first piece. Return tau at the start of
+ * the last piece. */
 static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, double start, double *w)
 {
     for (size_t p = 0; p < r->pieces; p++) {
@@ -129,12 +131,12 @@ static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, do
     return start;
 }
 
-/* How tau at the start of a piece moves with a seeded rho, with n and with kappa. */
+/* Derivatives of tau at the start of a piece by rho (along each direction), by n and by kappa. */
 typedef struct {
     double rho[MRD_DIRECTIONS], n, kappa;
 } start_tangents;
 
-/* The same behind the turning point at the end of a piece, from the points of the curve on both sides of it. */
+/* Update these derivatives at a turning point. `end` and `begin` are the points of the curve before and after it. */
 static void turn_tangents(curve_point end, curve_point begin, size_t ways, const double *travel, start_tangents *s)
 {
     const double scale = begin.slope > 1e-9 ? 1.0 / begin.slope : 0.0;
@@ -143,11 +145,11 @@ static void turn_tangents(curve_point end, curve_point begin, size_t ways, const
     s->kappa = (-(end.by_kappa + end.slope * s->kappa) - begin.by_kappa) * scale;
 }
 
-/* w and its derivatives along a record.
+/* Compute w and its derivatives along a record.
  *
- * rho may vary from sample to sample (stride 1). `ways` directions move it with the given seeds; by_rho[d] holds dw for
- * each, by_n and by_kappa dw for a unit change of n and kappa. `begin` is tau at the start of the first piece, and `way_on`
- * the travel in it before the record; both are brought up to its end.
+ * rho may vary from sample to sample (stride 1). by_rho[d] receives the derivative of w along direction d of `ways`
+ * directions of rho with seeds, by_n and by_kappa the derivatives by n and kappa. `tau` is tau at the start of the
+ * first piece, and `gone` the scaled travel in this piece before the record. Both are updated to the last piece.
  */
 static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double *rho, size_t stride, size_t ways,
                               const mrd_direction *const *way, double *w, double *const *by_rho, double *by_n,
@@ -176,7 +178,7 @@ static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double 
             if (by_kappa) by_kappa[i] = side * (at.by_kappa + at.slope * s.kappa);
         }
         if (p + 1 == r->pieces) break;
-        /* The rest of the way to the turning point, and over it. */
+        /* Move the remaining travel to the turning point, and reverse. */
         const double length = piece_length(r, p), rest = length - last;
         const curve_point end = curve_at(c, start + travel_to(&t, interval_mean(rho, stride, i, r->known), last, length));
         start = curve_inverse(c, -end.w);

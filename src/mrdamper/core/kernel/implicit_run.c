@@ -1,6 +1,6 @@
 /* The implicit laws along one record: coefficients may vary, directions may have seeds, and a run may come in batches.
  *
- * A translation unit of its own, compiled once: a single lane gains nothing from wider registers.
+ * This is a separate translation unit that is compiled once because wider registers do not accelerate a single lane.
  */
 #define MRD_ONE_LANE
 #include "kernel.h"
@@ -50,7 +50,7 @@ static void state_write(mrd_law law, const law_lanes *l, mrd_state *state)
     memcpy(state->level, at->followed, sizeof at->followed);
 }
 
-/* Force of the law along a record, and its derivatives by `ways` directions of its coefficients. */
+/* Compute the force of the law along a record, and its derivatives along `ways` directions of its coefficients. */
 void mrd_implicit_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way, double *force,
                       double *const *column, mrd_state *state)
 {

@@ -1,9 +1,9 @@
-/* The kernel of mrdamper: hysteresis laws, their exact flow, tangents and Gram sums.
+/* The kernel of mrdamper: hysteresis laws, their solution along a run, tangents and Gram matrices.
  *
- * C99, no allocation inside the arithmetic, no global state, no fused multiply-add (compile with
- * -ffp-contract=off): every build gives the same bits. kernel.c includes the other files; it is compiled once per
- * instruction set, and MRD_API() is its only external name. implicit_run.c is compiled once: it includes the
- * implicit laws again, with a number type of one lane.
+ * The language is C99, without allocation inside the arithmetic, without global state, and without fused
+ * multiply-add (compile with -ffp-contract=off). Therefore, the results of all builds are bitwise equal. kernel.c
+ * includes the other files; it is compiled once per instruction set, and MRD_API() is its only external name.
+ * implicit_run.c is compiled once: it includes the implicit laws again, with a number type of one lane.
  *
  * SI throughout. Extension is positive; a force that resists extension is positive.
  */
@@ -15,9 +15,9 @@
 
 #include "controller.h"
 
-#define MRD_CELLS 1024   /* most cells of one branch of the universal curve */
-#define MRD_COMMON 9     /* coefficients that every law has */
-#define MRD_VISCOUS_SPEED 0.1 /* [m/s] where the viscosity is the ratio of viscous force to speed */
+#define MRD_CELLS 1024   /* maximum number of cells of one branch of the universal curve */
+#define MRD_COMMON 9     /* number of coefficients that every law has */
+#define MRD_VISCOUS_SPEED 0.1 /* speed at which the viscosity is viscous force divided by speed [m/s] */
 #define MRD_DIRECTIONS 96
 
 typedef enum {
@@ -54,15 +54,15 @@ enum { CH_YIELD = MRD_COMMON, CH_VELOCITY, CH_THINNING, CH_OWN, CH_EXPONENT, CH_
        CH_PLAY, CH_FOLLOW, CH_CREEP, CH_KNEE,
        CH_CAVITY_LENGTH, CH_CAVITY, CH_BUBBLE, CH_BYPASS, CH_COUNT };
 
-/* One measured or prescribed run, or a batch of one: kinematics at a uniform step, and its monotone pieces.
+/* A measured or prescribed run, or a batch of its samples: kinematics at a uniform step, and monotone pieces.
  *
- * Of a batch the first n of its `known` samples are settled: no later sample changes what piece they are of. Sample 0
- * of any but the first batch is the last settled one of the batch before (`behind` is 1); it is in no piece.
+ * The first n of the `known` samples of a batch are settled: later samples do not change their piece. Sample 0 of every
+ * batch except the first is the last settled sample of the previous batch (`behind` is 1); it is in no piece.
  */
 typedef struct {
     size_t n;            /* samples */
-    size_t known;        /* samples that x, v, a and the rows of coefficients have; n of a whole run */
-    size_t behind;       /* 1: sample 0 was answered in the batch before */
+    size_t known;        /* samples in x, v, a and the rows of coefficients; equal to n for a whole run */
+    size_t behind;       /* 1: the force of sample 0 was computed in the previous batch */
     double step;         /* [s] */
     const double *x;     /* displacement [m] */
     const double *v;     /* velocity [m/s] */
@@ -71,36 +71,36 @@ typedef struct {
     size_t *first;       /* [pieces + 1] first sample of each piece */
     double *turn;        /* [pieces + 1] displacement where each piece starts [m] */
     double *side;        /* [pieces] +1 extending, -1 retracting */
-    double *path;        /* [n] travel since the last turning point [m], never falling inside a piece; NULL: it is
-                            side (x - turn) itself that never falls */
-    double travelled;    /* the path at sample 0 of a batch that has one behind it [m] */
-    size_t substeps;     /* steps of the stepped laws per sample */
-    double longest_step; /* [s] longest step of these laws */
+    double *path;        /* [n] travel since the last turning point [m], never falling inside a piece; NULL if
+                            side (x - turn) never falls and is used instead */
+    double travelled;    /* path at sample 0 if `behind` is 1 [m] */
+    size_t substeps;     /* integration steps of the stepped laws per sample */
+    double longest_step; /* longest integration step of these laws [s] */
 } mrd_record;
 
 /* State of a motion between two batches of samples; zero before the first. It contains no pointers. */
 typedef struct {
     double begun;        /* 1 once a sample is settled */
-    double side, turn;   /* of the piece that goes on */
-    double inside;       /* 1: the last settled sample is of that piece */
-    double path;         /* ... and its path in it [m] */
-    double furthest;     /* displacement of its furthest sample [m] */
-    double turns_at;     /* ... and of the turning point there, where that sample is settled already */
+    double side, turn;   /* direction and turning point of the unfinished piece */
+    double inside;       /* 1: the last settled sample is in this piece */
+    double path;         /* path of the last settled sample in this piece [m] */
+    double furthest;     /* displacement of the extreme sample of this piece [m] */
+    double turns_at;     /* displacement of the turning point there, if the extreme sample is already settled [m] */
 } mrd_motion;
 
-/* Turning points of a motion that are found so far, and what may yet turn; zeros before the first sample. */
+/* State of the search for turning points; zeros before the first sample. */
 typedef struct {
-    double taken;             /* samples so far */
-    double side;              /* +1 the motion rises, -1 it falls, 0 it has not left its start by the dead band */
-    double furthest, at;      /* on the way it goes, and its sample; -1: the first one */
-    double lowest, lowest_at; /* the same downward, while side is 0 (furthest is upward then) */
+    double taken;             /* number of processed samples */
+    double side;              /* 1: rising, -1: falling, 0: the motion has not left its start by the dead band */
+    double furthest, at;      /* extreme in the present direction, and its sample; -1: the first sample */
+    double lowest, lowest_at; /* lower extreme and its sample while side is 0 (`furthest` is then the upper extreme) */
     double turned;            /* sample of the latest turning point */
 } mrd_turns;
 
-/* State of a law between two batches; zero before the first. */
+/* State of a law between two batches; zero before the first batch. */
 typedef struct {
     double begun;
-    double kappa, n;                        /* of the first batch */
+    double kappa, n;                        /* values in the first batch */
     double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
     double y, q, q_rate;                    /* Spencer; series valve: y; chain: y, q */
@@ -109,7 +109,8 @@ typedef struct {
     double play, cavity, bristle[5], level[2]; /* chain */
 } mrd_state;
 
-/* A direction to differentiate in: a coefficient, and how fast it moves at each sample (NULL: 1). */
+/* A direction of differentiation: a coefficient, and its seed (derivative along the direction) at each sample
+ * (NULL: 1). */
 typedef struct {
     int coefficient;
     const double *seed;
@@ -123,7 +124,7 @@ typedef struct {
     size_t stride;             /* 0: constant over the run; otherwise the length of a row */
 } mrd_model;
 
-/* The universal curve that was tabulated last, for calls that follow each other on one thread. */
+/* The last tabulated universal curve, for successive calls on one thread. */
 typedef struct mrd_workspace mrd_workspace;
 
 typedef struct {

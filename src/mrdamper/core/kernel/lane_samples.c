@@ -1,4 +1,5 @@
-/* A sample interval of the implicit laws: motion, coefficients and directions. They vary along a run in one lane only. */
+/* A sample interval of the implicit laws: motion, coefficients and directions. Coefficients can vary along a run
+ * only if there is one lane. */
 
 #define VARYING (PACK == 1)
 #define WAYS_MAX (PACK == 1 ? MRD_DIRECTIONS : CH_COUNT)
@@ -10,10 +11,10 @@ typedef struct {
     const pack *from, *to;   /* coefficients at both ends if they vary, else NULL */
     size_t ways;
     const int *way;          /* coefficients to differentiate by */
-    const pack *seed_from, *seed_to; /* their rates at both ends, NULL: 1 */
+    const pack *seed_from, *seed_to; /* seeds of the directions at both ends, NULL: 1 */
 } lane_samples;
 
-/* The motion between two samples: the cubic Hermite through both. */
+/* Motion between two samples: the cubic Hermite interpolant. */
 typedef struct {
     pack x, d, c2, c3, per_step;
 } lane_motion;
@@ -25,7 +26,7 @@ IN_LANES lane_motion motion_between(const lane_samples *t)
     return out;
 }
 
-/* Displacement and velocity at a fraction of the interval. */
+/* Compute displacement and velocity at a fraction of the interval. */
 IN_LANES void motion_at(const lane_motion *m, double fraction, pack *x, pack *v)
 {
     *x = m->x + fraction * (m->d + fraction * (m->c2 + fraction * m->c3));

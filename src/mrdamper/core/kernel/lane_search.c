@@ -1,19 +1,19 @@
-/* Roots of functions that rise, one in each lane: Newton steps kept inside a bracket, in p = |root| on one side of rest.
+/* Roots of increasing functions, one in each lane: Newton's method inside a bracket, for p = |root| with a fixed sign.
  *
- * The side is that of the guess. If Newton's method leaves it, the value at rest decides. A finished lane is
- * evaluated again at its root with the same bits.
+ * The sign is the sign of the start value. If Newton's method leaves this side, the value at zero decides. A finished
+ * lane is evaluated again at its root with bitwise equal results.
  */
 
-/* After this number of steps every other one halves the bracket: about a root where the slope has no limit (a dashpot's
- * exponent of a half at rest) Newton's method swings from side to side. */
+/* After this number of steps, every second step is a bisection. Newton's method oscillates about a root with infinite
+ * slope, such as a dashpot with exponent 1/2 at rest. */
 #define SEARCH_PATIENCE 16
 #define SEARCH_STEPS_MAX 100
-#define SEARCH_TOLERANCE 1e-7 /* One more Newton step ends a search if the residual is below this ratio to the force. */
+#define SEARCH_TOLERANCE 1e-7 /* One more Newton step ends a search below this residual divided by the force. */
 
 typedef struct {
     pack sign, p; /* next argument of the function: sign * p */
     pack low, high, small;
-    pack last; /* a Newton step that is to be taken without a new evaluation, with its sign */
+    pack last; /* final Newton step, with its sign, that is taken without a new evaluation */
     pack_mask known, done;
     int step;
 } lane_search;
@@ -39,7 +39,8 @@ IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_m
     f->high = choose(above, p, f->high);
     f->low = choose(above, f->low, p);
     const pack_mask over_low = is_less(f->low, next), under_high = is_less(next, f->high);
-    /* A step that rounding ends on the bracket's own side has no length: halving would go on for the last digits. */
+    /* A step may end on the bracket because of rounding. It has converged: bisection would only improve the last
+     * digits. */
     const pack_mask within = both(both(is_at_most(f->low, next), is_at_most(next, f->high)), is_less(next, never));
     const pack_mask converged = both(both(is_at_most(size_of(residual), near), within), not_of(f->done));
     f->last = choose(converged, f->sign * (next - p), f->last);
@@ -48,7 +49,7 @@ IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_m
     if (all_of(f->done)) return 0;
     pack moved = next;
     const int step = f->step++, late = step > SEARCH_PATIENCE && step % 2;
-    if (late || !all_of(either(both(over_low, under_high), f->done))) { /* rarely */
+    if (late || !all_of(either(both(over_low, under_high), f->done))) { /* rare */
         const pack_mask from_rest = is_equal(f->low, pack_of(0.0));
         *ask = both(both(from_rest, not_of(over_low)), not_of(either(f->known, f->done)));
         moved = choose(over_low, next, choose(from_rest, 0.05 * p, 0.5 * (f->low + p)));
@@ -60,7 +61,7 @@ IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_m
     return 1;
 }
 
-/* Turn lanes that ask round if their root is on the other side of rest; end those whose root is there. */
+/* In the lanes of `ask`, reverse the sign if the root is on the other side of zero, and finish if the root is zero. */
 static void search_turn(lane_search *f, pack_mask ask, pack at_rest)
 {
     const pack zero = pack_of(0.0), residual = f->sign * at_rest;

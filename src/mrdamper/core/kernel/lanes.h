@@ -1,6 +1,6 @@
-/* The number type of the implicit laws: `pack` is one double, or several as wide as the instruction set has them. The
- * bits of a lane do not depend on the width or on other lanes. The result of a candidate therefore does not depend on
- * the machine.
+/* The number type of the implicit laws: a `pack` is one double, or a vector of doubles of the width of the instruction
+ * set. The bits of a lane do not depend on the width or on other lanes. The result of a candidate therefore does not
+ * depend on the machine.
  *
  * Comparisons and selections are functions, so that a law is written once for all widths. A pack is one number if
  * MRD_ONE_LANE is defined, or if the compiler has no vector types. Its exp and ln are then those of the C library.
@@ -12,7 +12,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#define LANES 8 /* that go together, in LANES / PACK packs */
+#define LANES 8 /* lanes that are computed together, in LANES / PACK packs */
 
 #if defined(MRD_ONE_LANE) || !defined(__GNUC__)
 #define PACK 1
@@ -52,7 +52,7 @@ IN_LANES pack log_of(pack x) { return log(x); }
 #define IN_LANES static inline __attribute__((always_inline, unused))
 
 typedef double pack __attribute__((vector_size(PACK * sizeof(double))));
-typedef int64_t pack_mask __attribute__((vector_size(PACK * sizeof(int64_t)))); /* -1 where it holds, else 0 */
+typedef int64_t pack_mask __attribute__((vector_size(PACK * sizeof(int64_t)))); /* -1: true, 0: false */
 typedef uint64_t pack_bits __attribute__((vector_size(PACK * sizeof(uint64_t))));
 typedef double loose_pack __attribute__((vector_size(PACK * sizeof(double)), aligned(sizeof(double)), may_alias));
 
@@ -64,7 +64,7 @@ IN_LANES pack_mask both(pack_mask a, pack_mask b) { return a & b; }
 IN_LANES pack_mask either(pack_mask a, pack_mask b) { return a | b; }
 IN_LANES pack_mask not_of(pack_mask a) { return ~a; }
 
-/* m ? a : b */
+/* Return m ? a : b. */
 IN_LANES pack choose(pack_mask m, pack a, pack b)
 {
 #if PACK == 4
@@ -96,7 +96,7 @@ IN_LANES pack root_of(pack x)
 #endif
 }
 
-/* The greater and the lesser; b where a is not a number. */
+/* Return the greater and the lesser of two packs; b in lanes where a is NaN. */
 IN_LANES pack greater_of(pack a, pack b)
 {
 #if PACK == 8
@@ -119,15 +119,15 @@ IN_LANES pack lesser_of(pack a, pack b)
 #endif
 }
 
-/* x where the mask holds, else 0 */
+/* Return x in lanes where the mask is true, else 0. */
 IN_LANES pack only(pack_mask m, pack x) { return (pack)((pack_mask)x & m); }
 
-/* The number of size x and of y's sign, x not negative. */
+/* Return x with the sign of y, for x >= 0. */
 IN_LANES pack signed_as(pack x, pack y) { return (pack)((pack_bits)x | ((pack_bits)y & UINT64_C(0x8000000000000000))); }
 
 IN_LANES pack size_of(pack x) { return (pack)((pack_bits)x & UINT64_C(0x7fffffffffffffff)); }
 
-/* exp, within 3e-16 of the value: 2^k exp(s) with |s| <= ln 2 / 2, by its series to s^13. Not below exp(-708). */
+/* Return exp(x) = 2^k exp(s) with |s| <= ln 2 / 2, by the series up to s^13; error below 3e-16, minimum exp(-708). */
 IN_LANES pack exp_of(pack x)
 {
     const double whole = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */
@@ -143,8 +143,8 @@ IN_LANES pack exp_of(pack x)
     return power + power * (s + s2 * tail);
 }
 
-/* ln of positive normal numbers, within one unit of the last digit: k ln 2 + ln m, sqrt(1/2) <= m < sqrt(2), by the
- * polynomial in s = (m - 1) / (m + 1) of fdlibm's e_log.c (Sun Microsystems, 1993). */
+/* Return ln of positive normal numbers as k ln 2 + ln m, sqrt(1/2) <= m < sqrt(2). The error is below one unit of the
+ * last digit. ln m is the polynomial in s = (m - 1) / (m + 1) of fdlibm's e_log.c (Sun Microsystems, 1993). */
 IN_LANES pack log_of(pack x)
 {
     const uint64_t half_root = UINT64_C(0x3fe6a09e667f3bcd); /* sqrt(1/2) */

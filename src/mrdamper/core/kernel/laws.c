@@ -1,4 +1,4 @@
-/* The laws put together: force and tangent columns of a model along a record, ensembles. */
+/* All laws: force and tangent columns of a model along a record, and squared errors of many candidates. */
 
 static int coefficient_count(int law)
 {
@@ -17,9 +17,9 @@ static int coefficient_count(int law)
     }
 }
 
-/* How the laws of the Bouc-Wen family read their coefficients; -1 where a law has none of the kind. */
+/* Indices of the coefficients in the laws of the Bouc-Wen family; -1 if a law has no such coefficient. */
 typedef struct {
-    int elements;      /* hysteretic elements in parallel, on one curve */
+    int elements;      /* number of hysteretic elements in parallel, with the same curve */
     int yield[2], rho[2];
     int kappa, n;
     double kappa_value, n_value;
@@ -59,14 +59,14 @@ static shape_of_law shape_at(const mrd_model *m)
     return s;
 }
 
-/* Share of speed that the saturating law's rate force has built up. */
+/* Return the fraction of the rate force of the saturating law at a speed. */
 static inline double speed_share(const mrd_model *m, double v, size_t i)
 {
     const double speed = fabs(v);
     return speed / (speed + coefficient_at(m, SAT_VELOCITY, i));
 }
 
-/* Force of an element at w = 1. */
+/* Return the force of an element at w = 1. */
 static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int element, double v, size_t i)
 {
     const double yield = coefficient_at(m, s->yield[element], i);
@@ -75,8 +75,9 @@ static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int
 
 static inline double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 
-/* tanh of a row in place, by -m / (2 + m) with m = exp(-2 |u|) - 1 = 2^k (exp(s) - 1) + 2^k - 1, |s| <= ln 2 / 2; exp by
- * its series to s^13. Within 4e-16 of the value; no branch, so that a compiler takes several at once, to the same bits. */
+/* Replace a row by its tanh = -m / (2 + m), with m = exp(-2 |u|) - 1 = 2^k (exp(s) - 1) + 2^k - 1 and |s| <= ln 2 / 2.
+ * exp is its series up to s^13. The error is below 4e-16. There is no conditional jump, so that the compiler can
+ * vectorise the loop with bitwise equal results. */
 static void tanh_row(double *u, size_t n)
 {
     static const double whole = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */
@@ -107,7 +108,8 @@ static void tanh_row(double *u, size_t n)
     }
 }
 
-/* Laws without memory: how far their force has risen, of every sample; then force and partial derivatives by it. */
+/* Compute the yield force divided by its maximum at every sample, for laws without memory. Force and partial
+ * derivatives are computed from this ratio. */
 static void algebraic_rise(const mrd_model *m, const mrd_record *r, double *rise)
 {
     for (size_t i = 0; i < r->n; i++)
@@ -160,7 +162,8 @@ static int one_shape(const mrd_model *m, const mrd_record *r, const shape_of_law
     return !r->behind || !state || (state->kappa == shape->kappa_value && state->n == shape->n_value);
 }
 
-/* The curve's cells are found from a travel that is not negative. */
+/* Return true if kappa and n are in the tabulated range and rho is not negative. The table needs a travel that is not
+ * negative. */
 static int has_curve(const mrd_model *m, const shape_of_law *s, size_t samples)
 {
     for (size_t i = 0; i < (m->stride ? samples : 1); i++) {
@@ -263,7 +266,7 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
     return MRD_OK;
 }
 
-/* Laws that are stepped along the record, and the coefficients whose tangents the stepping carries along. */
+/* Return true for laws that are integrated in steps along the record. */
 static int is_stepped(mrd_law law)
 {
     return law == MRD_LUGRE || law == MRD_SPENCER || law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW;
@@ -278,7 +281,7 @@ static int is_inside(mrd_law law, int k)
 void mrd_implicit_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way, double *force,
                       double *const *column, mrd_state *state);
 
-/* The stepped laws' own force along a record, and its derivatives. */
+/* Compute the force of a stepped law along a record without the common terms, and its derivatives. */
 static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
                               double *force, double *const *column, mrd_workspace *workspace, mrd_state *state)
 {
@@ -298,7 +301,7 @@ static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t wa
     return MRD_OK;
 }
 
-/* `state`: state before the batch, updated to its end; NULL: a whole run. */
+/* Compute force and tangent columns. `state` is the state before the batch and is updated; NULL: a whole run. */
 static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
                          double *force, double *columns, mrd_workspace *workspace, mrd_state *state)
 {
@@ -378,7 +381,7 @@ static mrd_status carry(const mrd_model *m, const mrd_record *r, mrd_state *stat
     return MRD_OK;
 }
 
-/* w after a signed scaled travel rho dx in one direction: bounded by the curve at any travel. */
+/* Return w after a scaled travel rho dx with sign. The curve limits w for any travel. */
 static double moved_state(const curve *c, double w, double travel)
 {
     if (travel == 0.0) return w;
@@ -407,7 +410,7 @@ static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
             if (i > 0) {
                 const double rho = coefficient_mean(m, shape.rho[e], i, r->n);
                 double here = r->x[i - 1];
-                /* A reversal inside the interval just passed: first to the turning point, then back from it. */
+                /* There is a reversal inside the last interval: move to the turning point, then back. */
                 if (r->v[i - 1] * r->v[i] < 0.0) {
                     const double side = r->v[i] < 0.0 ? 1.0 : -1.0;
                     const double turn = hermite_extremum(here, r->v[i - 1], r->x[i], r->v[i], r->step, side);
@@ -423,7 +426,7 @@ static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
     return MRD_OK;
 }
 
-/* Sum of squares in eight lanes: the same order of additions at every vector width. */
+/* Return the sum of products in eight lanes, with the same order of additions for every vector width. */
 static inline double sum_of_products(const double *restrict a, const double *restrict b, size_t n)
 {
     double lane[8] = {0.0};
@@ -434,7 +437,8 @@ static inline double sum_of_products(const double *restrict a, const double *res
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-/* Squared error of a Bouc-Wen law at constant current, in blocks that stay in the first-level cache. */
+/* Return the squared error of a Bouc-Wen law at constant current, computed in blocks that fit in the first-level
+ * cache. */
 static double squared_error_bouc_wen(const curve *c, const mrd_model *m, const mrd_record *r, const double *measured,
                                      size_t from, double rho)
 {
@@ -479,7 +483,7 @@ static double squared_error_bouc_wen(const curve *c, const mrd_model *m, const m
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-/* errors[candidate][run] of candidates whose coefficients [candidate][run][coefficient] are constant over each run. */
+/* Compute errors[candidate][run]. The coefficients [candidate][run][coefficient] are constant during each run. */
 static mrd_status squared_errors(mrd_law law, size_t runs, const mrd_record *const *records, const double *const *measured,
                                  const size_t *from, size_t candidates, const double *coefficients, double *errors)
 {

@@ -1,19 +1,19 @@
-/* The LuGre law: bristles that bend, creep and break away, normalised as the Bouc-Wen family is.
+/* The LuGre law: bristles that bend, creep and break away, normalised like the Bouc-Wen family.
  *
  *     dw/dt = rho (v - |v| w / g(v)),    g(v) = 1 + fs exp(-(v/vf)^2)
  *     F     = Fy w + s1 (v - |v| w / g(v))
  *
- * Where the motion keeps its direction, w runs exponentially towards +-g over the travel; a stretch takes
- * that flow exactly, with g at the mean of the velocities at its two ends (order two; exact for fs = 0).
- * A reversal inside a step parts it at the extremum of the Hermite cubic. |w| <= 1 + fs at any step.
- * Only the sample interval just passed is looked at: record form and per-sample form are one.
+ * While the motion keeps its direction, w approaches +-g exponentially with the travel. A step uses this exact
+ * solution, with g at the mean of the velocities at its ends (order two; exact for fs = 0). A step with a reversal
+ * is divided at the extremum of the Hermite cubic. |w| <= 1 + fs for any step. Only the last sample interval is
+ * used, so that the results for a whole record and sample by sample are equal.
  */
 
 typedef struct {
     double yield, rho, excess, fade, damping;
 } bristles;
 
-/* The coefficients at sample i, or their means over the sample interval that ends there. */
+/* Return the coefficients at sample i, or their means over the sample interval that ends at sample i. */
 static bristles bristles_at(const mrd_model *m, size_t i, size_t n, int mean)
 {
 #define AT(k) (mean ? coefficient_mean(m, k, i, n) : coefficient_at(m, k, i))
@@ -22,7 +22,7 @@ static bristles bristles_at(const mrd_model *m, size_t i, size_t n, int mean)
     return out;
 }
 
-/* The level |w| that steady sliding at velocity v has, and its derivatives. */
+/* |w| in steady sliding at velocity v, and its derivatives. */
 typedef struct {
     double g, by_excess, by_fade;
 } sliding;
@@ -38,7 +38,7 @@ static inline sliding sliding_at(const bristles *c, double v, int tangents)
     return out;
 }
 
-/* w, and its derivatives, over a signed travel in one direction at about velocity v. */
+/* Move w and its derivatives by a travel with sign, at a mean velocity v. */
 static inline void bristles_move(const bristles *c, double travel, double v, double *w, size_t ways,
                                  const mrd_direction *const *way, const double *seed, double *by)
 {
@@ -60,7 +60,7 @@ static inline void bristles_move(const bristles *c, double travel, double v, dou
     }
 }
 
-/* Force of the bristles at sample i, and its derivatives. */
+/* Return the force of the bristles at sample i, and compute its derivatives. */
 static inline double bristles_force(const mrd_model *m, const mrd_record *r, size_t i, double w, size_t ways,
                                     const mrd_direction *const *way, const double *by, double *const *column)
 {
@@ -84,7 +84,8 @@ static inline double bristles_force(const mrd_model *m, const mrd_record *r, siz
     return c.yield * w + c.damping * bend;
 }
 
-/* Force of the bristles along a record, and its derivatives by `ways` directions of the law's own coefficients. */
+/* Compute the force of the bristles along a record, and its derivatives along `ways` directions of the coefficients of
+ * this law. */
 static void lugre_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way, double *force,
                       double *const *column, mrd_state *state)
 {

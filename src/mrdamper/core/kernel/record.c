@@ -1,15 +1,16 @@
-/* A run's monotone pieces: turning points, found once and used by every candidate.
+/* Monotone pieces of a run between turning points. They are computed once and used by every candidate.
  *
- * A reversal counts when the displacement has come back by more than the dead band. Its place inside
- * the sample interval is the extremum of the cubic Hermite through (x, v) of the two samples.
+ * A reversal is a turning point if the displacement returns by more than the dead band. Its position inside the sample
+ * interval is the extremum of the cubic Hermite interpolant of (x, v) at the two samples.
  *
- * A run may come in batches. Samples from the furthest one on are settled only when the motion has gone on beyond it
- * or has turned; a batch answers the ones before. At rest they would pile up: past `patience` of them all are
- * settled as the motion's going on has them, and a turn that shows later begins with the next sample.
+ * A run may be divided into batches. Samples from the extreme sample on are settled only when the motion has passed
+ * this extreme or has turned; a batch contains the forces of the samples before. At rest, the number of unsettled
+ * samples would grow. Therefore, after `patience` samples all of them are settled as if the motion continued, and a
+ * later turn begins with the next sample.
  */
 #include <stdlib.h>
 
-/* Extremum of the Hermite cubic on one interval, or the better end when there is none inside. */
+/* Return the extremum of the Hermite cubic in one interval, or the extreme end if there is no extremum inside. */
 static double hermite_extremum(double x0, double v0, double x1, double v1, double h, double side)
 {
     const double c1 = v0 * h, c2 = 3.0 * (x1 - x0) - (2.0 * v0 + v1) * h, c3 = (v0 + v1) * h - 2.0 * (x1 - x0);
@@ -44,7 +45,7 @@ static double turning_point(const mrd_record *r, size_t k, double side)
     return best;
 }
 
-/* The motion between two samples: the cubic Hermite through both. */
+/* Motion between two samples: the cubic Hermite interpolant. */
 typedef struct {
     double x, d, c2, c3, step;
 } interval;
@@ -56,7 +57,7 @@ static inline interval interval_before(const mrd_record *r, size_t i)
     return out;
 }
 
-/* Displacement and velocity at a share of the way. */
+/* Compute displacement and velocity at a fraction of the interval. */
 static inline void interval_at(const interval *b, double l, double *x, double *v)
 {
     *x = b->x + l * (b->d + l * (b->c2 + l * b->c3));
@@ -125,13 +126,13 @@ static int path_fill(mrd_record *r)
     return 1;
 }
 
-/* Travel at sample i of piece p since its turning point. */
+/* Return the travel from the turning point of piece p to sample i. */
 static inline double path_at(const mrd_record *r, size_t p, size_t i)
 {
     return r->path ? r->path[i] : r->side[p] * (r->x[i] - r->turn[p]);
 }
 
-/* First direction: the way the motion leaves its start by more than the dead band; 0 while it has not. */
+/* Return the first direction in which the motion leaves its start by more than the dead band; 0 if it has not left. */
 static double first_side(const mrd_record *r, double dead_band)
 {
     for (size_t i = 1; i < r->known; i++)

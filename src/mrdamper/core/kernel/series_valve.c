@@ -1,19 +1,19 @@
 /* The series valve law: an MR valve in series with free play, a spring behind it and a dashpot across it.
  *
- * e + y = x. The same force in both:
+ * e + y = x. Both elements have the same force:
  *
  *     F = S(e) + cB |e'|^(mB-1) e'                                              compliance.c, v0 = 1 m/s
  *     F = f0 + k0 y + fy (1 + bx x) [tanh(y'/vr) + rK |y'|^m sgn y']            valve
  *
- * One state, the valve travel y. A step is the two-stage L-stable SDIRK of order two; each stage is one
- * scalar equation R(q) = 0 for the valve velocity q, strictly increasing, solved by Newton steps kept
- * inside a bracket.
+ * The only state is the valve travel y. A step is the two-stage, L-stable SDIRK method of order two. Each stage is one
+ * scalar equation R(q) = 0 for the valve velocity q. R increases strictly, and Newton's method in a bracket solves the
+ * equation.
  */
 
 #define SDIRK_FIRST 0.29289321881345247560 /* 1 - sqrt(1/2), length of both stages divided by the step */
 
-/* Coefficients and state of PACK lanes. The first guess of a stage extrapolates the elastic velocity, because it changes
- * less than the valve velocity. It is that of the same stage in the step before: both stages have different errors. */
+/* Coefficients and state of PACK lanes. The start value of a stage extrapolates the elastic velocity, which changes
+ * less than the valve velocity, from the same stage of the previous steps. The two stages have different errors. */
 typedef struct {
     pack c[SV_COUNT], per_velocity;
     compliance compliance;
@@ -22,12 +22,12 @@ typedef struct {
     pack by[WAYS_MAX];         /* derivatives of the valve travel */
 } valve_lanes;
 
-/* The equation of a stage: displacement, velocity and yield force at its end, valve travel at its start, length. */
+/* Constants of a stage: displacement, velocity and yield force at its end, valve travel at its start, length. */
 typedef struct {
     pack x, v, amplitude, base, h;
 } valve_stage;
 
-/* The equation at one valve velocity. */
+/* Terms of the equation at one valve velocity. */
 typedef struct {
     pack q, y, force, slope;       /* [m/s], [m], [N]; slope of R(q) */
     pack tanh_q, power, log_q;     /* power: |q|^m sgn q; log_q: ln |q|, 0 at rest */
@@ -48,7 +48,7 @@ IN_LANES valve_stage valve_stage_at(const valve_lanes *l, pack x, pack v, pack b
     return out;
 }
 
-/* Compute everything at the valve velocity q; return R(q). */
+/* Compute all terms at the valve velocity q, and return R(q). */
 IN_LANES pack valve_residual(const valve_lanes *l, const valve_stage *s, pack q, valve_point *p)
 {
     const pack *c = l->c, size = size_of(q), zero = pack_of(0.0);
@@ -88,7 +88,7 @@ static void valve_solve(const valve_lanes *l, const valve_stage *s, pack guess, 
         valve_point rest;
         search_turn(&find, ask, valve_residual(l, s, pack_of(0.0), &rest));
     }
-    /* One more Newton step without a new evaluation: the error is the square of this one. */
+    /* Take one more Newton step without a new evaluation. The remaining error is the square of this step. */
     const pack last = find.last, shape = p.shape_slope * last;
     p.q += last;
     p.y += s->h * last;
@@ -99,7 +99,7 @@ static void valve_solve(const valve_lanes *l, const valve_stage *s, pack guess, 
     *solved = p;
 }
 
-/* Partial derivatives by every coefficient: of the valve's force at fixed q and y, and of R. */
+/* Compute the partial derivatives of the valve force (at fixed q and y) and of R by every coefficient. */
 IN_LANES void valve_partials(const valve_lanes *l, const valve_stage *s, const valve_point *p, pack *force, pack *residual)
 {
     const pack *c = l->c, gain = 1.0 + c[SV_POSITION] * s->x;
@@ -120,7 +120,7 @@ IN_LANES void valve_partials(const valve_lanes *l, const valve_stage *s, const v
     }
 }
 
-/* The first sample: the valve at rest in the middle of its travel. */
+/* Compute the first sample, with the valve at rest in the middle of its travel. */
 static void valve_lanes_first(valve_lanes *l, const lane_samples *t, double *force, double *const *column)
 {
     valve_point p;
@@ -139,7 +139,7 @@ static void valve_lanes_first(valve_lanes *l, const lane_samples *t, double *for
     }
 }
 
-/* From one sample to the next: force and columns at the second. */
+/* Step from one sample to the next. Compute force and columns at the second sample. */
 static void valve_lanes_step(valve_lanes *l, const lane_samples *t, double *force, double *const *column)
 {
     const pack h = t->step / (double)t->substeps, first = SDIRK_FIRST * h, rest = (1.0 - SDIRK_FIRST) * h;

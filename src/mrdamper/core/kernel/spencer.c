@@ -1,20 +1,21 @@
-/* Spencer's law: a dashpot in series with a Bouc-Wen element, dashpot and spring in parallel.
+/* Spencer's law: a dashpot in series with a Bouc-Wen element that has a dashpot and a spring in parallel.
  *
  *     F  = c1 y'                                     series dashpot over the travel y
  *        = Fy w + c0 (v - y') + k0 (x - y)           inner part over the travel e = x - y
  *
- * w follows the universal curve along e. The state is y and a place on the curve: the direction of e, where it was
- * last read, and tau there. tau grows by rho |de| while e keeps its direction, so the curve is inverted only where e
- * turns back. A step is the two-stage L-stable SDIRK of order two; each stage is one scalar equation R(q) = 0 for the
- * dashpot's velocity q, strictly increasing (w rises with e, and e falls with q), between bounds that |w| <= 1 gives
- * beforehand. Only the sample interval just passed is looked at: record form and per-sample form are one.
+ * w follows the universal curve along e. The state is y and a position on the curve: e, its direction, and tau.
+ * While e keeps its direction, tau increases by rho |de|. The curve is inverted only when e reverses. A step is
+ * the two-stage, L-stable SDIRK method of order two. Each stage is one scalar equation R(q) = 0 for the velocity q
+ * of the dashpot. R increases strictly because w rises with e, and e falls with q. The condition |w| <= 1 gives
+ * bounds of q. Only the last sample interval is used, so that the results for a whole record and sample by sample
+ * are equal.
  */
 
 typedef struct {
     double yield, series, viscosity, stiffness, rho;
 } spencer;
 
-/* The coefficients at sample i, or their means over the sample interval that ends there. */
+/* Return the coefficients at sample i, or their means over the sample interval that ends at sample i. */
 static spencer spencer_at(const mrd_model *m, size_t i, size_t n, int mean)
 {
 #define AT(k) (mean ? coefficient_mean(m, k, i, n) : coefficient_at(m, k, i))
@@ -23,10 +24,10 @@ static spencer spencer_at(const mrd_model *m, size_t i, size_t n, int mean)
     return out;
 }
 
-/* A place on the curve: w = side Y(tau) at the inner travel e. */
+/* A position on the curve: w = side Y(tau) at the inner travel e. */
 typedef struct {
     double e, side, tau;
-    double back; /* tau after turning back here */
+    double back; /* tau after a reversal at this position */
     int back_known;
 } place;
 
@@ -48,7 +49,7 @@ static inline place place_moved(const curve *c, place *from, double rho, double 
     return to;
 }
 
-/* w at a place, and its slope by tau. */
+/* Return w at a position on the curve, and compute its derivative by tau. */
 static inline double place_value(const curve *c, const place *p, double *slope)
 {
     const branch *b = p->tau >= 0.0 ? &c->rise : &c->fall;
@@ -61,11 +62,12 @@ static inline double place_value(const curve *c, const place *p, double *slope)
 typedef struct {
     double q;     /* velocity of the series dashpot [m/s] */
     double slope; /* dR/dq [N s/m] */
-    double w, rise; /* state, and its slope by tau */
+    double w, rise; /* hysteresis variable, and its derivative by tau */
     place at;
 } spencer_stage;
 
-/* Solve one stage: R(q) = (c0 + c1) q - c0 v - k0 e - Fy w(e) with e = x - base - h q. `guess` is the q expected. */
+/* Solve one stage: R(q) = (c0 + c1) q - c0 v - k0 e - Fy w(e) = 0 with e = x - base - h q. `guess` is the start
+ * value. */
 static void spencer_solve(const curve *table, const spencer *c, double x, double v, double base, double h, double guess,
                           place *from, spencer_stage *s)
 {
@@ -75,7 +77,7 @@ static void spencer_solve(const curve *table, const spencer *c, double x, double
     /* Position at which e returns to its last value: the only kink of R, at which Newton's method restarts. */
     const double kink = (x - base - from->e) / h;
     int kink_tried = 0;
-    /* q over which tau moves by one, and the part of R that rounding of the travel leaves unknown. */
+    /* Change of q for which tau changes by one, and the rounding error of R caused by the travel. */
     const double unit = 1.0 / (c->rho * h), unknown = 2e-16 * c->yield * c->rho * (fabs(x) + fabs(base));
     if (!(q >= low && q <= high)) q = q < low ? low : high;
     for (int i = 0; i < 200; i++) {
@@ -88,7 +90,7 @@ static void spencer_solve(const curve *table, const spencer *c, double x, double
         const double next = q - residual / s->slope, ahead = next - q;
         if (fabs(residual) <= 1e-14 * size + unknown || ahead == 0.0) break;
         if (fabs(residual) <= 1e-8 * size && fabs(ahead) <= 1e-7 * unit && next > low && next < high) {
-            /* One more Newton step without a new look-up: the error is the square of this one. */
+            /* Take one more Newton step without a new evaluation. The remaining error is the square of this step. */
             const place moved = place_moved(table, from, c->rho, x - (base + h * next));
             if (moved.side == s->at.side) {
                 s->w -= s->rise * c->rho * h * ahead;
@@ -114,12 +116,12 @@ static void spencer_solve(const curve *table, const spencer *c, double x, double
     s->q = q;
 }
 
-/* Derivatives in the stages for one direction. */
+/* Derivatives of the state along one direction. */
 typedef struct {
-    double y, tau; /* of the dashpot's travel (the inner travel moves by -y), and of the place on the curve */
+    double y, tau; /* travel of the dashpot (the derivative of the inner travel is -y), position on the curve */
 } spencer_tangent;
 
-/* Derivative of tau over a turn at a place: from tau there to tau after turning back. */
+/* Return the derivative of tau after a reversal from the derivative of tau before it. */
 static inline double turned_tangent(const curve_point *end, const curve_point *begin, double tau_by, double n_by,
                                     double kappa_by)
 {
@@ -128,7 +130,8 @@ static inline double turned_tangent(const curve_point *end, const curve_point *b
     return (-w_by - begin->by_n * n_by - begin->by_kappa * kappa_by) / begin->slope;
 }
 
-/* Force of the law at sample i, and its derivatives: F = c1 (v - e') with the sample's own coefficients. */
+/* Return the force of the law at sample i, F = c1 (v - e') with the coefficients of this sample, and its
+ * derivatives. */
 static inline double spencer_force(const mrd_model *m, const mrd_record *r, size_t i, double y, const curve *table,
                                    const place *at, size_t ways, const mrd_direction *const *way,
                                    const spencer_tangent *by, double *const *column)
@@ -160,7 +163,8 @@ static inline double spencer_force(const mrd_model *m, const mrd_record *r, size
     return share * inner;
 }
 
-/* Derivatives of a stage: of the place reached, of the dashpot's travel there, and dq. `from` is the place before it. */
+/* Compute the derivatives after a stage: of the position on the curve, of the travel of the dashpot, and of q.
+ * `from` is the position before the stage. */
 static inline void spencer_tangents(const curve *table, const spencer *c, double v, double h, const place *from,
                                     const spencer_stage *s, size_t ways, const mrd_direction *const *way,
                                     const double *seed, const double *base_by, spencer_tangent *by, double *q_by)
@@ -178,7 +182,7 @@ static inline void spencer_tangents(const curve *table, const spencer *c, double
         const double n_by = k == SP_N ? seed[d] : 0.0, kappa_by = k == SP_KAPPA ? seed[d] : 0.0;
         double tau_by = back ? turned_tangent(&end, &begin, by[d].tau, n_by, kappa_by) : by[d].tau;
         if (k == SP_RHO) tau_by += ahead * seed[d];
-        /* With q held: e moves by -base_by. */
+        /* At fixed q, the derivative of e is -base_by. */
         tau_by += c->rho * side * (by[d].y - base_by[d]);
         const double w_by = side * (s->rise * tau_by + here.by_n * n_by + here.by_kappa * kappa_by);
         double residual_by = c->stiffness * base_by[d] - c->yield * w_by;
@@ -195,7 +199,8 @@ static inline void spencer_tangents(const curve *table, const spencer *c, double
     }
 }
 
-/* Force of the law along a record, and its derivatives by `ways` directions of the law's own coefficients. */
+/* Compute the force of the law along a record, and its derivatives along `ways` directions of the coefficients of this
+ * law. */
 static void spencer_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
                               double *force, double *const *column, const curve *table, mrd_state *state)
 {

@@ -6,7 +6,7 @@ typedef struct {
     double w[BLOCK], by_tau[BLOCK], by_n[BLOCK], by_kappa[BLOCK], path[BLOCK], amplitude[BLOCK];
 } block_points;
 
-/* Coefficients constant over a whole record, and directions of unit rate. */
+/* Return true if the coefficients are constant during a whole record and no direction has a seed. */
 static int is_steady(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction)
 {
     for (size_t d = 0; d < directions; d++)
@@ -32,7 +32,7 @@ static void points_of(const curve *c, const mrd_record *r, size_t p, size_t i, s
     for (size_t k = 0; k < n; k++) out->path[k] = path_at(r, p, i + k);
 }
 
-/* The same beyond the table, where w stays. */
+/* Compute the points of samples beyond the table, where w is constant. */
 static void points_at_top(const curve *c, double side, size_t n, block_points *out)
 {
     const curve_point top = branch_point(c, 1, c->rise.top);
@@ -43,8 +43,8 @@ static void points_at_top(const curve *c, double side, size_t n, block_points *o
     }
 }
 
-/* Put, or (its second element) add, an element's force and columns at n samples from sample i on. Up to `wide` there is
- * nothing to add, and what is put is put again with the next block. */
+/* Write force and columns of the first element at n samples from sample i on, or add those of the second element.
+ * From n to `wide` zeros are added, or values are written that the next block overwrites. */
 static void block_columns(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, int e, size_t i, size_t n,
                           size_t wide, const start_tangents *s, size_t directions, const mrd_direction *direction, double *force,
                           double *columns, block_points *restrict b)
@@ -95,7 +95,8 @@ static mrd_status run_steady_bouc_wen(const mrd_model *m, const mrd_record *r, c
             for (size_t i = r->first[p], n; i < to; i += n) {
                 const size_t end = i < at.fall ? at.fall : i < at.rise ? at.rise : to;
                 n = end - i < BLOCK ? end - i : BLOCK;
-                /* Whole packs where the record goes on: a loop over the last few samples costs as much as the others. */
+                /* Compute whole packs if the record is long enough, because a loop over the last few samples is as
+                 * slow as a pack. */
                 const size_t packs = (n + 7) / 8 * 8, wide = i + packs <= r->n ? packs : n;
                 if (i < at.rise) points_of(c, r, p, i, wide, start, rho, i >= at.fall, &b);
                 else points_at_top(c, r->side[p], wide, &b);

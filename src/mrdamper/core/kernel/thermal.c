@@ -1,17 +1,19 @@
-/* The steps of thermal.h. No library function, no allocation, no state outside the caller's. */
+/* The thermal model of thermal.h. The code calls no library function except memcpy and memset, allocates no memory and
+ * has no global state. */
 #include "thermal.h"
 
 #define R(x) ((mrd_real)(x))
 
-static const mrd_real thermal_copper = R(0.00393), thermal_zero = R(293.15); /* rise of resistance [1/K], from [K] */
+/* Temperature coefficient of the coil resistance [1/K], and its reference temperature [K]. */
+static const mrd_real thermal_copper = R(0.00393), thermal_zero = R(293.15);
 
-/* u inside [low, high]; low where u is not a number. */
+/* Return u limited to [low, high]; low if u is NaN. */
 static inline mrd_real thermal_limited(mrd_real u, mrd_real low, mrd_real high)
 {
     return u > low ? (u < high ? u : high) : low;
 }
 
-/* Whether a reading is one. */
+/* Return true if a reading is inside its range; false for NaN. */
 static inline bool thermal_within(mrd_real u, mrd_real low, mrd_real high) { return (u >= low) && (u <= high); }
 
 static mrd_real thermal_dot(const mrd_real *a, const mrd_real *b, int32_t count)
@@ -21,7 +23,7 @@ static mrd_real thermal_dot(const mrd_real *a, const mrd_real *b, int32_t count)
     return sum;
 }
 
-/* The place of u among rising knots: the cell, and the share of it that is passed; outside, an end. */
+/* Return the index of the cell of u among rising knots. *share is the position in the cell, 0 to 1. */
 static int32_t thermal_place(const mrd_real *knot, int32_t knots, mrd_real u, mrd_real *share)
 {
     int32_t cell = 0;
@@ -38,7 +40,7 @@ static mrd_real thermal_row(const mrd_thermal *c, const mrd_real *z, const mrd_t
            (through[1] * load->coil_W);
 }
 
-/* Temperature of the hottest point of a part [K]. */
+/* Return the temperature of the hottest point of a part [K]. */
 static mrd_real thermal_hottest(const mrd_thermal *c, const mrd_real *z, const mrd_thermal_load *load, int32_t part)
 {
     const int32_t first = 2 + (part * MRD_THERMAL_POINTS);
@@ -60,7 +62,7 @@ static mrd_real thermal_margin(const mrd_thermal *c, const mrd_real *z, const mr
     return seal < least ? seal : least;
 }
 
-/* Film coefficient of a kind of surface [W/(m^2 K)]: convection by the table, radiation, mounting. */
+/* Return the heat-transfer coefficient of a kind of surface [W/(m^2 K)]: convection (table), radiation, mounting. */
 static mrd_real thermal_film(const mrd_thermal *c, int32_t kind, mrd_real surface, const mrd_thermal_load *load)
 {
     const int32_t sheet = c->speeds * c->differences;
@@ -82,7 +84,7 @@ static mrd_real thermal_film(const mrd_thermal *c, int32_t kind, mrd_real surfac
            (c->radiation[kind] * both * ((surface * surface) + (ambient * ambient))) + c->mount[kind];
 }
 
-/* Solves the symmetric positive definite system a x = b in place, by a = L D Lt; the lower half of a is read. */
+/* Solve the symmetric positive definite system a x = b in place by a = L D L^T. Only the lower half of a is used. */
 static void thermal_solve(mrd_real a[MRD_THERMAL_STATES][MRD_THERMAL_STATES], mrd_real *b, int32_t n)
 {
     for (int32_t j = 0; j < n; j++) {
@@ -99,7 +101,8 @@ static void thermal_solve(mrd_real a[MRD_THERMAL_STATES][MRD_THERMAL_STATES], mr
     }
 }
 
-/* The states a time later [s], by one implicit step of their increments; films and coil as they are now. */
+/* Advance the states by a time [s] in one implicit step. Heat-transfer coefficients and coil resistance are
+ * constant. */
 static void thermal_advance(const mrd_thermal *c, mrd_real *z, mrd_thermal_load *load, mrd_real excess, mrd_real time)
 {
     const int32_t n = c->states;
@@ -118,7 +121,7 @@ static void thermal_advance(const mrd_thermal *c, mrd_real *z, mrd_thermal_load 
         const mrd_real h = thermal_film(c, k, c->reference + thermal_dot(&c->mean[k * n], z, n), load);
         for (int32_t i = 0; i < n; i++) {
             for (int32_t j = 0; j <= i; j++) a[i][j] += h * area[(i * n) + j];
-            move[i] += h * area[i * n] * air; /* the first state is a temperature everywhere */
+            move[i] += h * area[i * n] * air; /* the first state is the uniform temperature */
         }
     }
     for (int32_t i = 0; i < n; i++) {
@@ -152,11 +155,11 @@ static void thermal_read(const mrd_thermal *c, mrd_thermal_state *s, mrd_real re
         s->corrected = R(0.0);
         s->frozen = 0;
     } else if ((s->frozen == 0) && !thermal_within(change, -c->frozen_change, c->frozen_change)) {
-        s->frozen = 1; /* and its corrections since then are removed */
+        s->frozen = 1; /* the corrections since the reading became constant are removed */
         s->z[0] -= s->corrected;
         s->excess = s->still_excess;
     } else {
-        /* it may be in balance with its surroundings */
+        /* the damper may be in thermal equilibrium with its surroundings */
     }
     if (s->frozen != 0) {
         s->flags |= MRD_THERMAL_FROZEN;
@@ -167,7 +170,7 @@ static void thermal_read(const mrd_thermal *c, mrd_thermal_state *s, mrd_real re
     }
 }
 
-/* Reads thermometer and coil, where there are any. */
+/* Correct the model by the thermometer and by the resistance of the coil, if they are valid. */
 static void thermal_observe(const mrd_thermal *c, mrd_thermal_state *s, const mrd_thermal_inputs *in)
 {
     const bool read = thermal_within(in->thermometer, R(200.0), R(600.0));
@@ -248,7 +251,7 @@ static void thermal_take_load(const mrd_thermal *c, mrd_thermal_state *s, const 
     s->missed = 0;
 }
 
-/* Everything at one temperature [K]. */
+/* Set all states to one temperature [K]. */
 static void thermal_fill(const mrd_thermal *c, mrd_thermal_state *s, mrd_real kelvin)
 {
     for (int32_t i = 0; i < MRD_THERMAL_STATES; i++) s->z[i] = R(0.0);

@@ -1,9 +1,11 @@
-/* A thermal model of a damper: force, velocity and current in; temperatures and the time to the first limit out.
+/* A thermal model of a damper. Inputs: force, velocity and current. Outputs: temperatures and the time to the first
+ * limit.
  *
- * At most six states: modes of conduction inside the damper, the uniform temperature first. Each kind of surface
- * gives heat off by the film of its mean temperature. A step adds up work and the square of the current; every
- * `every` steps the states go on by one implicit step, which is stable however long it is. A thermometer in the
- * fluid and the coil's resistance correct the states and a heat that the model does not have; neither is needed.
+ * The model has at most six states: the uniform temperature, then modes of conduction inside the damper. Each kind of
+ * surface loses heat with the heat-transfer coefficient at its mean temperature. A step adds up work and the square of
+ * the current. Every `every` steps, the states are advanced by one implicit step, which is unconditionally stable. A
+ * thermometer in the fluid and the resistance of the coil correct the states and a heat flow that is missing in the
+ * model. Both sensors are optional.
  */
 #ifndef MRD_THERMAL_H
 #define MRD_THERMAL_H
@@ -15,58 +17,58 @@
 #endif
 
 #define MRD_THERMAL_STATES 6
-#define MRD_THERMAL_KINDS 8   /* most kinds of surface */
+#define MRD_THERMAL_KINDS 8   /* maximum number of kinds of surface */
 #define MRD_THERMAL_POINTS 3  /* candidate points of each part for its hottest point */
-#define MRD_THERMAL_ROWS 11   /* mean of the fluid, mean of the coil, points of the parts */
-#define MRD_THERMAL_SENSORS 2 /* thermometer in the fluid, resistance of the coil: the first two rows */
+#define MRD_THERMAL_ROWS 11   /* temperatures: mean of the fluid, mean of the coil, points of the parts */
+#define MRD_THERMAL_SENSORS 2 /* thermometer in the fluid and resistance of the coil; they measure the first two rows */
 
 typedef struct {
     int32_t states, kinds;
     int32_t every;              /* steps between two updates of the states */
     int32_t speeds, differences;
     mrd_real update;            /* time between two updates [s] */
-    mrd_real reference;         /* temperatures of the states count from it [K] */
-    mrd_real film_ambient;      /* middle one of three even ambients of the films' table [K] */
-    mrd_real film_width;        /* between two of them [K] */
+    mrd_real reference;         /* temperature at which all states are zero [K] */
+    mrd_real film_ambient;      /* middle of the three ambient temperatures of `film` [K] */
+    mrd_real film_width;        /* difference between two of these ambient temperatures [K] */
     mrd_real air_speed;         /* default air speed [m/s] */
-    mrd_real coil_heat;         /* coil heat at 20 degC over the square of the command [W/A^2 or W/V^2] */
-    mrd_real resistance;        /* coil resistance at 20 degC [ohm]; 0: it is not a sensor */
+    mrd_real coil_heat;         /* coil heat at 20 degC divided by the square of the command [W/A^2 or W/V^2] */
+    mrd_real resistance;        /* coil resistance at 20 degC [ohm]; 0: the coil is not used as a sensor */
     mrd_real least_command;     /* minimum command for a resistance reading [A or V] */
-    mrd_real smoothing;         /* share that an update has in the power for the time to the limit */
-    mrd_real most_excess;       /* limit of the missing heat [W] */
-    mrd_real fading;            /* remaining fraction of the missing heat after an update without a reading */
+    mrd_real smoothing;         /* weight of an update in the smoothed power for the time to the limit */
+    mrd_real most_excess;       /* maximum of the missing heat flow [W] */
+    mrd_real fading;            /* remaining fraction of the missing heat flow after an update without a reading */
     mrd_real still;             /* readings that differ by less are constant [K] */
     mrd_real frozen_change;     /* change of the model at a constant reading that means frozen [K] */
     mrd_real wrong;             /* maximum difference between model and reading [K] */
     mrd_real limit_gap, limit_coil, limit_seal; /* limits at the hottest point of each part [K] */
-    uint8_t law[MRD_THERMAL_KINDS]; /* row of the films for each kind */
+    uint8_t law[MRD_THERMAL_KINDS]; /* index in `film` for each kind */
     const mrd_real *capacity;   /* [states], [J/K] */
     const mrd_real *conductance; /* [states], [W/K] */
-    const mrd_real *mechanical; /* [states], share of the mechanical power */
-    const mrd_real *electrical; /* [states], share of the coil's heat */
+    const mrd_real *mechanical; /* [states], fraction of the mechanical power */
+    const mrd_real *electrical; /* [states], fraction of the coil heat */
     const mrd_real *area;       /* [kinds][states][states], [m^2] */
     const mrd_real *mean;       /* [kinds][states] */
     const mrd_real *radiation;  /* [kinds], [W/(m^2 K^4)] */
     const mrd_real *mount;      /* [kinds], [W/(m^2 K)] */
     const mrd_real *speed;      /* [speeds], [m/s] */
-    const mrd_real *above;      /* [differences], of a surface to the air [K] */
-    const mrd_real *film;       /* [films][3 ambients][speeds][differences], [W/(m^2 K)] */
+    const mrd_real *above;      /* [differences], temperature of a surface minus temperature of the air [K] */
+    const mrd_real *film;       /* [films][3 ambients][speeds][differences], heat-transfer coefficients [W/(m^2 K)] */
     const mrd_real *row;        /* [rows][states] */
-    const mrd_real *through;    /* [rows][2], of mechanical power and coil heat [K/W] */
-    const mrd_real *gain;       /* [sensors][states + 1], of states and excess heat by kelvin of a reading */
+    const mrd_real *through;    /* [rows][2], feedthrough of mechanical power and coil heat [K/W] */
+    const mrd_real *gain;       /* [sensors][states + 1], correction of states and missing heat flow per kelvin */
 } mrd_thermal;
 
-/* Flags flags of the last update. */
+/* Flags of the last update. */
 enum {
-    MRD_THERMAL_NO_POWER = 1,      /* force or velocity was not known: the power before is used */
-    MRD_THERMAL_NO_AMBIENT = 2,    /* the last value, or the default, is used */
-    MRD_THERMAL_NO_AIR_SPEED = 4,  /* the last one, or the drawing's, is used */
-    MRD_THERMAL_NO_THERMOMETER = 8, /* none, or not a temperature */
+    MRD_THERMAL_NO_POWER = 1,      /* no force or velocity: the previous power is used */
+    MRD_THERMAL_NO_AMBIENT = 2,    /* ambient temperature is invalid: the last value, or the default, is used */
+    MRD_THERMAL_NO_AIR_SPEED = 4,  /* air speed is invalid: the last value, or the default, is used */
+    MRD_THERMAL_NO_THERMOMETER = 8, /* thermometer is missing or invalid */
     MRD_THERMAL_FROZEN = 16,       /* the thermometer is constant although the damper warms or cools */
     MRD_THERMAL_WRONG = 32,        /* the thermometer differs too much from the model and is rejected */
-    MRD_THERMAL_NO_RESISTANCE = 64, /* none, too little current, or no resistance of this coil */
-    MRD_THERMAL_LIMIT = 128,       /* a part is at its limit or beyond */
-    MRD_THERMAL_OUTSIDE = 256,     /* air or surface outside the table of films: its edge is held */
+    MRD_THERMAL_NO_RESISTANCE = 64, /* resistance is missing or implausible, or the current is too small */
+    MRD_THERMAL_LIMIT = 128,       /* a part is at its limit or above */
+    MRD_THERMAL_OUTSIDE = 256,     /* air or surface is outside the table `film`: its edge is used */
     MRD_THERMAL_FAULT = 512        /* the state was invalid and was reset */
 };
 
@@ -80,7 +82,7 @@ typedef struct {
     mrd_real resistance;      /* resistance of the coil [ohm] */
 } mrd_thermal_inputs;
 
-/* What holds for a while. */
+/* Load and surroundings since the last update. */
 typedef struct {
     mrd_real power;  /* mechanical, mean [W] */
     mrd_real square; /* of the command, mean [A^2 or V^2] */
@@ -98,21 +100,21 @@ typedef struct {
 
 typedef struct {
     mrd_real z[MRD_THERMAL_STATES];
-    mrd_real ahead[MRD_THERMAL_STATES]; /* states on the way ahead to the limit */
-    mrd_thermal_load load;              /* of the last update */
-    mrd_real slow_power, slow_square;   /* smoothed, for the way ahead */
-    mrd_real ahead_time, ahead_step, ahead_hottest; /* [s], [s], nearest to its limit there [K] */
-    mrd_real begun;                     /* time since the way ahead began [s] */
-    mrd_real time_left;                 /* [s] */
-    mrd_real work, square;              /* added up since the last update */
-    mrd_real excess;                    /* heat that the model does not have [W] */
+    mrd_real ahead[MRD_THERMAL_STATES]; /* predicted states on the way to the limit */
+    mrd_thermal_load load;              /* load of the last update */
+    mrd_real slow_power, slow_square;   /* smoothed load for the prediction */
+    mrd_real ahead_time, ahead_step, ahead_hottest; /* time and step of the prediction [s], smallest margin there [K] */
+    mrd_real begun;                     /* time since the prediction began [s] */
+    mrd_real time_left;                 /* time to the first limit [s] */
+    mrd_real work, square;              /* sums since the last update */
+    mrd_real excess;                    /* missing heat flow [W] */
     mrd_real still_reading, still_model; /* first of the constant readings, and the model temperature then [K] */
     mrd_real still_excess;              /* excess heat then [W] */
     mrd_real corrected;                 /* corrections of the model since then [K] */
-    mrd_thermal_outputs found;          /* by the last update */
+    mrd_thermal_outputs found;          /* outputs of the last update */
     int32_t count;                      /* steps since the last update */
-    int32_t powers, squares, missed;    /* of them: with power, with a command, without one of the two */
-    int32_t started, way;               /* 1: there is a temperature; a way ahead is under way */
+    int32_t powers, squares, missed;    /* steps since then with a power, with a command, without one of the two */
+    int32_t started, way;               /* 1: a temperature is known; 1: a prediction is unfinished */
     int32_t frozen;
     int32_t flags;
 } mrd_thermal_state;

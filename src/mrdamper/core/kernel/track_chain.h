@@ -4,10 +4,10 @@
  *         + G Y (1 - phi) (1 + as t) t + G (rK Y + K) |y|^m sgn y + cq |y| y + bristles,   e + q - z = xb,  y = q'
  *
  * chain.c contains the exact law and describes the terms. Here tanh, powers and square roots are tabulated, and a
-  * solution has a fixed number of iterations. A step is backward Euler in y; the exponential of the bristles is a
-  * rational function with two terms. The state is the travel e of the spring, because e computed from q = xb - e + z
-  * would lose digits; z is the cavity, zero without one. The series valve has fewer terms, and its valve force depends
-  * on x instead of q.
+ * solution has a fixed number of iterations. A step is backward Euler in y; the exponential of the bristles is a
+ * rational function with two terms. The state is the travel e of the spring, because e computed from q = xb - e +
+ * z would lose digits; z is the cavity, zero if there is no cavity. The series valve has fewer terms, and its
+ * valve force depends on x instead of q.
  */
 #ifndef MRD_TRACK_CHAIN_H
 #define MRD_TRACK_CHAIN_H
@@ -50,7 +50,7 @@ typedef struct {
     mrd_real held[MRD_TRACK_BRISTLES], bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
 } link_point;
 
-/* The forces that follow the current. */
+/* Compute the coefficients that depend on the current, and their slopes. */
 static void levels_at(const mrd_track *c, axis_point warm, mrd_real current, link_levels *out)
 {
     const mrd_series *t = c->series;
@@ -442,7 +442,7 @@ static mrd_real update_chain(const mrd_track *c, mrd_track_state *s, const valve
     return force.at;
 }
 
-/* Set the initial state: spring and bristles at rest. */
+/* Set the initial state: the spring and the bristles are at rest. */
 static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;

@@ -1,7 +1,7 @@
 /* One step of the real-time model: displacement, current and temperature in, force out.
  *
- * Tables, estimation of current and hysteresis, and checks of readings are those of the controller. If no velocity is
-  * given, it is estimated from the displacement.
+ * Tables, estimation of current and hysteresis, and checks of readings are the same as in the controller. An unknown
+ * velocity is estimated from the displacement.
  */
 #ifndef MRD_TRACK_MODEL_H
 #define MRD_TRACK_MODEL_H

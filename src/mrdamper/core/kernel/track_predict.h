@@ -1,11 +1,12 @@
-/* Predictive control: the law of the card is stepped over the horizon in which a command given now acts. The moves of
- * the command are improved by one iteration per prediction until the force there is the wanted one.
+/* Predictive control: the law of the card is stepped over the horizon in which a command given now acts. One iteration
+ * per prediction improves the moves of the command (its values over the horizon), so that the force approaches the
+ * wanted force.
  *
  *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
  *
  * u0 is the command in the first step of the horizon, u1 in the next two, u2 in the rest; the controller uses u0. An
-  * iteration is a Gauss-Newton step; the derivatives are integrated with the state. The moves are kept between
-  * samples, so that one iteration is sufficient after they have settled.
+ * iteration is a Gauss-Newton step; the derivatives are integrated with the state. The moves are kept between
+ * samples, so that one iteration is sufficient after they have settled.
  */
 #ifndef MRD_TRACK_PREDICT_H
 #define MRD_TRACK_PREDICT_H

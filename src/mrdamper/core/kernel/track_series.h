@@ -4,9 +4,8 @@
  *     S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)],   A = fy(I, T) (1 + bx x)
  *
  * with viscosity, friction and mass in parallel. series_valve.c contains the exact law. Here tanh, powers and square
-  * roots are tabulated, and every solution has a fixed number of iterations. The state is the travel e of the spring;
-  * the velocity y' of the valve is the start value of the next solution. Steps are implicit, hence stable for any
-  * stiffness.
+ * roots are tabulated, and every solution has a fixed number of iterations. The state is the travel e of the spring;
+ * the velocity y' of the valve is the start value of the next solution. Steps are implicit and unconditionally stable.
  */
 #ifndef MRD_TRACK_SERIES_H
 #define MRD_TRACK_SERIES_H

@@ -1,5 +1,5 @@
-/* Tables of a controller: functions of a size, the universal curve, force and rho over current and
- * temperature. For NaN a function returns the value at an end of its table.
+/* Tables of a controller: functions of one positive argument, the universal curve, and force and rho as functions of
+ * current and temperature. For NaN, a function returns the value at an end of its table.
  */
 #ifndef MRD_TRACK_TABLES_H
 #define MRD_TRACK_TABLES_H
@@ -65,7 +65,8 @@ static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* Hysteresis on the universal curve. The position is the scaled travel from w = 0, negative during unloading. A motion increases the position; a reversal changes position and direction.
+/* Return the hysteresis variable on the universal curve. The position u is the scaled travel from w = 0, negative
+ * during unloading. A motion increases the position; a reversal changes position and direction.
  */
 static mrd_real hysteresis_at(const mrd_track *c, mrd_real u)
 {

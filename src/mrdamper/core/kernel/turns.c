@@ -1,12 +1,12 @@
-/* Turning points of a motion: extremes after which it returns by more than a dead band.
+/* Turning points of a motion: extremes after which the displacement returns by more than a dead band.
  *
  * Samples are processed one by one, so that the result does not depend on batches.
  */
 
-/* Take sample `i` of the motion. Returns 1 where it shows that the motion has turned: at sample `turned`.
+/* Process sample `i` of the motion. Return 1 if this sample shows that the motion has turned, at sample `turned`.
  *
- * While `side` is 0 the motion has not left its start by more than the dead band: both ways are followed, the upper one
- * in `furthest`. Of equal extremes that follow each other the first counts, with `latest` the last.
+ * While `side` is 0, the motion has not left its start by more than the dead band, and both extremes are stored, the
+ * upper extreme in `furthest`. The first of several consecutive equal extremes counts; the last if `latest` is set.
  */
 static inline int turns_step(mrd_turns *t, double x, double i, double dead_band, int latest)
 {
@@ -38,8 +38,8 @@ static inline int turns_step(mrd_turns *t, double x, double i, double dead_band,
     return t->turned >= 0.0;
 }
 
-/* Take the next n samples: write the samples at which the motion has turned to `at` [n], and return how many there are.
- * Samples are counted from the first of all, which is no turning point. */
+/* Process the next n samples. Write the indices of the turning points to `at` [n], and return their number. The index
+ * counts from the first sample of the motion, which is not a turning point. */
 static size_t turns_feed(mrd_turns *t, size_t n, const double *x, double dead_band, double *at)
 {
     size_t count = 0;

@@ -40,7 +40,7 @@ _AT_LEAST = {"frequency": 0.002, "stroke": 0.3, "command": 0.06, "temperature": 
 PERIOD_RATIO_MAX = 0.03  # Periods of a sine differ by less than this fraction.
 _RATIO = {"frequency": 0.12, "stroke": 0.25}  # Runs of one motion differ by less than these fractions.
 _DEVIATION_MIN = {"frequency": 0.015, "stroke": 0.04}  # A run that differs by a larger fraction is reported.
-_SCATTER_MAX = {"frequency": 0.003, "stroke": 0.012}  # The other runs must not scatter by a larger fraction.
+_SCATTER_MAX = {"frequency": 0.003, "stroke": 0.012}  # Limit of the scatter among the remaining runs.
 SIBLING_RUN_COUNT_MIN = 3
 
 
@@ -76,7 +76,7 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Generate findings on runs that differ slightly in frequency or stroke from all others of the motion."""
+    """Generate findings on runs that differ slightly in frequency or stroke from runs of the same motion."""
     seen = [(run, _values_of(run)) for run in runs]
     sines = [(run, each) for run, each in seen if each.frequency is not None]
     for run, mine in sines:
@@ -123,7 +123,11 @@ _HINT = {
 
 
 def _declared(run: Recording, quantity: str) -> float | None:
-    """Return the only number for a quantity in the names. The run name has priority over the folder name."""
+    """Return the number that the name of the run, the file or the folder states for a quantity.
+
+    The first name with a number counts. The result is None if no name has a number, or if the first name with
+    numbers has several.
+    """
     source = PurePath(run.source) if run.source else PurePath()
     named = "voltage" if quantity == "command" and run.command_unit == "V" else quantity
     for text in (run.name, source.stem, source.parent.name):
@@ -156,7 +160,7 @@ def _values_of(run: Recording) -> _Values:
 
 
 def _frequency(run: Recording) -> float | None:
-    """Return the frequency of a steady sine [Hz] from its zero crossings, None for other motions."""
+    """Return the frequency of a motion [Hz] from its zero crossings, None if it is not a steady sine."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
     swing = 0.25 * float(high - low)

@@ -81,7 +81,7 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
 
 
 def _fault_findings(error: InputError) -> list[Finding]:
-    """Return one finding for each fault of a rejected run. The finding names the run."""
+    """Return one finding for each fault for which the run was rejected."""
     return [
         Finding(
             kind="refused",

@@ -45,7 +45,7 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
     """Generate a finding if the mean force over whole cycles is not zero.
 
-    A varying command may be the cause.
+    Runs with a varying command are ignored because the command can cause a mean force.
     """
     offset = _static_force(prepared)
     if offset is None or prepared.run.constant_command is None:
@@ -160,8 +160,8 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 def _static_force(prepared: PreparedRun) -> float | None:
     """Return the static force [N]: the mean over whole cycles, or the fitted force at zero velocity.
 
-    The mean is computed over typical cycles. For a run without a period, the force is fitted as
-    a + b sign(v) + c v + d x.
+    The mean is for periodic motion. For other motions, the force is fitted as a + b sign(v) + c v + d x, and
+    a is the static force.
     """
     whole = cycles(prepared)
     if not len(whole):

@@ -14,7 +14,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import CycleFigures, cycles
 from mrdamper.data.prepare import PreparedRun
 
-CYCLE_RATIO_MAX = 0.03  # Tolerance of stroke, duration and end position.
+CYCLE_RATIO_MAX = 0.03  # Relative tolerance of stroke, duration and end position.
 PHASE_COUNT = 200  # Cycles are compared at this number of points.
 
 
@@ -30,9 +30,9 @@ class Drift:
 def repeatability(prepared: PreparedRun) -> float | None:
     """Return the rms deviation of the force from the mean cycle, in % of the force's standard deviation.
 
-    Cycles are aligned by phase. Cycles that differ by more than 3 % in stroke or duration from the median
-    cycle, or that end that far from their start (ramps at start and end), are ignored. The result is None
-    if the run is not periodic or has fewer than two equal cycles.
+    Cycles are aligned by phase. Ignored are cycles whose stroke or duration differs by more than 3 % from the
+    median, and cycles whose end differs by more than 3 % of the stroke from their start (ramps). The result
+    is None if the run is not periodic or has fewer than two typical cycles.
     """
     if prepared.period_s is None:
         return None
@@ -46,7 +46,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
 
 
 def drift(prepared: PreparedRun) -> Drift | None:
-    """Return the change from the first to the last equal cycle, None with fewer than two cycles."""
+    """Return the change from the first to the last typical cycle, None if there are fewer than two."""
     found = select_typical_cycles(prepared)
     if len(found) < 2:
         return None
@@ -98,7 +98,7 @@ def forces_by_phase(prepared: PreparedRun, found: CycleFigures) -> FloatArray:
 
 
 def select_typical_cycles(prepared: PreparedRun) -> CycleFigures:
-    """Return the cycles with the median stroke and duration whose end equals their start."""
+    """Return the cycles that end where they start and have the median stroke and duration (within 3 %)."""
     found = cycles(prepared)
     if not len(found):
         return found

@@ -15,11 +15,12 @@ from mrdamper.data.prepare import PreparedRun
 SAMPLE_COUNT_MIN = 60.0
 SAMPLE_COUNT_FAULT = 20.0
 REVERSAL_RATIO_MIN = 0.3  # Smaller motions, as a fraction of the stroke range, are not reversals.
-NOISE_MAX_PERCENT = 5.0  # Percent of the force's standard deviation.
-DEVIATION_MAX_PERCENT = 5.0  # Percent of the force's standard deviation.
-LINE_RATIO_MIN = 0.03  # RMS of a line divided by the force's standard deviation.
+NOISE_MAX_PERCENT = 5.0  # Noise above this percentage of the force's standard deviation is reported.
+DEVIATION_MAX_PERCENT = 5.0  # Larger deviations of cycles, in the same unit, are reported.
+LINE_RATIO_MIN = 0.03  # RMS of a spectral line divided by the force's standard deviation.
 LINE_POWER_RATIO_MIN = 0.5  # Fraction of the power of the deviation from the mean cycle.
-DISTANCE_BINS, DISTANCE_RANGE = 1.2, (0.1, 0.3)  # Distance of a line to a harmonic.
+# Smallest distance of a line to a harmonic: in bins of the spectrum, and the limits in harmonic numbers.
+DISTANCE_BINS, DISTANCE_RANGE = 1.2, (0.1, 0.3)
 CYCLE_COUNT_MIN = 3
 LINE_HARMONIC_MIN = 2.0  # Lower harmonics contain slow changes of the force.
 
@@ -51,7 +52,7 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
     """Generate findings on noise of the force and on its deviation from cycle to cycle.
 
-    Both are relative to the standard deviation of the force.
+    Noise and deviation are relative to the standard deviation of the force.
     """
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])

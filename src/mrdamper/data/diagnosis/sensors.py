@@ -15,22 +15,22 @@ from mrdamper.quantities import QUANTITIES
 
 _MEASURED = ("displacement", "force", "velocity")
 FLAT_COUNT_MIN = 3  # Consecutive samples at the extreme value.
-COUNT_RATIO_MIN = 8.0  # A clipped level has this multiple of the samples of the levels next to it.
-LEVEL_COUNT = 4  # Number of levels next to the extreme for comparison.
+COUNT_RATIO_MIN = 8.0  # A clipped channel has this many times more samples at its extreme than next to it.
+LEVEL_COUNT = 4  # Number of values next to the extreme that are compared with the extreme.
 EXTREME_COUNT = 8
 CLIPPED_RATIO_MAX = 0.01  # A larger fraction of clipped samples is a fault.
 
 STEP_RATIO = math.sqrt(12.0)  # The standard error of rounding is the step divided by this.
 COARSE_RATIO, FAULT_RATIO = 0.01, 0.03  # Rounding error divided by the standard deviation.
-GRID_RATIO_MIN = 0.8  # Fraction of distances between levels that are one to three steps.
+GRID_RATIO_MIN = 0.8  # Quantised: at least this fraction of distances between values is 1, 2 or 3 steps.
 
 STUCK_COUNT = 20
-MOTION_RATIO = 0.15  # Minimum motion of the other channel as a fraction of its range.
-LENGTH_RATIO = 5.0  # Multiple of the typical longest segment of equal values.
+MOTION_RATIO = 0.15  # The displacement changes by this fraction of its range while the force is stuck.
+LENGTH_RATIO = 5.0  # A stuck sensor is constant for this multiple of the 90 % quantile of constant segments.
 
-LEVEL_STEPS = 1.5  # Distance of neighbouring levels in units of the resolution.
+LEVEL_STEPS = 1.5  # Neighbouring quantised values differ by less than this multiple of the resolution.
 
-SPIKE_RATIO = 0.1  # Fraction of the range without outliers.
+SPIKE_RATIO = 0.1  # Smallest height of a spike as a fraction of the range from 0.5 % to 99.5 % quantile.
 _ABOVE_NOISE = 30.0
 SPIKE_COUNT_MIN = 100
 
@@ -38,9 +38,9 @@ SPIKE_COUNT_MIN = 100
 def find_clipping(recording: Recording) -> Iterator[Finding]:
     """Generate findings on clipped channels: far more samples at the exact extreme than near it.
 
-    The level at the extreme is compared with the next four levels, because a smooth signal reaches them
-    nearly as often. A segment counts only if the signal reaches it with a slope, which excludes the
-    reversals of a coarsely quantised sine.
+    The number of samples at the extreme is compared with the numbers at the next four values, which a smooth
+    signal reaches nearly as often. A segment of extreme values counts only if the signal enters or leaves the
+    segment with a slope. This condition excludes the reversals of a coarsely quantised sine.
     """
     for role, values in _varying_channels(recording):
         counts = np.unique(values, return_counts=True)[1]
@@ -73,7 +73,7 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
-    """Generate findings on stuck sensors: one channel is constant while the other changes."""
+    """Generate findings on stuck sensors: force is constant while displacement changes, or the reverse."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
@@ -83,7 +83,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
-                continue  # The motion is slow and between two levels of the converter.
+                continue  # The motion is slow, so that the converter does not change its value.
             share = MOTION_RATIO if role == "force" else 0.5  # The force may relax at rest.
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
@@ -167,7 +167,7 @@ def resolution_of(values: FloatArray) -> float:
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
     apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors of one level.
+    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors of equal values.
     resolution = float(np.median(apart))
     multiples = apart / resolution
     nearest = np.round(multiples)
@@ -200,9 +200,9 @@ def _has_slope(values: FloatArray, a: int, b: int) -> bool:
 
 
 def _stuck_length(segments: list[tuple[int, int]]) -> float:
-    """Return the length [steps] from which a constant segment means a stuck sensor.
+    """Return the length [time steps] from which a constant segment indicates a stuck sensor.
 
-    The length is larger if at least five segments show that long constant segments are typical.
+    The length is increased if the channel has at least five constant segments and many are long.
     """
     if len(segments) < 5:
         return STUCK_COUNT

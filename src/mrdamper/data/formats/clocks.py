@@ -20,7 +20,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Moment, OnUse, Table
 from mrdamper.data.formats.timestamps import moment_of
 
-CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less are one clock.
+CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less than this fraction of a step are equal.
 UNIX_TIME_MIN_s = 1e9  # Larger times are seconds since 1970.
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
 
@@ -73,10 +73,10 @@ def is_setting_of_time(name: str) -> bool:
 
 
 def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
-    """Return the start and time step that attributes state, None without a step or a rate.
+    """Return the start and time step that attributes state, None if they state neither a step nor a rate.
 
-    A later attribute overrides an earlier attribute, because attributes of the channel follow those of its
-    groups.
+    A later attribute overrides an earlier attribute because the attributes of a channel follow the attributes
+    of its groups.
     """
     step, has_unit, offset, began = math.nan, True, 0.0, None
     for name, value in settings.items():
@@ -104,8 +104,8 @@ def with_samplings(
 
     Parameters
     ----------
-    stated : sampling of a column by name
-    sizes : samples of a column by name; None: the columns are counted. A column of one number has no clock.
+    stated : column name -> sampling that the file states for the column
+    sizes : column name -> number of samples; None: count the samples. A column of one number has no clock.
     """
     counts = sizes or {name: len(values) for name, values in table.columns.items()}
     channels = {name: size for name, size in counts.items() if size > 1}
@@ -124,7 +124,7 @@ def with_samplings(
         number_of[name] = next(same, len(clocks))
         if number_of[name] == len(clocks):
             clocks.append((sampling, channels[name]))
-    for name in channels.keys() - known.keys():  # A channel without start and step is as long as one clock.
+    for name in channels.keys() - known.keys():  # These channels use the only clock of equal length, if any.
         fitting = [k for k, (_, size) in enumerate(clocks) if size == channels[name]]
         if len(fitting) == 1:
             number_of[name] = fitting[0]
@@ -161,7 +161,7 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
-    """Return the samplings that have a common time zero.
+    """Return the samplings of channels that can share a time zero.
 
     If the channels state at most one start, all channels have this start. Otherwise the channels without a
     start are omitted.
@@ -181,7 +181,7 @@ def _words(name: str) -> tuple[str, str]:
 
 
 def _number(value: object, unit: str) -> tuple[float, float | None]:
-    """Return the number in a value and its scale to seconds or hertz; None without a unit."""
+    """Return the number in a value (or NaN), and the factor of its unit to s or Hz (None: no unit)."""
     match = _NUMBER.fullmatch(_text(value))
     if match is None:
         return math.nan, None
@@ -189,7 +189,7 @@ def _number(value: object, unit: str) -> tuple[float, float | None]:
 
 
 def _moment(value: object, unit: str) -> Moment | None:
-    """Return a moment: a date with a time of day, or a number; None for any other value."""
+    """Return the moment that a value states as a date with time of day or as a number, else None."""
     number, scale = _number(value, unit)
     if math.isfinite(number):
         seconds = number * (scale or 1.0)

@@ -22,7 +22,7 @@ from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
 _UNPACKED_MAX_BYTES = 1 << 29
-_CELLS_MAX = 32_000_000  # Empty cells in the range count.
+_CELLS_MAX = 32_000_000  # Number of cells from the first to the last used row and column, with empty cells.
 _PIECE_BYTES = 1 << 20
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 

@@ -16,7 +16,7 @@ from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _ATTRIBUTE_LINES_MAX, _ATTRIBUTE_LENGTH_MAX = 64, 200
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
-MOST_LISTED = 8  # Limit of the names in a remark.
+MOST_LISTED = 8  # Largest number of names in a remark.
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 
 
@@ -24,7 +24,7 @@ UNIT_NAMES = ("unit", "units", "Unit", "Units")
 class StoredArray:
     """An array of a file that is read on first use.
 
-    ``settings`` are the attributes and single values of the array and its groups, the nearest last.
+    ``settings`` are the attributes and single values of its groups and then of the array itself.
     """
 
     path: tuple[str, ...]  # The names of its groups come first, its own name is last.
@@ -44,7 +44,7 @@ class StoredArray:
 
     @property
     def is_time(self) -> bool:
-        """True if the name is that of a time column."""
+        """True if the name is a name of a time column."""
         header = parse_header(self.name)
         return self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
 
@@ -56,7 +56,7 @@ def table_of_arrays(
 
     Parameters
     ----------
-    units : texts of a structure called ``units``, by their path
+    units : path -> text, of the texts in a structure called ``units``
     """
     inside = [each for each in rename_by_structures(arrays) if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1])
@@ -80,9 +80,10 @@ def table_of_arrays(
 
 
 def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
-    """Return a table with the clocks of its columns: their times, else the stated starts and steps.
+    """Return a table in which each column has a clock.
 
-    If several groups hold times, a column uses the times of the nearest enclosing group.
+    If the file has several columns of times, a column uses the times of the nearest enclosing group.
+    Otherwise the clock is the stated start and step.
     """
     times = {each.path[:-1]: name for name, each in arrays.items() if each.is_time}
     if len(times) < 2:
@@ -144,7 +145,7 @@ def _names_a_channel(name: str) -> bool:
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the groups, as ``options.part`` names them, that hold recordings of the same channels.
+    """Return the groups that contain recordings of the same channels, named like ``options.part``.
 
     ``paths`` are the paths of the channels. The result is empty if no two groups have the same channels.
     """
@@ -191,7 +192,7 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the remark on values that only the program that wrote them can read; empty if there are none."""
+    """Return a remark that lists skipped values of a foreign type, or () if no value was skipped."""
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return (f"{SKIPPED}{', '.join(names[:MOST_LISTED])}{more}",) if names else ()
 

@@ -84,7 +84,7 @@ class _Tree:
         return found
 
     def _value(self, item: Any) -> Any:  # noqa: ANN401 - h5py has no types
-        """Return the value of a group or a data set, None if it has none."""
+        """Return the value of a group or a data set, None if it is stored elsewhere or already read."""
         if self._matlab and item is not None and "MATLAB_object_decode" in item.attrs:
             return SimpleNamespace(classname=_as_plain_value(item.attrs.get("MATLAB_class", b"")))
         if isinstance(item, self._h5py.Group):
@@ -110,7 +110,7 @@ class _Tree:
         return self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference
 
     def _referred(self, item: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
-        # MATLAB counts along columns, which are rows in the file.
+        # MATLAB numbers the elements along columns, which are rows in the file.
         given = np.ravel(item[()])[:MOST_ELEMENTS]
         return [self._file[reference] if reference else None for reference in given]
 

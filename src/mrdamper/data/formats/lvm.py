@@ -49,7 +49,7 @@ def is_lvm(head: bytes) -> bool:
 
 
 def read_lvm(path: Path, _options: FileOptions) -> Table:
-    """Return the table of a LabVIEW measurement text, its segments one after the other."""
+    """Return the table of the first segment of a LabVIEW measurement text; later segments follow it."""
     head = read_head(path)
     tags, labels_at = _head_tags(path, head)
     delimiter = _SEPARATORS.get(tags.get("Separator", ["Tab"])[0].lower(), "\t")
@@ -78,7 +78,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
 
 
 def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
-    """Return the tags of the file and of the first segment, and the line of the columns' labels."""
+    """Return the tags of the file and of the first segment, and the line index of the column labels."""
     ends = [k for k, line in enumerate(head.lines) if line.startswith(_END)]
     if not ends:
         raise InputError(
@@ -91,7 +91,7 @@ def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
 
 
 def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
-    """Return the cells after each tag, by tag."""
+    """Return a mapping from each tag to the cells after the tag."""
     tags: dict[str, list[str]] = {}
     for line in lines:
         name, *cells = [cell.strip() for cell in line.split("," if "\t" not in line else "\t")]
@@ -175,7 +175,7 @@ def _channel_times(
 
 
 def _samplings(tags: Tags, columns: int) -> list[Sampling]:
-    """Return start and step of the channels in the order of the tags."""
+    """Return start and step of each channel, in the order of the columns."""
     cells = {
         name: [cell for cell in tags.get(name, []) if cell] for name in ("X0", "Delta_X", "Date", "Time")
     }
@@ -190,7 +190,7 @@ def _samplings(tags: Tags, columns: int) -> list[Sampling]:
 
 
 def _without_empty_ends(table: Table) -> Table:
-    """Return a table without empty cells at the ends of columns, because channels may differ in length."""
+    """Return a table without the empty cells at the ends of columns: channels may differ in length."""
     rows = {name: np.flatnonzero(np.isfinite(values)) for name, values in table.columns.items()}
     columns = {
         name: table.columns[name][: int(filled[-1]) + 1 if len(filled) else 0]
@@ -200,7 +200,10 @@ def _without_empty_ends(table: Table) -> Table:
 
 
 def _with_time(table: Table, segment: _Segment, begun: Moment | None) -> Table:
-    """Return the table of a segment with times [s]; a time that starts at zero is added to the date."""
+    """Return the table of a segment with a column of times [s].
+
+    If the times of a segment begin at zero, the start of the segment relative to the first segment is added.
+    """
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table
     x0, now = _number(segment.tags, "X0", 0.0), _stamp(segment.tags)

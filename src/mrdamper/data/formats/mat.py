@@ -12,7 +12,7 @@ from typing import Any
 from mrdamper.data.formats.table import MOST_UNPACKED, FileOptions, Table, require_held, require_room
 from mrdamper.data.formats.variables import table_of_variables
 
-# Bytes of one element; a number has at least one.
+# Smallest size of an element by kind [bytes]. A number has at least one byte.
 _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)
 
 

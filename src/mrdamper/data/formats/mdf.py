@@ -97,7 +97,7 @@ def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammd
                 )
 
 
-def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion, or what stands for one
+def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion
     """Return the formula in a conversion or in a conversion to which it refers."""
     own = str(getattr(conversion, "formula", "") or "")
     others = getattr(conversion, "referenced_blocks", None) or {}

@@ -70,7 +70,7 @@ def read_json(path: Path, options: FileOptions) -> Table:
 
 
 def _as_plain_value(value: Any) -> Any:  # noqa: ANN401 - any array
-    """Return a NumPy array in the form of a MAT file: texts as str, fields of a record by name."""
+    """Return a NumPy array as the MAT reader would: a text as str, a record as a mapping of its fields."""
     if value.dtype.names:
         return {name: np.asarray(value[name]) for name in value.dtype.names}
     return str(value) if value.dtype.kind == "U" and value.ndim == 0 else value

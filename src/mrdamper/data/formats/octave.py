@@ -36,7 +36,7 @@ def _tag(lines: Iterator[str], key: str) -> str:
 
 
 def _value(lines: Iterator[str]) -> Any:  # noqa: ANN401 - any value
-    """Return the next value: of a variable, a cell element or a structure field."""
+    """Return the next value in the file: a variable, a cell element or a structure field."""
     kind = _tag(lines, "type")
     if kind.endswith("string"):
         texts = [next(lines) for _ in range(int(_tag(lines, "elements"))) if _tag(lines, "length")]

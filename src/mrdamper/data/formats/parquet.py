@@ -26,7 +26,7 @@ def is_parquet(head: bytes) -> bool:
 def read_parquet(path: Path, _options: FileOptions) -> Table:
     """Return the columns of a Parquet file. Times are in seconds from the first time."""
     pl = load_extra("polars", "polars", "Parquet files")
-    file = pl.scan_parquet(path, glob=False)  # read_parquet_schema would take "run[1]" for "run1".
+    file = pl.scan_parquet(path, glob=False)  # read_parquet_schema would read "run[1]" as "run1".
     schema = file.collect_schema()
     rows = int(file.select(pl.len()).collect().item())
     times = [name for name, dtype in schema.items() if dtype in (pl.Datetime, pl.Duration)]

@@ -24,7 +24,7 @@ class Signal:
     name: str
     field: str  # The field of the samples.
     unit: str
-    time: str  # The field of the times; "" without one.
+    time: str  # The field of the times; "" if the structure has no times.
 
 
 def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]) -> Signal | None:

@@ -21,7 +21,7 @@ from mrdamper.errors import InputError, MissingExtraError
 
 MOST_UNPACKED = 1032  # The largest possible compression ratio of deflate.
 MOST_WHOLE = 1 << 28  # Larger files [bytes] are not kept in memory as a whole.
-MOST_SAMPLES = 400_000_000  # A longer column (3.2 GB) is a damaged header or an attack.
+MOST_SAMPLES = 400_000_000  # A header that states a longer column (3.2 GB) is damaged or malicious.
 CONTINUATION_MAX_STEPS = 1.5  # A piece after a longer pause is a separate recording.
 MOST_HEADER_LINES = 400  # The first row of a text or a sheet is within these lines.
 MOST_COLUMNS = 64  # A wider matrix is not a table of channels.
@@ -29,12 +29,12 @@ MOST_COLUMNS = 64  # A wider matrix is not a table of channels.
 LEAST_ROWS = 10
 """Rows of numbers that make a table of samples: fewer are a table of results."""
 SKIPPED = "skipped: "
-"""Begin of a layout's note that lists values which cannot be read."""
+"""First word of a note in a layout that lists values which cannot be read."""
 MISSING_MARKS = (
     *("-", "--", "---", "*", "***", "#NV", "#N/A", "#NA"),
     *("N/A", "n/a", "NA", "null", "NULL", "None"),
 )
-"""Cells that say that there is no value, as spreadsheets and loggers write them."""
+"""Cells by which spreadsheets and loggers mark a missing value."""
 
 Value = TypeVar("Value")
 Texts = list[str | None]
@@ -109,7 +109,7 @@ class Moment:
     is_utc: bool = False  # False: local time
 
     def later(self, seconds: float) -> Moment:
-        """Return the time stamp a number of seconds later."""
+        """Return the time stamp shifted by a number of seconds."""
         return replace(
             self, day_first_s=self.day_first_s + seconds, month_first_s=self.month_first_s + seconds
         )
@@ -125,19 +125,19 @@ class Table:
     layout: Layout
     rows: int  # Length of the longest column.
     step_s: float | None = None  # Sampling interval that the file states apart from the columns.
-    # Units apart from names.
+    # Units that the file states separately from the names of the columns.
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
+    clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> clock number
     recorded_apart: bool = False  # True: the channels may begin and end at different times
-    # Columns of times of day or dates, in seconds from the first, and the first moment.
+    # Columns that were times of day or dates, with the moment of their first value.
     stamps: Mapping[str, Moment] = field(default_factory=lambda: MappingProxyType({}))
     start: Moment | None = None  # Moment of time zero.
     title: str = ""  # Title of the sheet, group or structure.
     said: tuple[str, ...] = ()  # Lines above the table, or its attributes: "name: value".
-    # Stated, not applied.
+    # Factors that the file states for columns and that were not applied.
     scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    more: tuple[str, ...] = ()  # Other parts of the file with tables, for ``FileOptions.part``.
-    following: tuple[Table, ...] = ()  # Other tables of the same part.
+    more: tuple[str, ...] = ()  # Further parts of the file with tables, as values for ``FileOptions.part``.
+    following: tuple[Table, ...] = ()  # Further tables of the same part.
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +212,7 @@ def require_room(samples: int, path: Path, name: str) -> None:
 
 
 def require_held(samples: int, size: int, path: Path, name: str) -> None:
-    """Raise InputError if a file of this size cannot hold the samples, before memory is allocated."""
+    """Raise InputError if the file is too small for the stated samples. Call before memory is allocated."""
     if not 0 <= samples * size <= MOST_UNPACKED * path.stat().st_size:
         raise InputError(
             place=path,
@@ -222,7 +222,7 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
 
 
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return values as float64, and the unit implied by their type. Times are seconds from the first."""
+    """Return values as float64, and the unit that their type implies. Dates become seconds from the first."""
     flat = np.ravel(values)
     if flat.dtype.kind == "M":
         return (flat - flat[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"

@@ -34,7 +34,7 @@ def is_tdms(head: bytes) -> bool:
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
-    """Return the channels of a TDMS file, each with its start and step."""
+    """Return the channels of a TDMS file, each with its start time and time step."""
     with _opened(path) as file:
         every = [
             _Channel(group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))

@@ -54,7 +54,7 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
-EMPTY_RECORD_COLUMNS_MIN = 3  # names in the only line of a record; a line of words may have a comma
+EMPTY_RECORD_COLUMNS_MIN = 3  # A single line with as many names is the header of an empty record.
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
@@ -62,7 +62,7 @@ _BLOCK_BYTES = 1 << 25
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """The first lines of a text, the first byte of each, and the byte after the last."""
+    """The first lines of a text. ``starts`` are the first byte of each line, and the byte after the last."""
 
     lines: tuple[str, ...]
     starts: tuple[int, ...]
@@ -86,7 +86,7 @@ class _Found:
 
 
 def read_text(path: TextSource, options: FileOptions) -> Table:
-    """Return the first table in a delimited text. Tables after lines of words follow it."""
+    """Return the first table in a delimited text; later tables are in its ``following``."""
     found = _look(path, options)
     if isinstance(found, Table):
         return found
@@ -105,7 +105,7 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
 
 
 def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
-    """Return the table of some rows with the lines, factors and step of their header."""
+    """Return the table of the rows from ``found.start`` to byte ``stop``, with the settings of the header."""
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
@@ -172,7 +172,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     ):
         return _table_of_rows(rows, delimiter, options)
     if first is None:
-        # An empty record has a header alone. Notes have other lines.
+        # An empty record is a single header line. A file of notes has more lines.
         lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
         widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
         is_empty_record = len(lines) == 1 and max(widths) >= EMPTY_RECORD_COLUMNS_MIN
@@ -249,10 +249,10 @@ def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int
 def parse_rows(
     path: TextSource, start: int, names: Sequence[str], layout: Layout, stop: int | None = None
 ) -> Table:
-    """Return the columns of the rows from byte ``start`` on, to byte ``stop`` or the end.
+    """Return the columns of the rows from byte ``start`` to byte ``stop`` or the end.
 
-    A column is numeric if at least half of its filled cells in the first block are numbers. An invalid cell
-    in it is an error with its line.
+    A column is numeric if at least half of its filled cells in the first block are numbers. Raise InputError
+    with the line number if a numeric column has an invalid cell.
     """
     order = distinct_names(names)
     stamps: dict[int, Timestamps] = {}
@@ -346,7 +346,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a purely numeric block, which NumPy reads faster; None for other blocks."""
+    """Return the columns of a block, which NumPy reads faster, or None if the block is not purely numeric."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":

@@ -31,7 +31,7 @@ _CLOCK_INSIDE = re.compile(rf"(?<![0-9:]){_CLOCK}(?![0-9:])")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 DAY_S = 86400.0
 _NO_DAY = (math.nan, math.nan)
-# Words above a table about the start of the record, its other dates, and the dates of other events.
+# Words above a table that mark the start of a record, a date of the record, or a date of a different event.
 _START = re.compile(r"start|beg[ai]n|trigger|\bt ?0\b|anfang|d[ée]but|inicio|开始", re.IGNORECASE)
 _RECORD = re.compile(r"dat[eu]|time|zeit|record|measur|mess|acqui|fecha|hora|heure|日期|时间", re.IGNORECASE)
 _OTHER = re.compile(
@@ -45,9 +45,9 @@ def is_time(cell: str) -> bool:
 
 
 def days_of(text: str | None) -> tuple[float, float]:
-    """Return the days since 1970 of a date: read with the day first, and with the month first.
+    """Return the days from 1970 to a date, read with the day first and with the month first.
 
-    Both values are equal if only one reading is valid, and NaN if the text is not a date.
+    The two values are equal if only one reading is valid, and NaN if the text is not a date.
     """
     if not text or _DATE_INSIDE.fullmatch(text) is None:
         return _NO_DAY
@@ -74,16 +74,16 @@ def _day(year: int, month: int, day: int) -> float:
 
 
 def moment_of(text: str) -> Moment | None:
-    """Return the time stamp in a text: a time of day with or without a date; None for any other text."""
+    """Return the time stamp in a text (a time of day, perhaps with a date), None if it has no time of day."""
     reader = Timestamps()
     reader.seconds([text.strip()])
     return reader.first
 
 
 def start_in(lines: Iterable[str]) -> Moment | None:
-    """Return the start of a record in lines of words, None without a time of day or with several.
+    """Return the start of a record that lines of words state, None unless there is exactly one time of day.
 
-    Lines about a start have priority over other lines with a date or a time of day.
+    Lines about a start have priority over lines about the record in general.
     """
     lines = [line for line in lines if not _OTHER.search(line)]
     groups = [" ; ".join(line for line in lines if form.search(line)) for form in (_START, _RECORD)]
@@ -95,7 +95,7 @@ def start_in(lines: Iterable[str]) -> Moment | None:
 
 
 def date_in(texts: Iterable[str]) -> tuple[float, float] | None:
-    """Return both readings [days since 1970] of the only date in texts; None for no or several dates."""
+    """Return the two readings [days since 1970] of the date in texts, None unless there is exactly one."""
     found = {
         days_of(each[0]) for text in texts if not _OTHER.search(text) for each in _DATE_INSIDE.finditer(text)
     } - {_NO_DAY}
@@ -147,7 +147,7 @@ class Timestamps:
         read = {text: days_of(text) for text in found if text}
         if self._reading is None and not self._only:
             self._reading = _reading_of([text for text in read if not math.isnan(read[text][0])])
-            # A year of two digits has no reading, either.
+            # A date whose year has two digits is unclear as well.
             unclear = [
                 text for text, (day, _) in read.items() if not (math.isnan(day) and re.search(r"\d{4}", text))
             ]
@@ -166,7 +166,7 @@ def _reading_of(dates: Iterable[str]) -> int | None:
         return None
     if all(day == month for day, month in days):
         return 0
-    # A date with one reading decides for the dates with two. Its day is above 12.
+    # A date with a day above 12 has only one reading. This reading applies to all dates of the file.
     forced = {
         int(int(re.split(r"[-./]", text)[0]) <= 12)
         for text, (day, month) in zip(dates, days, strict=True)

@@ -23,13 +23,13 @@ from mrdamper.quantities import to_si
 _BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
 _DATA_SET = 58
 _TIME_RESPONSE = 1
-_REAL = (2, 4)  # Single and double precision.
+_REAL = (2, 4)  # Data types of real numbers in single and double precision.
 _QUANTITIES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 13: "force"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Channel:
-    """Samples of one channel on its own time, arrays of shape (n,)."""
+    """Samples of one channel and their times, arrays of shape (n,)."""
 
     name: str
     unit: str
@@ -44,7 +44,7 @@ def is_uff(head: bytes) -> bool:
 
 
 def read_uff(path: Path, _options: FileOptions) -> Table:
-    """Return the table of the first recording of a universal file; the other recordings follow it."""
+    """Return the table of the first recording of a universal file; later recordings are in ``following``."""
     channels = list(_channels(path))
     if not channels:
         raise InputError(

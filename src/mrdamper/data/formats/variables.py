@@ -37,7 +37,7 @@ _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 def table_of_variables(
     variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
 ) -> Table:
-    """Return the columns of a file's variables: arrays, and structures and lists of these.
+    """Return the columns of a file's variables: arrays, and arrays in structures and lists.
 
     A structure or an array may have attributes in ``settings``.
     """
@@ -64,7 +64,7 @@ class _Variables:
         self._collect((), variables, "", _NO_SETTINGS)
 
     def _collect(self, path: tuple[str, ...], value: Any, unit: str, outer: Mapping[str, object]) -> None:  # noqa: ANN401
-        """Collect the arrays in a value; ``outer`` are single values of the structures around it."""
+        """Collect the arrays in a value. ``outer`` are the single values of the enclosing structures."""
         own = getattr(value, "settings", _NO_SETTINGS)
         settings = {**outer, **own}
         class_name = _class_name(value)
@@ -107,10 +107,10 @@ class _Variables:
         self.texts |= {(*path, name): text for name, text in texts.items()}
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
-        """Return the last parts of the paths of a matrix's columns.
+        """Return the last part of the path of each column of a matrix.
 
-        Preferred are lists whose name begins with the first word of the matrix's name, then lists called
-        "names".
+        The names come from lists of words. A list whose name begins with the first word of the matrix's name
+        has priority, then a list with a name such as "names" or "channels".
         """
         own = [("", words) for words in getattr(matrix, "words", ())]
         begin = path[-1].split("_")[0]  # pandas names the columns of block0_values in block0_items.
@@ -162,7 +162,7 @@ def words_in(value: Any) -> list[str]:  # noqa: ANN401 - any value
 
 
 def _lists_of_words(name: str, value: Any) -> Iterator[tuple[str, list[str]]]:  # noqa: ANN401 - any value
-    """Generate (name, words) of the lists of words at any depth; these may name columns or units."""
+    """Generate (name, words) of the lists of words at any depth. The words may be column names or units."""
     if words := words_in(value):
         yield name, words
     elif isinstance(value, Mapping):

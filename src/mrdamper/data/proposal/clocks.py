@@ -29,7 +29,7 @@ from mrdamper.quantities import roles_of_unit, to_si
 _TICKS = (1.0, 1e3, 1e6)  # Possible units of a time column, in ticks per second.
 _TICK_UNITS = ("s", "ms", "us")
 MEASURED = frozenset({"displacement", "force", "velocity"})
-"""Roles without values outside their samples; the others keep a value for one step."""
+"""Roles without values outside their samples. Values of the remaining roles hold for one step outside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,12 +37,12 @@ class OneClock:
     """Columns by role, all sampled at the times of one clock; ``time`` is the time column."""
 
     columns: Mapping[str, FloatArray]
-    interpolated: tuple[str, ...] = ()  # Roles.
+    interpolated: tuple[str, ...] = ()  # Roles of the interpolated columns.
     findings: tuple[Finding, ...] = ()
 
 
 def fastest_time(table: Table, names: Iterable[str]) -> str | None:
-    """Return the time column of the fastest clock of the columns, None without a clock."""
+    """Return the name of the time column of the fastest clock of the columns, None if they have no clock."""
     clocks = sorted({table.clocks[name] for name in names if name in table.clocks})
     return min(
         (_time_of(table, clock) for clock in clocks),
@@ -56,7 +56,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
 
     Parameters
     ----------
-    names : columns by role, without the time
+    names : role -> name of the column, for all roles except time
 
     Raise AskingError if the channels of one recording overlap for less than 90 % of it. Raise InputError if
     the channels have no common time, or one of them has no clock.
@@ -145,7 +145,7 @@ def _findings_of_common_time(
     latest = max(spans, key=lambda role: spans[role])
     late_s = spans[latest][0] - spans[earliest][0]
     is_apart = table.recorded_apart and late_s > slack_s
-    # A longer unused fraction of the recording is reported.
+    # Report an unused part of the recording above this fraction.
     if not is_apart and whole_s - common_s <= 0.01 * whole_s:
         return ()
     begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
@@ -257,7 +257,7 @@ def _rates_of(table: Table) -> tuple[float, ...]:
 
 
 def unit_by_rate(name: str, table: Table) -> str:
-    """Return the time unit that agrees with a sampling rate above the table, "" without one."""
+    """Return the time unit that agrees with the sampling rate above the table, "" if no unit agrees."""
     ticks = _ticks_per_second(name, table)
     return next((u for u, n in zip(_TICK_UNITS, _TICKS, strict=True) if ticks and _is_near(ticks, n)), "")
 

@@ -47,7 +47,7 @@ class Header:
     word: str
     unit: str
     of_unit: tuple[str, ...]
-    of_word: str  # The role is empty unless the word names one exactly.
+    of_word: str  # Role that the word names exactly, "" if the word is not the name of a role.
 
 
 def header_of(table: Table, name: str, place: str) -> Header:
@@ -90,7 +90,7 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
 def headers_of(table: Table, place: str) -> list[Header]:
     """Return the headers of columns that may be samples.
 
-    Times of day are omitted, and so are several statistics of one role.
+    Times of day are omitted. Statistics, such as a maximum, are omitted if a role has several of them.
     """
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     results = [each for each in headers if is_statistic(each.word)]

@@ -1,7 +1,8 @@
-"""Documents next to the runs that state their conditions: run lists, notes, settings; small texts and sheets.
+"""Documents next to the runs that state test conditions: run lists, notes and settings.
 
-A document applies to a file if it names or numbers it, has its name, or is in a folder with a single run.
-Its lines are read like those above a table (``words.labels``).
+A document is a small text or sheet. It applies to a file if it contains the name or the number of the file,
+has the same name, or is in a folder with a single run. The lines of a document are read like the lines above
+a table (``words.labels``).
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class Document:
 class _Files:
     """Files of a folder, indexed by the names that a document may use for them."""
 
-    names: dict[str, Path] = field(default_factory=dict)  # Keys are in lower case, with and without suffix.
+    names: dict[str, Path] = field(default_factory=dict)  # Names in lower case, with and without suffix.
     numbers: dict[int, Path] = field(default_factory=dict)  # The last number of each stem, if unique.
 
     @classmethod

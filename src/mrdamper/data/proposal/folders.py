@@ -27,8 +27,8 @@ _JOBS = tuple("card check compare cycles derate heat heatsink summary sweep veri
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }
-FOLDER_DEPTH_MAX = 4  # Levels of subfolders.
-_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # Runs and other files have these suffixes.
+FOLDER_DEPTH_MAX = 4  # Number of levels of subfolders that are searched.
+_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # Files with these suffixes may or may not be runs.
 _NO_RUNS = frozenset(
     f".{end}"
     for end in (
@@ -143,7 +143,7 @@ def format_suffixes() -> set[str]:
 
 
 def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
-    """Generate the files in a folder that may contain runs, then those in its subfolders."""
+    """Generate the files that may contain runs, first in the folder, then in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     for file in entries:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):

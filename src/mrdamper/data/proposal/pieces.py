@@ -21,7 +21,9 @@ from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace,
 from mrdamper.schema import finite_or_none
 
 _SLOW = frozenset({"temperature", "command"})
-_SWING_RATIO, _TURN_COUNT_MIN, _REGULAR_RATIO = 0.2, 5, 0.2  # A periodic motion meets these limits.
+# A periodic motion has reversals above this fraction of its range, at least this number of reversals, and
+# half periods that differ from their median by at most this fraction.
+_SWING_RATIO, _TURN_COUNT_MIN, _REGULAR_RATIO = 0.2, 5, 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,8 +178,8 @@ def evened(piece: Piece) -> Piece:
     if np.mean(repeats) < 0.1:  # Rarer repeats are faults of single stamps.
         return piece
     still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
-    # A larger ratio of repeats without motion means pairs of rows.
-    if "displacement" in piece.channels and np.mean(still[repeats]) > 0.9:  # Rows are min and max.
+    # Some loggers write a row of minima and a row of maxima with the same time and displacement.
+    if "displacement" in piece.channels and np.mean(still[repeats]) > 0.9:
         return piece
     resolution = float(steps[steps > 0.0].min())
     # A coarse time with this number of stamps has a rate accurate to 0.3 %.
@@ -268,7 +270,7 @@ def integrated(piece: Piece) -> Piece:
 
 
 def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift [m/s]: over whole cycles if periodic, otherwise the slope of a fitted line.
+    """Return the drift [m/s]: the mean over whole cycles of a periodic path, otherwise the slope of a line.
 
     A line fitted to a part of a sine would have a slope without drift.
     """
@@ -282,5 +284,6 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > _REGULAR_RATIO:
         return line
     inner = turns[1:-1]
-    first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # Both are at the same side.
+    # The first and the last reversal are at the same end of the stroke, whole cycles apart.
+    first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])
     return float((path[last] - path[first]) / (time[last] - time[first]))

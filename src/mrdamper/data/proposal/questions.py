@@ -36,7 +36,7 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Return the first part of an answer to this question."""
+        """Return the first part of an answer to this question, such as ``force.unit``."""
         return f"{self.role}.{self.topic}"
 
     def to_dict(self) -> Mapping[str, object]:
@@ -60,7 +60,7 @@ class AskingError(InputError):
 
 
 class NoRunError(AskingError):
-    """Error for a file without damper samples, such as results or the data of another instrument."""
+    """Error for a file without damper samples, such as results or the data of a different instrument."""
 
 
 def ask(
@@ -73,7 +73,7 @@ def ask(
     remedy: str = "",
     candidates: Sequence[str] = (),
 ) -> AskingError:
-    """Return the error with one question."""
+    """Return an AskingError with one question about a role in the file ``place``."""
     text = found + (f"; expected {expected}" if expected else "")
     question = Question(role, topic, place, text, tuple(candidates))
     return AskingError(place=place, found=found, expected=expected, remedy=remedy, questions=(question,))
@@ -100,7 +100,7 @@ class Answer:
 def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
     """Parse answers of the form ``ROLE.TOPIC=VALUE`` with an optional pattern of files.
 
-    Raise InputError if an answer has another form, or an unknown role or topic.
+    Raise InputError if an answer has a different form, or an unknown role or topic.
     """
     answers = []
     for text in given:

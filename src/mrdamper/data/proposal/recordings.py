@@ -53,7 +53,7 @@ from mrdamper.files import printable
 from mrdamper.quantities import QUANTITIES, CommandUnit
 
 ONE_FOR_EACH = "one for each current"
-"""The source of a column of force that has others beside it, each with its current in its name."""
+"""Source of a force column in a table with one force column for each current."""
 _HELD = ("current", "voltage", "temperature")
 
 
@@ -64,8 +64,8 @@ class RigFile:
     recordings: tuple[Recording, ...]
     layout: Layout
     columns: tuple[Column, ...]
-    chosen: ChannelMap  # The map includes the answers.
-    findings: tuple[Finding, ...] = ()  # These findings are from the reading.
+    chosen: ChannelMap  # Channel map, with the answers of the user.
+    findings: tuple[Finding, ...] = ()  # Changes that the reader made.
     inferred: tuple[Inference, ...] = ()
     starts: tuple[Moment | None, ...] = ()  # Moment of time zero of each recording.
 
@@ -76,17 +76,21 @@ class _Part:
 
     pieces: tuple[Piece, ...]
     columns: tuple[Column, ...]
-    role: str  # This is the role of the command.
+    role: str  # Role of the command: "current" or "voltage".
     notes: tuple[str, ...] = ()
 
 
 def runs_in(
     tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "", stated: Sequence[Place] = ()
 ) -> RigFile:
-    """Return the recordings in the tables of a file. ``name`` is used if they have no other name.
+    """Return the recordings in the tables of a file.
 
-    ``stated`` are lines of documents about the file.
     A table without force versus time, such as results next to the samples, is skipped and reported.
+
+    Parameters
+    ----------
+    name : name of the runs; "": the name of the file
+    stated : lines of documents about the file
     """
     parts: list[_Part] = []
     faults: list[InputError] = []
@@ -120,7 +124,7 @@ def runs_in(
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the channel map for one table; if each table is one segment, with its constant command."""
+    """Return the channel map for one table. If each table is one segment, it has the segment's command."""
     segments = chosen.segments
     if (
         segments is None
@@ -145,7 +149,7 @@ def _may_be_run(table: Table) -> bool:
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
-    """Return True if an unreadable table has other columns than a longer table of the file."""
+    """Return True if a longer table has different columns and some column is only in this table."""
     return any(other.names != table.names and other.rows > table.rows for other in tables) and not (
         {column for other in tables if other is not table for column in other.names} >= {*table.names}
     )
@@ -294,7 +298,7 @@ def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: P
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
-    """Return the names of the runs in a file: the file name, if several with command, title or number."""
+    """Return the names of the runs in a file: the file name, and command, title or number if needed."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
     titles = [piece.title for piece, _ in pieces]

@@ -25,7 +25,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMANDS = ("current", "voltage")
-LEVEL_PARTS = 16  # Medians of this number of parts show a change of level despite noise.
+LEVEL_PARTS = 16  # A column is divided into this number of parts. Their medians reveal a step despite noise.
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -49,7 +49,7 @@ def no_column(role: str, table: Table, place: str) -> InputError:
 
 
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
-    """Return the error that requests the unit of a column without a unit or with the unit of another role."""
+    """Return the error that requests a unit if a column has no unit, or has the unit of a different role."""
     choices = QUANTITIES[role].units
     return ask(
         role,
@@ -163,9 +163,9 @@ def command_shares(table: Table) -> list[str]:
 
 
 def _has_companion(name: str, table: Table) -> bool:
-    """Return True if another column has the same word and another unit.
+    """Return True if a second column has the same word but a different unit.
 
-    Then a column in volts is the output of the sensor.
+    A column in volts is then the output of the sensor.
     """
     word = word_and_unit(name)[0]
     return any(word_and_unit(other)[0] == word for other in table.columns if other != name)

@@ -1,9 +1,10 @@
 """Assignment of roles to table columns by units and words; unclear roles result in a question.
 
-The only column with a unit of a role has that role, unless its header names another role. Among several
-columns a measured one has priority over its set point, and a word of the role over other words. A time
-increases. A column in volts is a command only if the header names a command, because the column may be the
-output of a sensor. A scale in the header (``500 N/V``) converts a sensor output to its quantity.
+The only column with a unit of a role has that role, unless its header names a different role. Among several
+columns, a measured column has priority over its set point, and a column named after the role has priority
+over the remaining columns. A time column must increase. A column in volts is a command only if the header
+names a command, because the column may be the output of a sensor. A scale in the header (``500 N/V``)
+converts a sensor output to its quantity.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return the question if the factor above the table has been applied to its column."""
+    """Return the error for a column to which the factor above the table may already be applied."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
@@ -156,7 +157,7 @@ def _column_of_map(
 
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
-    """Return the columns with a unit that remain after words are compared. Several result in a question."""
+    """Return the columns of ``found`` whose words match the role best. Several columns lead to a question."""
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
@@ -222,7 +223,7 @@ def _column_without_unit(
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
     """Return True if a run requires a role, so that an unclear column results in a question.
 
-    A run requires current or voltage. A velocity is required only without a displacement.
+    A run requires current or voltage. Velocity is required only if displacement is missing.
     """
     if role == "current":
         return not any("voltage" in each.of_unit and says_command(each.word) for each in headers)

@@ -20,9 +20,10 @@ _COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     """Return a table for each run, or the table itself if it contains a single run.
 
-    The names repeat, apart from the appended numbers, and each run has one time. The title is the table's
-    title and the text above the names (``0.5 A: F [N]``). Empty columns between runs are removed. A map must
-    use the names that repeat.
+    A table contains several runs if the names of its columns repeat, apart from numbers appended by the
+    reader, and if each repetition has one time column. The title of a run is the title of the table and the
+    text above the names (``0.5 A: F [N]``). Empty columns between runs are removed. The table is not divided
+    if a channel map names a column that is not among the repeated names.
     """
     if table.texts or table.clocks or table.stamps:
         return (table,)

@@ -1,7 +1,7 @@
 """Temperature logs of a separate slow logger, assigned to runs by date and time of day.
 
-A run gets the temperature of the only log that covers it. Times are compared only if both state a date,
-because without a date the log may be of another day.
+A run gets the temperature of a log if exactly one log covers the run. Times are compared only if run and log
+state a date, because a log without a date may be from a different day.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from mrdamper.quantities import QUANTITIES
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
 # Differences between local time and UTC [h], beginning with 0.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
-AMBIGUITY_MAX_K = 1.0  # A time zone need not be known if it changes temperatures by less than this.
+AMBIGUITY_MAX_K = 1.0  # The time zone may be unknown if it changes the temperatures by less than this.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

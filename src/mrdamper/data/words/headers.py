@@ -1,7 +1,7 @@
 """Headers of columns: word, unit, and the roles that word and unit may mean.
 
-A unit selects a column if only one has a unit of the role. Words select among several columns, and
-separate a command from its set point.
+The unit determines the column of a role if only one column has a unit of the role. Otherwise the words
+determine the column. They also distinguish a measured quantity from its set point.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\
 
 
 def word_and_unit(header: str) -> tuple[str, str]:
-    """Return the word and the unit of a header, "" if missing. Other text belongs to the word."""
+    """Return the word and the unit of a header, "" if missing. All text except the unit is the word."""
     text = header.translate(_NARROW).strip()
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
@@ -97,12 +97,12 @@ def is_set_point(word: str) -> bool:
 
 
 def says_command(word: str) -> bool:
-    """Return True if a header of volts names a command. Other volts may be a sensor output."""
+    """Return True if the header of a column in volts names a command. Otherwise it may be a sensor output."""
     return _COMMAND.search(_split_words(word)) is not None and not is_monitor(word)
 
 
 def is_monitor(word: str) -> bool:
-    """Return True if a header names a sensor output, which has volts for another quantity."""
+    """Return True if a header names a sensor output, whose volts represent a different quantity."""
     return _MONITOR.search(_split_words(word)) is not None
 
 
@@ -165,9 +165,10 @@ def parse_header(header: str) -> tuple[str, str] | None:
 
 
 def is_unit_beside(text: str, role: str) -> bool:
-    """Return True if a text next to a word of a role is a unit: of the role, of another role, or volts.
+    """Return True if the text next to a word of a role is a unit.
 
-    One letter of another role may number a sensor, as in ``force_A``.
+    A text of one letter must be a unit of the role or V because a letter may number a sensor, as in
+    ``force_A``.
     """
     roles = roles_of_unit(text)
     return role in roles or "voltage" in roles or (bool(roles) and len(text.strip("[]() ")) > 1)

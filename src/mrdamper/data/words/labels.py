@@ -46,8 +46,8 @@ _NOT_SET = re.compile(
 )
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
-# Cyrillic units are mapped to Latin ones. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
+# Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
@@ -102,9 +102,9 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
-    """Return the label of the nearest text with a value of the role, None if there is none.
+    """Return the label of the nearest text with a value of the role, None if no text has a value.
 
-    A document about the file is used if no other text has a value; otherwise its value is compared.
+    If a document about the file states a different value than the nearest text, the label has both values.
     """
     found: list[Label] = []
     for source in dict.fromkeys(place.source for place in places):
@@ -184,8 +184,8 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
     """Return the different sampling rates [Hz] in the lines above a table.
 
-    A line must contain a sampling word because a frequency may be of the motion. An interval requires a unit,
-    except for ``Delta_X``, which LabVIEW writes in seconds.
+    A line must contain a word about sampling because a frequency may be the frequency of the motion. An
+    interval requires a unit, except for ``Delta_X``, which LabVIEW writes in seconds.
     """
     rates: dict[float, None] = {}
     lines = list(lines)

@@ -34,7 +34,7 @@ FIELD_SCALE_A_m = 1.0 / 6.33e-6
 """Carlson's field scale H_s [A/m], 158 kA/m."""
 
 CARRIERS: Mapping[str, float] = MappingProxyType({"hydrocarbon": 1.0, "silicone": 0.95, "water": 1.16})
-"""Carlson's constant C of a carrier [-]: assumptions of this project, no source of them was at hand."""
+"""Carlson's constant C of a carrier liquid [-]. The values are assumptions of this project."""
 
 _STRESS_PA, _STRESS_POWER = 271700.0, 1.5239
 _IRON_T, _IRON_POWER, _IRON_RATE = 1.91, 1.133, 10.97

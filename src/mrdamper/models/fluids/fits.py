@@ -23,10 +23,10 @@ VALID_K = (233.15, 403.15)
 """-40 to 130 degC: points outside are not fitted."""
 
 TEMPERATURE_SPAN_MIN_K = 10.0  # A smaller span does not determine a temperature law.
-POLE_MIN_K = -500.0  # The VFT law with a lower pole equals that of Reynolds.
+POLE_MIN_K = -500.0  # A VFT law with a lower pole is practically the Reynolds law.
 POLE_MARGIN_K = 5.0  # The pole of a VFT law is at least this far below the coldest point.
 FACTOR_MIN = 0.01  # The linear factor of the yield stress stays above this value.
-HOT_K = 373.15  # The fall of a law is stated from 20 to 100 degC.
+HOT_K = 373.15  # The decrease of a law is stated from 20 to 100 degC.
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class LawFit:
     factor: TemperatureFactor
     parameters: tuple[FittedParameter, ...]
     rms_percent: float  # root mean square of the relative residuals
-    aicc: float  # Akaike information criterion for few points; infinite with too few
+    aicc: float  # Akaike information criterion for few points; infinite if there are too few points
     fall_percent: float  # decrease from 20 to 100 degC
     fall_standard_error_percent: float
     at_reference: float = 1.0
@@ -264,7 +264,7 @@ def _law_fit(  # noqa: PLR0913 - all parts of one fit
     known = np.isfinite(errors[1 : 1 + size])
     slope = factor.gradient(HOT_K)[known]
     part = covariance[1 : 1 + size, 1 : 1 + size][np.ix_(known, known)]
-    # The scatter counts as a parameter. Squares below 1e-24 are rounding.
+    # The AICc counts the variance of the residuals as a parameter. Squares below 1e-24 are rounding errors.
     count, size_all = residual.size, values.size + 1
     spare = count - size_all - 1
     square = max(float(np.mean(residual**2)), 1e-24)

@@ -26,7 +26,7 @@ PLAUSIBLE_K = (QUANTITIES["temperature"].low, QUANTITIES["temperature"].high)
 
 @dataclass(frozen=True, slots=True)
 class Collapse:
-    """factor = 1 / (1 + exp[(T - middle) / width]): a fluid that fails, outside its valid range."""
+    """factor = 1 / (1 + exp[(T - middle) / width]): decrease of viscosity of a fluid that fails when hot."""
 
     middle_K: Positive
     width_K: Positive
@@ -59,7 +59,7 @@ class Fluid:
     particle_fraction: float  # volume fraction of iron [-]
     density_kg_m3: Positive | None = None
     heat_capacity_J_kg_K: Positive | None = None
-    conductivity_W_m_K: Positive | None = None  # thermal
+    conductivity_W_m_K: Positive | None = None  # thermal conductivity
     collapse: Collapse | None = None
     valid_K: tuple[float, float]
 
@@ -91,7 +91,7 @@ class Fluid:
         Parameters
         ----------
         temperature_K : temperature [K], any shape
-        with_collapse : multiply by ``collapse``, the fall of a failing fluid (outside its valid range)
+        with_collapse : multiply by the factor ``collapse`` of a fluid that fails above its valid range
 
         Raises
         ------
@@ -123,7 +123,19 @@ class Fluid:
     ) -> FloatArray:
         """Return the yield stress [Pa] at temperatures [K], and at a field strength or a flux density.
 
-        Shapes broadcast. Errors and the warning are those of ``viscosity``, for ``valid_K`` only.
+        Shapes broadcast.
+
+        Raises
+        ------
+        InputError
+            Neither or both of field strength and flux density are given.
+        EnvelopeError
+            The law is not positive and finite there, or a temperature is not plausible in kelvin.
+
+        Warns
+        -----
+        EnvelopeWarning
+            Outside ``valid_K``, once.
         """
         if (field_A_m is None) == (flux_density_T is None):
             raise InputError(place="yield stress", found="give either field_A_m or flux_density_T")

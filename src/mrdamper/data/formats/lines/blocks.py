@@ -1,7 +1,8 @@
-"""Blocks of rows in a text: consecutive samples with lines of words between or below them.
+"""Blocks of rows in a text: consecutive rows of numbers, separated by lines of words.
 
 A line of words ends a block. The lines between two blocks are the header of the second block, and the
-lines below the last block are a trailer. A single invalid cell among numbers remains an error of its line.
+lines below the last block are a trailer. A row of numbers with one invalid cell does not end a block: the
+cell is reported as an error.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class _Scan:
 def find_blocks(
     content: bytes, start: int, first_line: int, delimiter: str, encoding: str
 ) -> tuple[list[Block], int]:
-    """Return the blocks from byte ``start`` on, and the number of lines of words below the last block."""
+    """Return the list of blocks from byte ``start`` on, and the number of lines below the last block."""
     scan = _Scan(delimiter)
     at = start
     for number, raw in enumerate(content[start:].splitlines(keepends=True), first_line):

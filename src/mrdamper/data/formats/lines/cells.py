@@ -20,7 +20,7 @@ _NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 
 
 def _form(point: str, group: str) -> re.Pattern[str]:
-    """Return the form of a number: sign, digits before and after the point, exponent.
+    """Return the pattern of a number: sign, digits before and after the point, exponent.
 
     Groups of thousands are accepted only before a point or if there are two of them, because 1,234 may be
     1.234.
@@ -36,7 +36,7 @@ _FORMS = {".": _form(".", ","), ",": _form(",", ".")}
 
 
 def number_in(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, None if the cell holds anything else.
+    """Return the number in a cell, None if the cell is not a number.
 
     Also accepted: ``1.0D+02``, a blank after the sign, and groups of thousands.
     """
@@ -59,7 +59,7 @@ class Cells:
     Parameters
     ----------
     texts : cells, None if empty
-    numbers : NaN if a cell is no number
+    numbers : number in each cell, None if the cell is not a number
     lines : line of each cell in the file, from 1
     """
 
@@ -76,7 +76,7 @@ class Cells:
         return self.bad > 0.5 * self.filled
 
     def numbers(self) -> FloatArray:
-        """Return the numbers, NaN for any other cell."""
+        """Return the numbers, NaN for each cell that is not a number."""
         return self._numbers
 
     def texts(self) -> Texts:
@@ -89,7 +89,7 @@ class Cells:
         return self._lines[k], f"{self._texts[k]}"[:40]
 
     def with_dates(self, dates: Texts) -> Cells:
-        """Return the cells with a date in front of each."""
+        """Return the cells with a date in front of each time, from the cell of ``dates`` in the same row."""
         texts: Texts = [time and f"{date} {time}" for date, time in zip(dates, self._texts, strict=True)]
         return Cells(texts, [None] * len(texts), self._lines)
 

@@ -25,7 +25,7 @@ READ_AS = {
     _JAPANESE: ("not UTF-8: read as Shift JIS",),
     _KOREAN: ("not UTF-8: read as Korean (CP949)",),
 }
-"""What is told of a text in an encoding other than UTF-8."""
+"""Remark on a text that is not UTF-8, by its encoding."""
 
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # Bytes that Windows-1252 does not define.
@@ -99,7 +99,7 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
 def encoding_of(path: TextSource, content: bytes) -> str:
     """Return the encoding of a text that is not UTF-16.
 
-    Raise InputError if the encoding is not one of a text of numbers.
+    Raise InputError if the bytes are not a text of numbers in a supported encoding.
     """
     try:
         content.decode("utf-8")

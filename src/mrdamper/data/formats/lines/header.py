@@ -35,7 +35,7 @@ _NOTE_LINES_MAX, _NOTE_LENGTH_MAX = 64, 300
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Names of columns, and the lines above them with their cells separated by blanks."""
+    """Names of columns, and the lines above the names with their cells separated by blanks."""
 
     names: tuple[str, ...]
     said: tuple[str, ...]
@@ -45,9 +45,10 @@ class Header:
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
-    """Return the delimiter and the first line of data: two or more numbers, and as many in the next line.
+    """Return the delimiter and the index of the first row of numbers, None if no row was found.
 
-    The first of ten such lines has priority, because a short table of results may be above the samples.
+    A row has two or more numbers, and the next line is of the same kind. Ten consecutive rows have priority
+    over fewer because a short table of results may be above the samples.
     """
     found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
     for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
@@ -69,12 +70,13 @@ def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
 
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
-    """Return the first of ``wanted`` lines of at least two numbers. One line is enough at the end of a text.
+    """Return the index of the first of ``wanted`` consecutive rows with two or more numbers, else None.
 
-    Lines belong together unless a cell holds a number in one and a word in the other.
+    A single row is enough at the end of a text. Two rows belong to different tables if a cell is a number in
+    one row and a word in the other row.
     """
     rows: list[int] = []
-    words: list[bool | None] = []  # Kinds of the cells in the first of these lines.
+    words: list[bool | None] = []  # For each cell of the first row: True if it is a word.
     for k, line in enumerate(lines):
         if not line.strip() and wanted == LEAST_ROWS:
             continue
@@ -102,10 +104,10 @@ def _is_word(cell: str) -> bool | None:
 
 
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
-    """Return the names of the columns above the first row, and the lines above the names.
+    """Return the header above the row with index ``first``: the names of the columns, and the other lines.
 
-    A row of units below (or above) the names is added to the names: ``name [unit]``. A row of commands above
-    the names is added as ``0.5 A: name [unit]``. A command applies up to the next filled cell.
+    Units in a row below (or above) the names are added to the names: ``name [unit]``. Commands in a row above
+    the names are added in front: ``0.5 A: name [unit]``. A command applies up to the next filled cell.
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
@@ -173,7 +175,7 @@ def _filled(cells: list[str]) -> list[str]:
 
 
 def _apply_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of columns, replaced by entries of a legend above the table (``CH1: force, N``)."""
+    """Return the names of columns as a legend above the table explains them (``CH1: force, N``)."""
     entries = (_ENTRY.fullmatch(line) for line in said)
     legend = {_key(entry[1]): entry[2] for entry in entries if entry is not None}
     meant = [legend.get(_key(name), "") for name in names]
@@ -202,7 +204,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
 
 
 def _names_in_comment(text: str, count: int) -> list[str]:
-    """Return the names in a comment ``columns: time [s], force [N]``; empty for other comments."""
+    """Return the names in a comment ``columns: time [s], force [N]``; empty if the comment has no list."""
     names = _LEAD.sub("", text)
     lists = (split_line(names, sign) for sign in DELIMITERS[:-1])
     return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
@@ -281,9 +283,10 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 
 def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
-    """Return the decimal sign of the rows, "" without one. Raise InputError if both signs are used.
+    """Return the decimal sign of the rows, "" if no number has decimals.
 
-    The last of two signs in a cell, as in 1,234.5, is the decimal sign. Two equal signs separate thousands.
+    If a cell has both signs, as in 1,234.5, the last sign is the decimal sign. Two equal signs in a cell
+    separate thousands. Raise InputError if the rows contradict each other.
     """
     fields = [text for line in rows for text in split_line(line, delimiter) if is_number(text)]
     signs = [[sign for sign in text if sign in ".,"] for text in fields]
@@ -304,9 +307,9 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
 
 
 def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimiter: str) -> None:
-    """Raise InputError if commas may separate columns and decimals: 0,5,1,25 is two numbers or four.
+    """Raise InputError if a comma may be a delimiter or a decimal sign: 0,5,1,25 is two numbers or four.
 
-    A cell "1,234" in quotation marks is 1.234 or 1234 unless other cells decide.
+    A cell "1,234" in quotation marks is 1.234 or 1234 unless a different cell shows the meaning of the comma.
     """
     if delimiter != ",":
         return

@@ -38,7 +38,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label names, "" for other labels; ``x unit`` is of the time axis."""
+    """Return the property that a label names, "" if none: ``unit``, or ``x unit`` for the time axis."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
@@ -57,11 +57,11 @@ def property_of(text: str) -> str:
 def find_properties(
     rows: Sequence[Sequence[str]], lines: Sequence[str], first: Sequence[str]
 ) -> Properties | None:
-    """Return the properties of the channels, None unless the names and another property are stated.
+    """Return the properties of the channels, None unless the lines state the names and one more property.
 
     Parameters
     ----------
-    rows, lines : cells of the lines above the table, and the lines
+    rows, lines : the lines above the table, divided into cells and as text
     first : cells of the first row of the table
     """
     leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
@@ -140,7 +140,7 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Generate the label of each row with the cells after the label or in the next line."""
+    """Generate (label, values) of each row; the values follow the label in the same or the next line."""
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
             yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]

@@ -1,0 +1,88 @@
+"""Join runs that are parts of one record.
+
+Loggers divide long records into files of equal size. The clock continues in the next file. If each part were
+used alone, a part would count as much as a whole run, and each part would need its own warm-up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
+
+_SEAM_STEPS_MAX = 2.5  # Limit of the time from the last sample of a part to the first of the next part.
+_RMS_RATIO_MAX = 1.3  # Parts of one record have similar displacements and speeds.
+_SEAM_TEMPERATURE_K_MAX = 1.0
+
+
+def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
+    """Return the joined runs, and the names of the runs that were appended to another run.
+
+    A run continues a previous run if it is from a different file, has the same constant command, starts at
+    most 2.5 time steps after the end of the previous run, and continues the motion and the temperature. A
+    joined run has the name of its first part.
+    """
+    first_parts: dict[str, list[RigRun]] = {}  # last run of each record -> its parts
+    for run in sorted(runs, key=lambda run: (float(run.time[0]), run.name)):
+        previous = [name for name, parts in first_parts.items() if _continues(run, parts[-1])]
+        parts = first_parts.pop(previous[0]) if len(previous) == 1 else []
+        first_parts[run.name] = [*parts, run]
+    records = {parts[0].name: _join(parts) for parts in first_parts.values()}
+    continued = tuple(run.name for run in runs if run.name not in records)
+    joined = tuple(records[run.name] for run in runs if run.name in records)
+    return replace(runs, runs=joined), continued
+
+
+def _continues(run: RigRun, previous: RigRun) -> bool:
+    """Return True if ``run`` is the continuation of ``previous``."""
+    step_s = float(np.median(np.diff(previous.time)))
+    if not -0.5 * step_s < run.time[0] - previous.time[-1] < _SEAM_STEPS_MAX * step_s:
+        return False
+    return _has_same_settings(run, previous) and _has_same_motion(run, previous)
+
+
+def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
+    """Return True if the runs are from different files with the same channels, command and temperature."""
+    if run.source and run.source == previous.source:
+        return False
+    settings = [(each.command_unit, each.session, each.velocity is None) for each in (run, previous)]
+    commands = run.constant_command, previous.constant_command
+    if settings[0] != settings[1] or commands[0] is None or commands[1] is None:
+        return False
+    if abs(commands[0] - commands[1]) > command_slack(commands[0]):
+        return False
+    if run.temperature is None or previous.temperature is None:
+        return run.temperature is previous.temperature
+    return abs(float(run.temperature[0] - previous.temperature[-1])) <= _SEAM_TEMPERATURE_K_MAX
+
+
+def _has_same_motion(run: RigRun, previous: RigRun) -> bool:
+    """Return True if the displacement continues without a jump, at a similar rms stroke and speed."""
+    steps_m = [np.abs(np.diff(each.displacement)) for each in (previous, run)]
+    seam_m = abs(float(run.displacement[0] - previous.displacement[-1]))
+    return (
+        seam_m <= _SEAM_STEPS_MAX * max(float(each.max()) for each in steps_m)
+        and _similar(float(np.std(run.displacement)), float(np.std(previous.displacement)))
+        and _similar(*(float(np.sqrt(np.mean(np.square(each)))) for each in steps_m))
+    )
+
+
+def _similar(first: float, second: float) -> bool:
+    return max(first, second) <= _RMS_RATIO_MAX * min(first, second)
+
+
+def _join(parts: Sequence[RigRun]) -> RigRun:
+    """Return the parts as one run. A sample that is in two adjacent parts is used once."""
+    kept = [parts[0]]
+    for part in parts[1:]:
+        kept.append(part.between(float(np.nextafter(kept[-1].time[-1], np.inf)), None))
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in kept])
+        for name in CHANNELS
+        if getattr(parts[0], name) is not None
+    }
+    return replace(parts[0], **columns)
