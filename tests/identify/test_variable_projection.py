@@ -15,6 +15,7 @@ from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
+from tests.support.tiers import one_by_day
 
 
 def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, duration: float = 2.0) -> FitProblem:
@@ -24,7 +25,7 @@ def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, duration: float 
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("law", ["bouc-wen", "bouc-wen-saturating", "series-valve"])
+@pytest.mark.parametrize("law", one_by_day(["bouc-wen", "bouc-wen-saturating", "series-valve"], 2))
 def test_more_starts_find_same_minimum(law: str) -> None:
     problem = problem_of(law, duration=4.0)
     costs = [fit_variable_projection(problem, starts=count).cost_percent for count in (1, 3)]
