@@ -110,7 +110,7 @@ def test_valid_range_ends_with_the_law(tmp_path):
     assert any("in the range of the tables only: -20 to 100 degC" in note for note in answer["notes"])
 
 
-def test_example_of_the_page_is_correct(tmp_path):
+def test_example_in_docs_is_correct(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "fluid.md").read_text(encoding="utf-8")
     blocks = dict(re.findall(r"`(\w+\.(?:csv|toml))`:\n\n((?:    .*\n|\n)+)", page))
     table = "".join(f"{line.strip()}\n" for line in blocks["oil.csv"].splitlines() if line.strip())

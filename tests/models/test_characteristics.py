@@ -202,7 +202,7 @@ def test_assumed_temperatures_count_if_one_was_tested():
     assert default_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
 
 
-def test_example_of_the_page_is_correct():
+def test_example_in_docs_is_correct():
     page = Path(__file__).parents[2] / "docs" / "characteristics.md"
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert failed == 0
