@@ -102,7 +102,9 @@ class Page(Generic[Result]):
 
     def render(self, result: Result) -> str:
         """Return the HTML text of the page."""
-        first, picture = self.first(result), self._svg(result)
+        from mrdamper.report.figures.style import svg_drawn_by  # imports Matplotlib
+
+        first, picture = self.first(result), svg_drawn_by(lambda: self.picture(result), self.label)
         template = environment().get_template(self.template)
         context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
         return template.render(**context, **self.values(result))
@@ -118,17 +120,6 @@ class Page(Generic[Result]):
             "tables": [each.web_json() for each in self.sections(result) if isinstance(each, Table)],
         }
 
-    def _svg(self, result: Result) -> str:
-        from mrdamper.report.figures.style import drawing_style, svg_of  # imports Matplotlib
-
-        with drawing_style():
-            figure = self.picture(result)
-            return "" if figure is None else svg_of(figure, self.label)
-
-    def figure(self, result: Result) -> Figure | None:
-        """Return the figure of the first screen. The caller sets the drawing style."""
-        return self.picture(result)
-
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""
         write_text(path, self.render(result))
@@ -143,6 +134,19 @@ def sentence(text: str) -> str:
         return text
     first = text.partition(" ")[0]
     return f"{text[:1].upper() if first.isalpha() else text[:1]}{text[1:]}."
+
+
+def count_of(name: str, count: int) -> str:
+    """Return a count with the singular or plural of a name."""
+    return f"{count} {name}{'' if count == 1 else 's'}"
+
+
+def range_of(values: Sequence[float], unit: str) -> str:
+    """Return the range of values as text; a dash without values."""
+    if not values:
+        return "–"
+    low, high = min(values), max(values)
+    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
 
 
 def _zoomed(svg: str) -> str:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from rich.console import Console
 from rich.markup import escape
@@ -19,6 +19,9 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from mrdamper.schema import Json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Row = TypeVar("Row")
 # Limits of the general table. A page with more columns or rows is hard to read.
@@ -118,11 +121,18 @@ class Table(Generic[Row]):
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure of a report, drawn as SVG when the report is written."""
+    """A figure of a report. It is drawn when the report is written, and omitted if ``draw`` returns None."""
 
     title: str
-    draw: Callable[[], str]
+    draw: Callable[[], Figure | None]
     caption: str = ""
+
+    @property
+    def svg(self) -> str:
+        """The figure as SVG, or an empty string."""
+        from mrdamper.report.figures.style import svg_drawn_by  # imports Matplotlib
+
+        return svg_drawn_by(self.draw, self.title)
 
 
 Section = Table[Any] | Picture

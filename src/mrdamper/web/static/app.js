@@ -33,7 +33,7 @@ const VIEWS = {
   controller: ControllerPage,
   jobs: JobsPage,
 };
-const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["track", "export"] };
+const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"] };
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
 const FILES_MAX = 12; // Longer lists are shortened in print.
 

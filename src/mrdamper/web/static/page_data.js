@@ -1,6 +1,6 @@
 // Data: files and their channel maps, runs with findings, and the linked view of the ticked runs.
 
-import { deleteFile, getData, putFile } from "./api.js";
+import { deleteFile, getData, look, putFile } from "./api.js";
 import { ChannelSheet } from "./channels.js";
 import {
   filesOf,
@@ -138,8 +138,8 @@ function dropZone() {
   );
 }
 
-async function upload(chosenFiles) {
-  for (const file of chosenFiles) {
+async function upload(files) {
+  for (const file of files) {
     app.uploads = [`${file.name}: sending ${bytes(file.size)} …`];
     app.draw();
     await attempt(async () => {
@@ -154,6 +154,11 @@ async function upload(chosenFiles) {
   }
   app.uploads = [];
   app.draw();
+  if (files.length === 1) {
+    const [{ name }] = files;
+    const { error } = await look(name).catch(() => ({}));
+    if (error) choose({ file: name }); // Its channels must be mapped.
+  }
 }
 
 /** Return the choice of runs and cards, and how they are drawn. */
