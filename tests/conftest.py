@@ -5,7 +5,7 @@ that requests a program (fixture ``tool``) is in ``system`` at least. A test tha
 skipped, and fails with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in ``.ci/run``).
 
 Property tests draw new examples in every run. A failing example is kept in ``.hypothesis`` and tried first.
-``--hypothesis-profile=nightly`` draws five times as many.
+``--hypothesis-profile=nightly`` draws eight times as many.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # No deadline, because a loaded machine is not a fault of the code.
-settings.register_profile("usual", max_examples=20, deadline=None, print_blob=True)
+settings.register_profile("usual", max_examples=12, deadline=None, print_blob=True)
 settings.register_profile("nightly", settings.get_profile("usual"), max_examples=100)
 settings.load_profile("usual")
 

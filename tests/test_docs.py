@@ -258,6 +258,7 @@ LONG = {
     "thermal.md",
     "characteristics.md",
     "commissioning.md",
+    "tracking.md",
 }
 """Pages whose commands take seconds of CPU. They run in the nightly tests."""
 

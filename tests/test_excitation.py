@@ -107,13 +107,6 @@ def test_nonperiodic_motion_has_no_period():
     assert max(echoes) < 0.95
 
 
-@pytest.mark.parametrize(("motion", "period"), [(Sine(5e-3, 4.0), 0.25), (Triangle(12e-3, 30e-3), 1.6)])
-def test_motion_repeats_after_period(motion, period):
-    assert motion.period == pytest.approx(period)
-    t = np.linspace(0.0, 3.0, 100)
-    assert motion.displacement(t + motion.period) == pytest.approx(motion.displacement(t), abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("text", "motion"),
     [
@@ -170,11 +163,6 @@ def test_road_has_spectrum_of_class():
         stated = 256e-6 * 0.1**2 * (1.0 / low - 0.5 / low)
         corner = 1.0 / (1.0 + (0.01 / low) ** 2)
         assert power == pytest.approx(stated * corner, rel=0.06), low
-
-
-def test_road_scales_with_speed():
-    t = np.linspace(0.0, 5.0, 40)
-    assert Road(speed=30.0).displacement(t / 2) == pytest.approx(Road(speed=15.0).displacement(t), abs=1e-12)
 
 
 def test_random_motion_has_stated_spread():

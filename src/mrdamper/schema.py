@@ -38,6 +38,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 from mrdamper.errors import InputError, MrdamperError
+from mrdamper.interrupts import hold_interrupts
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 Json = dict[str, Any]
@@ -322,7 +323,8 @@ def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapte
             keys = {field.name: field.key for field in fields_of(each)}
             config = {"extra": "forbid", "allow_inf_nan": False, "alias_generator": keys.__getitem__}
             each.__pydantic_config__ = config
-    return TypeAdapter(record)
+    with hold_interrupts():  # Pydantic can lose an exception that a signal handler raises.
+        return TypeAdapter(record)
 
 
 def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types

@@ -125,12 +125,6 @@ def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], A
     return make
 
 
-def loop(folder: Path) -> Arguments:
-    (folder / "a.csv").symlink_to(folder / "b.csv")
-    (folder / "b.csv").symlink_to(folder / "a.csv")
-    return identify("a.csv")
-
-
 def twins(folder: Path) -> Arguments:
     """Write two files with the same name of the run."""
     for name in ("run.csv", "run.txt"):
@@ -181,15 +175,6 @@ def empty_files(folder: Path) -> Arguments:
     for name in WRITERS:
         (folder / f"empty_{name}").write_bytes(b"")
     return identify("empty_*")
-
-
-def parquet_without_rows(folder: Path) -> Arguments:
-    import polars as pl
-
-    pl.DataFrame({name: [] for name in titled()}, schema=dict.fromkeys(titled(), pl.Float64)).write_parquet(
-        folder / "bad.parquet"
-    )
-    return identify("bad.parquet")
 
 
 def hdf5_of_promises(folder: Path) -> Arguments:
@@ -283,9 +268,6 @@ def mdf_formula(folder: Path) -> Arguments:
     return identify("bad.mf4")
 
 
-# ------------------------------------------------------------------------------------------- loggers
-
-
 # ------------------------------------------------------------------------------------------- channel maps
 
 
@@ -353,24 +335,19 @@ def objects_in_archive(folder: Path) -> Arguments:
 CASES: tuple[Case, ...] = (
     # Missing files and files that are not text
     Case("empty", raw(b""), r"bad\.csv: the file is empty"),
-    Case("header only", text(HEADER + "\n"), r"no rows of numbers in the first 1 lines"),
     Case("missing", lambda folder: identify("nowhere.csv"), r"nowhere\.csv: no such file or folder"),
     Case(
         "pipe", pipe("pipe.csv", *identify("pipe.csv")), r"pipe\.csv: is a pipe or a device; expected a file"
     ),
     Case("device", lambda folder: identify("/dev/zero"), r"/dev/zero: is a pipe or a device"),
-    Case("link to itself", loop, r"a\.csv: no such file or folder"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
     Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv"), r"holds zero bytes after about line"),
-    Case("name of markup", text("", "[red]<b>$(x).csv"), r"\[red\]<b>\$\(x\)\.csv: the file is empty"),
     Case("same name twice", twins, r"run name 'run' is used more than once"),
     # Encodings
     Case("UTF-16", raw(GOOD.encode("utf-16") + b"\0"), r"the text is UTF-16 and damaged"),
     Case("CR line ends", raw(GOOD.replace("\n", "\r").encode()), r"lines end in CR alone"),
-    Case("noise", raw(np.random.default_rng(0).bytes(5000)), r"not a format that is read here|not UTF-8"),
     Case("web page", text("<!DOCTYPE html><html><body>Log in</body></html>\n" * 9), r"is a web page or XML"),
     # Columns and units
-    Case("markup in names", header("<script>,<b>x</b>,&amp;,current_A"), r"no displacement column.*<script>"),
     Case("no force", header("time_s,displacement_mm,CH1,current_A"), r"no force column; the columns are"),
     Case(
         "no unit",
@@ -383,43 +360,18 @@ CASES: tuple[Case, ...] = (
         r"'mm' is not a unit of force",
     ),
     Case(
-        "code for a unit",
-        header(HEADER.replace("_kN", " [__import__('os').abort()]")),
-        r"force has no unit",
-    ),
-    Case(
         "two forces",
         header("force_N,displacement_mm,force_kN,current_A"),
         r"'force_N', 'force_kN' all hold force",
     ),
     Case("wrong unit, metres", header(MILLIMETRES_AS_METRES), r"looks like mm read as m"),
-    Case(
-        "wrong unit, newtons",
-        spoilt(edit("force", lambda f: 1e6 * f)),
-        r"force is .* N at worst, outside -1e\+06 to 1e\+06",
-    ),
-    Case(
-        "commas for all",
-        text(f"{HEADER}\n" + "".join(f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5\n" for k in range(200))),
-        r"commas may be decimals",
-    ),
     # Numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
-    Case("cut in a row", text(GOOD[:-30]), r"is nan at sample"),
-    Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at worst.*\(1 samples"),
-    Case("time twice", spoilt(put("time", 100, 0.495)), r"time does not increase .* after sample 99"),
-    Case("time goes back", spoilt(put("time", slice(200, 204), np.arange(4) * 0.005)), r"mixed sampling"),
     Case(
         "gap",
         spoilt(edit("time", lambda t: t + 0.5 * np.clip(np.arange(len(t)) // 10 - 19, 0, 6))),
         r"time has a gap of 0\.505 s after sample 199",
     ),
-    Case(
-        "mixed rates",
-        spoilt(edit("time", lambda t: np.where(t > 1.0, 3.0 * t - 2.0, t))),
-        r"mixed sampling: the time step is 0\.005 s at the start and 0\.015 s",
-    ),
-    Case("at rest", spoilt(edit("displacement", lambda x: 0.0 * x)), r"displacement never changes"),
     Case("dead load cell", spoilt(edit("force", lambda f: 0.0 * f)), r"force never changes"),
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
     Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
@@ -427,9 +379,6 @@ CASES: tuple[Case, ...] = (
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
     # Binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
-    Case("Parquet without rows", parquet_without_rows, r"no columns of numbers found"),
-    Case("MAT, cut", cut("v5.mat", 0.6), r"not a readable MAT file"),
-    Case("MAT 7.3, cut", cut("v73.mat", 0.6), r"not a readable HDF5 file"),
     Case("HDF5, cut", cut("run.h5", 0.5), r"not a readable HDF5 file"),
     Case("HDF5 of promises", hdf5_of_promises, r"no columns of numbers found"),
     Case("HDF5 that leads elsewhere", hdf5_linked, r"no force column"),
@@ -439,9 +388,7 @@ CASES: tuple[Case, ...] = (
         r"not a readable TDMS file|holds no sample: it is empty, or cut off",
     ),
     Case("MDF, cut", cut("run.mf4", 0.3), r"not a readable MDF file"),
-    Case("Excel, cut", cut("run.xlsx", 0.6), r"not a readable Excel file"),
     Case("NumPy archive of objects", objects_in_archive, r"skipped: force_N \(pickled objects\)"),
-    Case("JSON, cut", cut("run.json", 0.7), r"not a readable JSON file"),
     Case("JSON, deep", raw(b'{"a":' * 9000, "bad.json"), r"not a readable JSON file"),
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
     Case(
@@ -456,11 +403,6 @@ CASES: tuple[Case, ...] = (
     ),
     # Data loggers
     Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
-    Case(
-        "MTS, no rows",
-        damaged("mts.dat", lambda c: b"\n".join(c.splitlines()[:5])),
-        r"no rows of numbers",
-    ),
     # Every format: empty, with the signature of another format, or with only its signature.
     # An empty JSON file may be of any program and is omitted.
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 9} more"),
@@ -495,19 +437,10 @@ CASES: tuple[Case, ...] = (
     # Channel maps
     Case("map missing", channel_map(None), r"map\.toml: cannot read the channel map"),
     Case("map is no TOML", channel_map("[channel\n"), r"map\.toml: not a TOML file"),
-    Case("map nested too deep", channel_map("x = " + "[" * 50_000), r"map\.toml: not a TOML file"),
-    Case(
-        "map with an unknown key",
-        channel_map("[channel.force]\nscale = 2"),
-        r"channel\.force has no key 'scale'; expected one of: name",
-    ),
     Case(
         "map of a missing column",
         channel_map("[channel.force]\nname = 'CH7'\nunit = 'N'"),
         r"no column 'CH7'",
-    ),
-    Case(
-        "map with a wrong unit", channel_map("[channel.force]\nunit = 'mm'"), r"'mm' is not a unit of force"
     ),
     Case(
         "map is a pipe",
@@ -523,18 +456,10 @@ CASES: tuple[Case, ...] = (
     ),
     Case("card with a negative yield force", card(negative_yield_force), r"yield_force"),
     Case("card with a wrong unit", card(no_unit), r"viscosity"),
-    Case("card with an unknown key", card(lambda d: d.update(run_this="rm -rf /")), r"run_this"),
-    Case("card, empty", card_bytes(b""), r"bad\.json: .*not a whole JSON file"),
     Case("card nested too deep", card_bytes(b"[" * 100_000), r"bad\.json: not a card"),
     Case("card is a pipe", pipe("bad.json", *EVALUATE), r"bad\.json: is a pipe or a device"),
     # Other files of users
     Case("drawing with an unknown table", toml("[bodyy]\nlength_mm = 1", *HEAT), r"bodyy"),
-    Case(
-        "campaign with an unknown key",
-        toml("motionz = []", "rig", "--campaign", "bad.toml"),
-        "unknown key 'motionz'",
-    ),
-    Case("damper with an unknown key", toml("viscosityy = 1", "rig", "--preset", "bad.toml"), r"viscosityy"),
     Case("rheometer table is a run", lambda folder: ["fluid", "good.csv", "--out", "out"], r"good\.csv"),
     Case(
         "fluid with an unknown key",

@@ -245,6 +245,7 @@ def test_hold_out_pattern_without_match_is_rejected(folder, tmp_path):
     assert "chirp*" in run.stderr
 
 
+@pytest.mark.nightly
 def test_flip_force_accepts_runs_with_wrong_sign(tmp_path):
     place = spoiled(tmp_path, "runs", changed("force_N", lambda f: -f), every=True)
     arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--term", "none", "--json")
@@ -262,6 +263,7 @@ def test_single_current_is_accepted_with_option(tmp_path, folder):
 # --------------------------------------------------------------------------------------- other ways
 
 
+@pytest.mark.nightly
 def test_python_law_is_fitted_and_evaluated(folder):
     run = short_runs()[-1]
     short = {name: values[:400:4] for name, values in columns_of(run).items()}  # A law in Python is slow.

@@ -179,6 +179,7 @@ def test_single_temperature_message_names_missing_tests(folder, measured, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.nightly
 def test_single_temperature_fit_has_note(folder, measured, tmp_path):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
     for path in place.iterdir():

@@ -39,19 +39,3 @@ def test_batches_match_whole_run(name, size):
         held = tuple(column[keep:].copy() for column in (x, v, a))
     whole, _ = core.run(law, core.open_record(path), values)
     np.testing.assert_array_equal(np.concatenate(forces), whole)
-
-
-def test_state_of_wrong_batch_is_rejected():
-    path, law = random_drive(13), LAWS["lugre"].kernel or 0
-    motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
-    kinematics = (path.displacement, path.velocity, path.acceleration)
-    values = values_of("lugre")
-    batch = core.open_batch(path.step, kinematics, motion, patience=100)
-    assert batch.behind == 0
-    state[0] = 1.0
-    with pytest.raises(ValueError, match="batch before"):
-        core.carry(law, batch, values, state, core.Workspace())
-    with pytest.raises(ValueError, match="expected"):
-        core.carry(law, batch, values, state[:3].copy(), core.Workspace())
-    with pytest.raises(ValueError, match="patience"):
-        core.open_batch(path.step, kinematics, motion, patience=0)

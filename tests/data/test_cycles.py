@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.cycles import CountedRecord, count_record, cycles
-from mrdamper.data.prepare import prepare_run
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.cycles import CountedRecord, count_record
+from mrdamper.data.records import Recording
 from tests.support.examples import examples
 
 STEP_s, SAMPLES_PER_CYCLE = 1e-3, 200
@@ -88,19 +87,3 @@ def test_cycles_match_plain_loops(seed: int, noise: float) -> None:
         assert found.amplitude_m[i] == pytest.approx(np.ptp(moved) / 2, rel=1e-12)
         assert found.stiffness_N_per_m[i] == pytest.approx(secant, rel=1e-10)
         assert found.temperature_K[i] == pytest.approx(np.nanmean(warm[k][:-1]), rel=1e-12)
-
-
-def test_prepared_run_and_record_have_equal_cycles() -> None:
-    """A prepared run is smoothed, so its cycles differ slightly."""
-    rng = np.random.default_rng(1)
-    time, x, force = sine(12_001)
-    x = x + 1e-6 * rng.standard_normal(len(x))
-    force = force + 5.0 * rng.standard_normal(len(x))
-    whole = cycles(prepare_run(RigRun("run", time, x, force, np.full(len(x), 1.5), "A")))
-    found = count(time, x, force).figures
-    nearest = [int(np.argmin(np.abs(found.row - row))) for row in whole.row]
-    same = found.where(np.isin(np.arange(len(found)), nearest))
-    assert len(same) == len(whole) > 50
-    np.testing.assert_allclose(same.energy_J, whole.energy_J, rtol=2e-4)
-    np.testing.assert_array_equal(same.highest_force_N, whole.highest_force_N)
-    np.testing.assert_allclose(same.stroke_m, whole.stroke_m, atol=1e-5)

@@ -14,10 +14,7 @@ from hypothesis import strategies as st
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.resolution import white_noise
-from mrdamper.data.diagnosis.sensors import (
-    resolution_of,
-)
-from mrdamper.data.finding import SEVERITIES, Finding, by_kind, without_repeats
+from mrdamper.data.finding import Finding, by_kind, without_repeats
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError
@@ -197,37 +194,6 @@ def test_clipped_displacement_is_found():
     assert "lower end" in found["clipped"].found
 
 
-@pytest.mark.parametrize("role", ["force", "displacement"])
-@pytest.mark.parametrize("first", [0, 1, 2100, 4500, 4501])
-def test_stuck_sensor_time_is_reported(role, first):
-    """The location has no influence, also at the beginning and end of the run."""
-
-    def stick(fields):
-        fields[role][first : first + 500] = fields[role][first]
-
-    found = {f.kind: f for f in diagnose(recording(changed=stick))}
-    assert found["stuck_sensor"].channel == role
-    assert found["stuck_sensor"].from_s == pytest.approx(1e-3 * first)
-    assert found["stuck_sensor"].to_s == pytest.approx(1e-3 * (first + 499))
-    assert found["stuck_sensor"].severity == "fault"
-
-
-def test_channel_that_never_moves_is_rejected():
-    def dead(fields):
-        fields["force"][:] = 3.0
-
-    finding = only(recording(changed=dead), "refused")
-    assert finding.severity == "fault"
-    assert "force never changes" in finding.found
-
-
-@given(grain=st.floats(1e-3, 50.0), levels=st.integers(20, 400), seed=st.integers(0, 99))
-def test_resolution_of_a_grid_is_found(grain, levels, seed):
-    steps = np.random.default_rng(seed).integers(0, levels, 4000)
-    assert resolution_of(grain * steps) == pytest.approx(grain, rel=1e-6)
-    assert resolution_of(np.random.default_rng(seed).standard_normal(4000)) == 0.0
-
-
 @pytest.mark.parametrize(("factor", "kind"), [(1e12, "outliers"), (-1e9, "outliers")])
 def test_outlier_is_a_fault(factor, kind):
     def outlier(fields):
@@ -271,14 +237,6 @@ def test_white_noise_is_separated_from_loop(noise, seed):
     assert white_noise(spoilt[:15]) == 0.0  # The resolution is unknown.
 
 
-def test_run_without_motion_is_rejected():
-    def rest(fields):
-        fields["displacement"] = 1e-6 * np.random.default_rng(0).standard_normal(len(fields["time"]))
-
-    (finding,) = (f for f in diagnose(recording(changed=rest)) if f.severity == "fault")
-    assert finding.kind == "refused"
-
-
 # ------------------------------------------------------------------------------------------- all runs
 
 
@@ -319,24 +277,6 @@ def test_diagnosis_agrees_with_validation_of_runs(n, data):
 def a_finding(kind, severity="warning", size=None, run="", **fields):
     texts = {"found": "", "effect": "", "remedy": ""}
     return Finding(kind=kind, severity=severity, channel="force", size=size, run=run, **texts | fields)
-
-
-def test_findings_of_one_kind_are_grouped():
-    """The largest finding represents its kind, and the most severe kind comes first."""
-    groups = by_kind(
-        [
-            a_finding("a", "note", 1.0, "one"),
-            a_finding("b", "fault", 2.0, "one"),
-            a_finding("a", "note", -3.0, "two"),
-            a_finding("c", "warning", None),
-        ]
-    )
-    assert [(finding.kind, finding.size, count) for finding, count in groups] == [
-        ("b", 2.0, 1),
-        ("c", None, 0),
-        ("a", -3.0, 2),
-    ]
-    assert [finding.severity for finding, _ in groups] == list(SEVERITIES)
 
 
 def test_run_count_counts_each_recording_once():
@@ -526,6 +466,3 @@ def test_findings_do_not_depend_on_units(name, twin):
             assert again == (
                 None if place is None else pytest.approx(slower * place + same.begins_s, abs=1e-9)
             )
-
-
-# ------------------------------------------------------------------------------------------ how few samples

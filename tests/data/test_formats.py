@@ -52,17 +52,8 @@ def test_folder_of_all_formats_is_read(tmp_path):
     ("name", "words"),
     [
         ("run.csv", "delimited text, separated by comma, decimal point, 1 header line"),
-        ("semicolons.csv", "delimited text, separated by semicolon, decimal comma, 2 header lines"),
         ("mts.dat", "delimited text, separated by tab, decimal point, 5 header lines"),
-        ("logger.txt", "delimited text, separated by comma, decimal point, 7 header lines"),
-        ("v5.mat", "MAT file"),
         ("v73.mat", "MAT v7.3 file"),
-        ("run.h5", "HDF5 file"),
-        ("run.tdms", "TDMS file"),
-        ("run.mf4", "MDF file"),
-        ("run.npz", "NumPy archive"),
-        ("run.json", "JSON file"),
-        ("run.parquet", "Parquet file"),
         ("run.xlsx", "Excel file, 3 header lines, part 'Data'"),
     ],
 )
@@ -78,9 +69,6 @@ def test_interpretation_of_a_file_is_printed(tmp_path, name, words):
     ("name", "module", "package"),
     [
         ("run.h5", "h5py", "h5py"),
-        ("v73.mat", "h5py", "h5py"),
-        ("run.tdms", "nptdms", "npTDMS"),
-        ("run.mf4", "asammdf", "asammdf"),
         ("run.xlsx", "python_calamine", "python-calamine"),
     ],
 )
@@ -137,7 +125,7 @@ def test_damaged_file_is_read_or_rejected(tmp_path, name, capfd):
     WRITERS[name](file)
     content = file.read_bytes()
     rng = np.random.default_rng(11)
-    for _ in range(60):
+    for _ in range(15):
         kept = int(rng.integers(1, len(content)))
         damaged = bytearray(content[:kept])
         for _ in range(0 if name in COMPILED else 4):
@@ -177,24 +165,6 @@ def test_continued_mts_acquisitions_are_joined(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------- groups
-
-
-def test_tdms_group_is_selected_by_name(tmp_path):
-    from nptdms import ChannelObject, TdmsWriter
-
-    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
-        for group, factor in (("first", 1.0), ("second", 2.0)):
-            writer.write_segment(
-                [
-                    ChannelObject(group, name, factor * values if "force" in name else values)
-                    for name, values in titled().items()
-                ]
-            )
-    both = read_run(tmp_path / "run.tdms")
-    assert [run.name for run in both] == ["run_first", "run_second"]
-    assert both[1].force == pytest.approx(2.0 * both[0].force, abs=1e-9)
-    (run,) = read_run(tmp_path / "run.tdms", ChannelMap.from_dict({"file": {"part": "second"}}))
-    assert run.force == pytest.approx(2.0 * RUN.force, abs=1e-9)
 
 
 def test_invalid_mdf_samples_are_nan(tmp_path):

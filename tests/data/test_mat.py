@@ -13,7 +13,6 @@ from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_file, read_run
-from mrdamper.errors import InputError
 from tests.data.rig_files import save_mat73
 
 pytestmark = pytest.mark.system
@@ -90,12 +89,6 @@ def test_named_signals_need_no_map(tmp_path, save, variables):
     assert run.constant_command == 0.5
 
 
-def test_unnamed_signals_have_their_path(table):
-    read = table(ScopeData=simulink(["", "", "force_N"]))
-    assert {"ScopeData/signals(1)/values", "ScopeData/signals(2)/values", "force_N"} <= set(read.names)
-    assert np.array_equal(read.columns["ScopeData/signals(2)/values"], SIGNALS["force"][0])
-
-
 def test_equal_recordings_are_separate_parts(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
     assert {"Time", "displacement", "force", "current"} <= set(read.names)
@@ -143,19 +136,6 @@ def test_hdf5_objects_of_classes_are_skipped(tmp_path):
     read = read_file(path)
     assert np.array_equal(read.recordings[0].force, SIGNALS["force"][0])
     assert read.layout.notes == ("skipped: note (string object)",)
-
-
-def test_error_names_skipped_matlab_objects(tmp_path):
-    path = tmp_path / "run.mat"
-    savemat(path, {"damper": 7.0})
-    path.write_bytes(path.read_bytes() + opaque("force", "timeseries"))
-    with pytest.raises(InputError, match=r"skipped: force \(timeseries object\)"):
-        read_file(path)
-
-
-def test_titled_structure_keeps_its_columns(table):
-    read = table(run={"name": "MR damper, 1 A", "data": SIGNALS["force"][0], "time_s": TIME})
-    assert set(read.names) == {"data", "time_s"}
 
 
 def test_circular_links_are_ignored(tmp_path):

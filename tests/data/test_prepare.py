@@ -29,13 +29,6 @@ def test_clean_run_keeps_its_motion():
     assert set(path.command) == {0.5}
 
 
-def test_force_is_as_measured():
-    run = make_run(SINE, **NOISY)
-    assert np.array_equal(prepare_run(run).force, run.force)
-    tared = prepare_run(run, Preparation(force_offset_N=40.0))
-    assert tared.force == pytest.approx(run.force - 40.0)
-
-
 def test_smoothing_keeps_the_motion():
     prepared = prepare_run(make_run(SINE, rest=0.3, **NOISY))
     since = np.maximum(prepared.trajectory.time - 0.3, 0.0)
@@ -67,14 +60,6 @@ def test_error_ignores_first_half_period(rest):
     assert prepared.scored_from * 1e-3 == pytest.approx(expected, abs=3e-3)
 
 
-def test_period_is_measured():
-    assert prepare_run(make_run(SINE, **NOISY)).period_s == pytest.approx(0.5, rel=1e-3)
-    chirp = prepare_run(make_run(Chirp(0.002, 1.0, 15.0, 10.0), duration=10.0))
-    assert chirp.period_s is None
-    half = 0.5 / 8.0  # the median stroke of a linear sweep from 1 to 15 Hz is near its middle frequency
-    assert chirp.scored_from * 1e-3 < 2 * half
-
-
 @pytest.mark.parametrize(
     ("motion", "label"),
     [
@@ -99,12 +84,6 @@ def test_random_motion_label_has_its_band():
     low, high = map(float, band.split("-"))
     assert float(size) > 1.0
     assert 0.9 <= low < high <= 5.5
-
-
-@given(wobble=st.floats(-0.01, 0.01))
-def test_frequency_label_is_a_round_number(wobble):
-    label = prepare_run(make_run(Sine(0.010, 0.2525 * (1 + wobble)), duration=30.0, rate_Hz=100.0)).motion
-    assert label == "sine 10 mm 0.25 Hz"
 
 
 def test_jittered_time_is_resampled():

@@ -43,9 +43,6 @@ def test_valid_run_is_not_changed():
             _set(100, 0.099),
             r"run: time does not increase at 1 places: it stands still, first after sample 99",
         ),
-        ("force", _set(7, np.nan), r"run: force is nan at sample 7 \(1 such samples\); expected finite"),
-        ("displacement", _set(9, np.inf), r"run: displacement is inf at sample 9"),
-        ("force", lambda f: 0 * f + 3.0, r"run: force never changes \(3 N at every sample\)"),
         (
             "displacement",
             lambda x: 0 * x + 0.1,
@@ -56,16 +53,13 @@ def test_valid_run_is_not_changed():
             lambda x: np.linspace(0.0, 0.1, len(x)),
             r"displacement has 0 reversals; expected",
         ),
-        ("displacement", lambda x: 1e3 * x, r"with a stroke of 20 m; .* It looks like mm read as m"),
         ("displacement", _set(50, 0.2), r"It looks like a jump of the sensor"),
         (
             "time",
             lambda t: np.where(t < 2.0, t, 2.0 + 5 * (t - 2.0)),
             r"mixed sampling: the time step is 0\.001",
         ),
-        ("time", lambda t: np.where(t < 2.0, t, t + 0.3), r"time has a gap of 0\.301 s after sample 1999"),
         ("force", lambda f: f[:-1], r"channels differ in length \(time 5001, displacement 5001, force 5000"),
-        ("force", lambda f: 1e4 * f, r"force is .* N at worst, outside -1e\+06 to 1e\+06 N"),
     ],
 )
 def test_fault_has_location_and_remedy(field, change, message):
@@ -79,27 +73,12 @@ def test_celsius_as_kelvin_is_rejected():
         make_run(changed={"temperature": np.full(5001, 25.0)})
 
 
-def test_all_faults_are_reported_together():
-    fields = _with("force", lambda f: 0 * f)
-    fields |= {"displacement": 1e3 * fields["displacement"], "temperature": np.full(5001, 20.0)}
-    with pytest.raises(InputError) as error:
-        RigRun(**fields)
-    told = str(error.value).splitlines()
-    assert len(told) == 3
-    assert all(line.startswith("run: ") for line in told)
-
-
 @given(seed=st.integers(0, 1000), share=st.floats(0.0, 0.3))
 def test_jitter_is_not_mixed_sampling(seed, share):
     fields = fields_of_run(duration=1.0)
     shaken = np.random.default_rng(seed).uniform(-share, share, len(fields["time"]))
     fields["time"] = fields["time"] + 0.001 * shaken
     RigRun(**fields)
-
-
-def test_names_in_a_set_are_unique():
-    with pytest.raises(InputError, match="run name 'run' is used more than once"):
-        Dataset((make_run(), make_run()))
 
 
 def _set_of(*names):

@@ -17,7 +17,7 @@ from scipy.io import savemat
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.mdf import read_mdf
-from mrdamper.data.formats.objects import is_json, read_json, read_npz
+from mrdamper.data.formats.objects import read_json, read_npz
 from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.formats.tdms import read_tdms
@@ -175,17 +175,6 @@ def test_json_lists_name_the_columns(tmp_path, units_first):
     (tmp_path / "run.json").write_text(json.dumps(content))
     bare = {f"column {k + 1} of samples": values for k, values in enumerate(expected)}
     assert_table(read_json(tmp_path / "run.json", PLAIN), bare)
-
-
-def test_json_lines_are_rows(tmp_path):
-    rows = [{"t": 0.5 * k, **({"F": k} if k % 3 else {}), "note": "x"} for k in range(ROWS)]
-    for text in ("\n\n".join(map(json.dumps, rows)), json.dumps(rows), json.dumps({"a": {"b": rows}})):
-        (tmp_path / "run.json").write_text("\ufeff" + text, encoding="utf-8")
-        force = np.array([k if k % 3 else np.nan for k in range(ROWS)])
-        assert_table(read_json(tmp_path / "run.json", PLAIN), {"t": 0.5 * np.arange(ROWS), "F": force})
-    for head, known in ((b' {"a"', True), (b"[-1", True), (b"[ [", True), (b"{}", True), (b"[Setup]", False)):
-        assert is_json(head) is known
-        assert is_json(b"\xef\xbb\xbf" + head) is known
 
 
 # ------------------------------------------------------------------------------------------- TDMS

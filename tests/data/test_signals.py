@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import BSpline
 
 from mrdamper.data.motion import describe_motion, velocity_band
 from mrdamper.data.signals import (
-    _spline_basis,
     differentiate,
     knot_spacing,
     measure_spectrum,
@@ -126,16 +124,6 @@ def test_smoothed_derivatives_are_consistent():
     slope, bend = differentiate(moved.displacement, 1e-3), differentiate(moved.velocity, 1e-3)
     assert np.max(np.abs(slope - moved.velocity)) < 1e-4 * np.std(moved.velocity)
     assert np.max(np.abs(bend - moved.acceleration)) < 1e-2 * np.std(moved.acceleration)
-
-
-@pytest.mark.parametrize("spacing", [2, 7, 40])
-def test_splines_match_scipy(spacing):
-    at = np.arange(spacing) / spacing
-    knots = np.arange(-5.0, 7.0)
-    for j in range(6):
-        spline = BSpline.basis_element(knots[j : j + 7])
-        for order, weights in enumerate(_spline_basis(spacing)):
-            assert weights[j] * spacing**order == pytest.approx(spline(at, order), abs=1e-12)
 
 
 def test_mains_hum_keeps_the_cut_off():

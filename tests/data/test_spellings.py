@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import date, datetime, time, timedelta
 
 import pytest
 from hypothesis import given
@@ -16,7 +15,6 @@ from mrdamper.data.formats.table import (
     FileOptions,
 )
 from mrdamper.data.formats.text import read_text
-from mrdamper.data.formats.timestamps import Timestamps
 from tests.support.examples import examples
 
 # ------------------------------------------------------------------------------------------- headers
@@ -66,7 +64,7 @@ def texts(draw: st.DrawFn) -> Text:
 
 
 @given(texts())
-@examples(200)
+@examples(50)
 def test_names_units_and_titles_are_found(text):
     assert find_data(text.lines) == (text.delimiter, text.first)
     assert find_data(text.lines, text.delimiter) == (text.delimiter, text.first)
@@ -99,18 +97,6 @@ def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):
     table = read_text(tmp_path / "run.csv", FileOptions())
     assert table.names == ("t", "x")
     assert table.columns["x"].tolist() == [k + 0.5 for k in range(12)]
-
-
-# ------------------------------------------------------------------------------------------- times of day
-
-
-@given(st.lists(st.integers(0, 86_399), min_size=1, max_size=8), st.integers(0, 400))
-def test_dates_of_all_orders_count_days(moments, days):
-    at = [datetime.combine(date(2025, 1, 1), time()) + timedelta(days=days * k, seconds=s)
-          for k, s in enumerate(moments)]  # fmt: skip
-    for form in ("%Y-%m-%d %H:%M:%S", "%Y.%m.%d %H:%M:%S", "%d.%m.%Y %I:%M:%S %p"):
-        found = Timestamps().seconds([each.strftime(form) for each in at])
-        assert found.tolist() == [(each - at[0]).total_seconds() for each in at]
 
 
 # ------------------------------------------------------------------------------------------- workbooks
@@ -150,6 +136,3 @@ def test_sheet_position_does_not_matter(tmp_path_factory, above, left, words, un
     assert (table.rows, table.title, table.layout.part) == (12, "Rig", "Rig")
     expected = {0: (), 1: ("1 line of words below the rows",), 2: ("2 lines of words below the rows",)}
     assert table.layout.notes == expected[words]
-
-
-# ------------------------------------------------------------------------------------------- lines

@@ -223,13 +223,6 @@ def test_tdms_of_utc_needs_zone(tmp_path):
     assert_warm(read_each(tmp_path))
 
 
-def test_constant_log_needs_no_zone(tmp_path):
-    tdms(tmp_path)
-    iso_log(tmp_path, [(time, 40.0) for time, _ in logged(LOG_BEGIN - timedelta(hours=3), 400.0)])
-    kelvin = [run.temperature for run in read_each(tmp_path).runs]
-    assert all(values is not None and np.allclose(values, 313.15) for values in kelvin)
-
-
 def test_log_of_different_days_is_listed(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(time + timedelta(days=1), value) for time, value in logged()])
@@ -268,28 +261,6 @@ def test_gap_of_log_is_not_bridged(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(t, v) for t, v in logged() if abs((t - STARTS[1]).total_seconds()) > 60.0])
     assert [run.temperature is not None for run in read_each(tmp_path).runs] == [True, False, True]
-
-
-def test_equal_start_times_are_not_used(tmp_path):
-    texts(lambda _: f"Start time: {FIRST:%Y-%m-%d %H:%M:%S}\n{SECONDS}")(tmp_path)
-    iso_log(tmp_path)
-    assert "same start time" in log_finding(read_each(tmp_path))
-
-
-def test_two_logs_are_both_listed(tmp_path):
-    HEADERS(tmp_path)
-    iso_log(tmp_path)
-    american_log(tmp_path)
-    read = read_each(tmp_path)
-    assert [each.kind for each in read.findings] == ["temperature_log"] * 2
-    assert all(run.temperature is None for run in read.runs)
-
-
-def test_ambient_log_is_listed(tmp_path):
-    HEADERS(tmp_path)
-    lines = [f"{t.isoformat()},{v:.3f}\n" for t, v in logged()]
-    write(tmp_path, "room.csv", "Timestamp,Room temperature (degC)\n" + "".join(lines))
-    assert "no temperature of the damper" in log_finding(read_each(tmp_path))
 
 
 def test_measured_temperature_has_priority(tmp_path):

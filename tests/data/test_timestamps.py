@@ -34,12 +34,6 @@ def seconds(*cells):
     return Timestamps().seconds(list(cells))
 
 
-@pytest.mark.parametrize("form", SPELLINGS)
-def test_time_of_day_passes_midnight(form):
-    time = np.arange(500) * 0.005
-    assert np.allclose(seconds(*spelled(time, form)), time, atol=1e-10)
-
-
 @given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))
 def test_time_stamps_keep_microseconds(steps_us, start):
     time = np.concatenate([[0.0], np.cumsum(steps_us) * 1e-6])
@@ -59,16 +53,6 @@ def test_offset_from_utc_is_subtracted(hours, form):
     ]
     stamps: list[str | None] = [each.strftime(f"%Y-%m-%dT%H:%M:%S.%f{form}") for each in cells]
     assert np.allclose(seconds(*stamps), time, atol=1e-6)
-
-
-@pytest.mark.system
-@pytest.mark.parametrize("form", SPELLINGS)
-@pytest.mark.parametrize("size", [1, 7, 499])
-def test_blocks_join_where_they_were_cut(form, size):
-    time = np.arange(500) * 0.01
-    cells, reader = spelled(time, form), Timestamps()
-    parts = [reader.seconds(cells[k : k + size]) for k in range(0, len(cells), size)]
-    assert np.allclose(np.concatenate(parts), time, atol=1e-10)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import mrdamper
-from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
-from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.readers import ReadFiles
 from mrdamper.data.records import Dataset
 from mrdamper.identify.consistency.errors import find_contradictions, summarize_errors
@@ -68,6 +66,7 @@ def test_late_run_is_reported_with_delay(rig_runs):
     assert finding.low < finding.size < finding.high
 
 
+@pytest.mark.nightly
 def test_wrong_last_run_is_found():
     """The fit follows the wrong run and deviates from its neighbours. A second fit omits it."""
     series = []
@@ -85,12 +84,7 @@ def test_wrong_last_run_is_found():
     assert finding.size == pytest.approx(0.7, abs=0.01)
 
 
-def test_common_delay_of_runs_is_one_finding(rig_runs):
-    finding = warnings_by_run([late(run, 15e-3 * (k < 5)) for k, run in enumerate(rig_runs)])[""]
-    assert finding.kind == "group_delay"
-    assert finding.size == pytest.approx(13e-3, abs=3e-3)
-
-
+@pytest.mark.nightly
 def test_model_error_of_motion_is_ignored():
     """Runs of the same command and motion at different temperatures have the same model error."""
     plan = replace(
@@ -112,27 +106,6 @@ def test_model_error_of_motion_is_ignored():
     (finding,) = run_findings([stronger if run is wrong else run for run in fitted.training])
     assert (finding.run, finding.kind) == (wrong.name, "force_gain")
     assert finding.size == pytest.approx(1.1, rel=0.03)
-
-
-def test_scaled_time_differs_from_other_runs(rig_runs):
-    (finding,) = find_odd_siblings(with_wrong_run(rig_runs, lambda run: replace(run, time=1.04 * run.time)))
-    assert (finding.run, finding.kind) == (WRONG, "time_scale")
-    assert finding.size == pytest.approx(1.04, abs=2e-3)
-
-
-def test_names_of_runs_are_compared_with_signals(rig_runs):
-    assert list(find_against_names(rig_runs)) == []
-    tenth = [replace(run, command=0.1 * run.command) for run in rig_runs]
-    assert {finding.kind for finding in find_against_names(tenth)} == {"declared_command"}
-    inches = [replace(run, displacement=run.displacement / 25.4) for run in rig_runs]
-    assert {finding.kind for finding in find_against_names(inches)} == {"declared_stroke"}
-
-
-def test_implausible_force_unit_is_reported(rig_runs):
-    assert list(find_implausible_damper(rig_runs)) == []
-    (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in rig_runs])
-    assert (finding.kind, finding.channel) == ("implausible_damper", "force")
-    assert "data sheet" in finding.remedy
 
 
 def test_correct_runs_have_no_finding(noisy):
@@ -172,14 +145,6 @@ def test_exchanged_commands_are_reported_for_both(noisy):
     assert findings[runs[6].name].size == pytest.approx(1.0)
     assert findings[runs[7].name].size == pytest.approx(-1.0)
     assert runs[7].name in findings[runs[6].name].found
-
-
-def test_few_runs_have_no_finding(noisy):
-    """The scatter of five runs is not significant."""
-    wrong = replace(noisy[0], force=2.0 * noisy[0].force)
-    assert find_deviations(TRUTH, [wrong, *noisy[1:5]]) == ()
-    assert find_suspects(TRUTH, [wrong, *noisy[1:5]]) == ()
-    assert find_deviations(TRUTH, [wrong, *noisy[1:6]]) != ()
 
 
 @pytest.mark.parametrize(("percent", "kinds"), [(2.0, ["errors_contradict"]), (9.0, []), (np.nan, [])])

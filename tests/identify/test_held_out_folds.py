@@ -126,13 +126,6 @@ def test_fit_to_all_motions_predicts_smaller_error() -> None:
     assert 0.99 < shares["dahl"] <= 1.0
 
 
-def test_card_preserves_its_band() -> None:
-    with_band = card(force_band=BAND)
-    assert card_from_json(card_to_json(with_band)).force_band == BAND
-    document = card_to_json(card())
-    assert card_from_json(document).force_band is None
-
-
 def test_expected_error_matches_burman_correction() -> None:
     """The errors are computed by plain simulations of the fold fits and of the fit to all runs."""
     problem, result = fitted("bingham", "dahl", noise=0.01)

@@ -33,15 +33,6 @@ def test_candidate_cost_is_simulation_error(problem: FitProblem) -> None:
         assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
 
 
-def test_invalid_candidate_has_largest_cost(problem: FitProblem) -> None:
-    ensemble = Ensemble(problem)
-    two = np.full((2, len(problem.free)), 0.5)
-    two[:, [f.name == "yield_force.c0" for f in problem.free]] = 0.05
-    two[:, [f.name == "yield_force.c1" for f in problem.free]] = [[0.1], [0.3]]
-    worse, bad = ensemble.costs(two)
-    assert worse > bad > 1e5  # A cost of 1e4 is an error as large as the signal.
-
-
 def test_genetic_algorithm_does_not_beat_projection(problem: FitProblem) -> None:
     told: list[float] = []
     generations = 25

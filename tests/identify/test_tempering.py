@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -82,23 +81,6 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
 # Coefficients that depend on temperature
 
 
-@pytest.mark.parametrize("name", list(LAWS))
-@pytest.mark.parametrize("kind", [kind for kind in get_args(Temperature) if kind != "none"])
-def test_every_law_has_a_temperature_dependent_start(name, kind):
-    """The free parameters belong to the damper and are within their bounds. All factors are free."""
-    damper, free = template(name, CAMPAIGN, temperature=kind)
-    assert damper.temperature_dependent
-    assert damper.assumed == ()
-    FitProblem(damper, free, CAMPAIGN)  # It raises for unknown or repeated names.
-    values = damper.parameters
-    assert all(each.lower <= values[each.name] <= each.upper for each in free), name
-    for coefficient, form in damper.coefficients.items():
-        if isinstance(form, TemperatureDependent):
-            assert set(names_of(free, coefficient)) >= set(form.factor.parameter_names)
-    for run in CAMPAIGN[:3]:
-        assert np.isfinite(simulate(damper, run.trajectory)).all()
-
-
 def test_paper_temperature_dependence_is_separable_polynomial():
     """In the reconstructed Eq. (12), each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
@@ -109,25 +91,6 @@ def test_paper_temperature_dependence_is_separable_polynomial():
         assert names_of(free, name)[-2:] == ["t1", "t2"]
     assert not damper.coefficients["coulomb_friction"].temperature_dependent
     assert not damper.coefficients["breakaway_friction"].temperature_dependent
-
-
-@pytest.mark.parametrize("kind", get_args(Temperature))
-def test_linear_parameters_are_jointly_linear(kind):
-    """Least squares requires that the force is affine in these parameters."""
-    damper, free = template("bouc-wen", CAMPAIGN, temperature=kind)
-    run = CAMPAIGN[2].trajectory
-    rng = np.random.default_rng(0)
-    linear = [each.name for each in free if each.linear]
-    assert linear
-
-    def force(share: float) -> np.ndarray:
-        return simulate(damper.with_parameters({n: start[n] + share * step[n] for n in linear}), run)
-
-    start = {n: abs(v) + 1.0 for n, v in damper.parameters.items()}
-    # The steps of the temperature factors are small so that no coefficient becomes negative.
-    step = {n: start[n] * rng.uniform(0.0, 1e-3) for n in linear}
-    left, middle, right = force(0.0), force(1.0), force(2.0)
-    np.testing.assert_allclose(left + right, 2.0 * middle, atol=1e-9 * np.abs(middle).max())
 
 
 # Assumption

@@ -185,6 +185,3 @@ def test_term_gain_is_tested_with_paired_t():
     assert gain == pytest.approx(1.0 - np.sqrt(first).mean() / np.sqrt(second).mean())
     assert validated(first).cv_rms_percent == pytest.approx(np.sqrt(first.mean()))
     assert validated(first).cv_mean_percent == pytest.approx(np.sqrt(first).mean())
-
-
-# Proposed tests

@@ -7,17 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamper.errors import InputError
-from mrdamper.excitation import drive
-from mrdamper.identify.problem import FitProblem, FreeParameter
+from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.objective import Objective
-from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection, latin_hypercube
+from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
-from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.progress import ProgressUpdate
-from tests.identify.reference_dampers import MOTIONS, REFERENCE_DAMPERS, simulate_runs
+from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
+from tests.support.tiers import one_by_day
 
 
 def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, duration: float = 2.0) -> FitProblem:
@@ -27,7 +25,7 @@ def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, duration: float 
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("law", ["bouc-wen", "bouc-wen-saturating", "series-valve"])
+@pytest.mark.parametrize("law", one_by_day(["bouc-wen", "bouc-wen-saturating", "series-valve"], 2))
 def test_more_starts_find_same_minimum(law: str) -> None:
     problem = problem_of(law, duration=4.0)
     costs = [fit_variable_projection(problem, starts=count).cost_percent for count in (1, 3)]
@@ -91,44 +89,3 @@ def test_interrupt_keeps_best_parameters() -> None:
     assert result.cancelled
     assert not result.converged
     assert result.cost_percent == pytest.approx(states[-1].best_percent)
-
-
-def test_random_points_fill_the_box() -> None:
-    """Each fifth of the inner range of each parameter has the same number of points."""
-    free = (FreeParameter("a", 1e-3, 1e3, "log"), FreeParameter("b", -1.0, 1.0))
-    points = latin_hypercube(free, 50, 0)
-    for column, (low, high) in zip(points.T, ((np.log(1e-3), np.log(1e3)), (-1.0, 1.0)), strict=True):
-        counts, _ = np.histogram(column, bins=5, range=(low + 0.1 * (high - low), high - 0.1 * (high - low)))
-        assert counts.tolist() == [10] * 5
-    assert not np.allclose(points, latin_hypercube(free, 50, 1))
-
-
-def test_single_current_requires_option() -> None:
-    runs = [r for r in problem_of("bouc-wen", noise=0.0).runs if r.run.constant_command == 1.0]
-    with pytest.raises(InputError, match="one command"):
-        template("bouc-wen", runs)
-    damper, free = template("bouc-wen", runs, one_command=True)
-    result = fit_variable_projection(FitProblem(damper, free, tuple(runs)), starts=1)
-    assert result.cost_percent < 0.5
-
-
-@pytest.mark.parametrize("law", REFERENCE_DAMPERS)
-def test_force_is_linear_in_declared_coefficients(law):
-    """At three equidistant values, the middle force is the mean only if the coefficient is linear."""
-    reference = REFERENCE_DAMPERS[law]
-    path = drive(MOTIONS["harmonics"], duration=2.0, rate_Hz=500.0, command=1.0)
-    for coefficient in reference.law.coefficients:
-        given = reference.coefficients.get(coefficient.name)
-        value = float(given.value(np.array([1.0]))[0]) if given else coefficient.default
-        assert value is not None
-        step = 0.1 * abs(value) or 0.1
-        forces = [
-            simulate(
-                replace(reference, coefficients={**reference.coefficients, coefficient.name: each}), path
-            )
-            for each in map(Constant, (value, value + step, value + 2.0 * step))
-        ]
-        change = float(np.abs(forces[2] - forces[0]).max())
-        if change > 0.0:  # A parameter of an inactive term has no effect.
-            bend = float(np.abs(forces[0] + forces[2] - 2.0 * forces[1]).max())
-            assert (bend < 1e-9 * change) == coefficient.linear, coefficient.name

@@ -73,14 +73,6 @@ def test_cost_on_windows_approximates_total_cost(campaign) -> None:
     assert np.sqrt(cost(damper, windows)) == pytest.approx(np.sqrt(cost(damper, every)), rel=0.1)
 
 
-@pytest.mark.parametrize("campaign", [chirp, grid])
-@pytest.mark.parametrize("samples_max", [2000, 1e9])
-def test_window_fractions_sum_to_one(campaign, samples_max) -> None:
-    windows = representative_windows(campaign(), DEFAULT_SETTINGS, samples_max=samples_max)
-    assert sum(window.fraction for window in windows) == pytest.approx(1.0)
-    assert min(window.fraction for window in windows) > 0.0
-
-
 def test_windows_ignore_order_of_runs() -> None:
     """The same windows with the same weights are selected for any order of the runs."""
 
@@ -110,11 +102,3 @@ def test_warm_up_restores_hysteresis_state(campaign) -> None:
     for window in representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 4):
         error = (simulate(DAMPER, window.drive) - window.force)[window.start :]
         assert np.sqrt(np.mean(error**2)) < 0.01 * np.std(run.force)
-
-
-def test_no_window_crosses_blocks() -> None:
-    """With five blocks of time, windows of different blocks share no scored sample."""
-    (run,) = chirp()
-    windows = representative_windows([run], DEFAULT_SETTINGS, samples_max=1e9, blocks=5)
-    assert {window.block for window in windows} == set(range(5))
-    assert sum(len(w.force) - w.start for w in windows) == len(run) - run.scored_from

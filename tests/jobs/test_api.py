@@ -103,12 +103,3 @@ def _as_read(document):
     import json
 
     return json.loads(json.dumps(document, default=dict))
-
-
-def test_mass_term_is_added_to_law(runs):
-    """The fitted mass of a simulated damper without mass is negligible."""
-    fitted = mrdamper.fit(runs, "bouc-wen", terms=["mass", "friction"])
-    names = {estimate.name for estimate in fitted.result.estimates}
-    assert {"mass.value", "coulomb_friction.value", "stribeck_velocity.value"} <= names
-    plain = mrdamper.fit(runs, "bouc-wen")
-    assert fitted.result.cost_percent <= plain.result.cost_percent * (1.0 + 1e-6)

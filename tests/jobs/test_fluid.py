@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import Carlson, flux_density
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
@@ -107,28 +106,6 @@ def test_valid_range_ends_with_the_law(tmp_path):
     assert answer["viscosity"]["law"] == "vft"
     assert answer["valid_degC"] == pytest.approx([-20.0, 100.0])
     assert any("in the range of the tables only: -20 to 100 degC" in note for note in answer["notes"])
-
-
-def test_same_tables_give_the_same_bytes(fitted, folder):
-    fluid([folder / "viscosity.csv", folder / "yield.csv"], out=folder / "again")
-    for name in ("fluid.toml", "fluid.html"):
-        assert (folder / "again" / name).read_bytes() == (folder / "out" / name).read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("temperature_degC,viscosity_mPas\n20,150\n20,151\n20,149\n", r"1 temperature\(s\)"),
-        ("temperature_degC,viscosity_mPas\n20,150\n40,-110\n60,80\n", "the value at 40 degC is -0.11"),
-        ("temperature_degC,viscosity_furlong\n20,150\n40,110\n60,80\n", "unit 'furlong'"),
-        ("field_T,temperature_degC,yield_stress_kPa\n100,20,4\n200,60,8\n400,90,19\n", "a field of 400 T"),
-    ],
-)
-def test_bad_table_is_refused_and_nothing_written(text, said, tmp_path):
-    (tmp_path / "bad.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=rf"^bad\.csv: .*{said}.*; expected"):
-        fluid([tmp_path / "bad.csv"], out=tmp_path / "out")
-    assert [path.name for path in tmp_path.iterdir()] == ["bad.csv"]
 
 
 def test_example_in_docs_is_correct(tmp_path):

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import mrdamper
-from mrdamper.cli.commands import parameters_of
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
@@ -128,25 +127,7 @@ def test_parameter_samples_of_another_card_are_rejected(folder: Path, tmp_path: 
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 
-def test_reports_show_interval(folder: Path, tmp_path: Path):
-    card = folder / "card.json"
-    found = mrdamper.evaluate(card, Dataset((a_run(TRUTH),)), posterior=9)
-    found.save(tmp_path / "evaluate")
-    page = (tmp_path / "evaluate" / "evaluate.html").read_text(encoding="utf-8")
-    assert "90 % intervals of coefficients" in page
-    assert "90 % interval of the modelled force" in page
-    answer = mrdamper.registry.JOBS["evaluate"].reported.answer(found)
-    assert answer["posterior"]["interval_width_N"] == found.forces[0].width_N
-    assert answer["runs"][0]["rmse_interval_N"] == list(found.forces[0].rmse_N)
-
-
 def test_samples_are_read_only_with_option(tmp_path: Path):
     path = write_card_of(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate(path, MOTION).interval is None
-
-
-def test_motion_text_is_not_a_path():
-    """A text such as ``sine:10mm:...`` must not be converted to a path."""
-    (motion,) = (each for each in parameters_of(mrdamper.registry.JOBS["simulate"]) if each.name == "motion")
-    assert motion.type.convert(MOTION, None, None) == MOTION

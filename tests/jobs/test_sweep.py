@@ -23,7 +23,6 @@ from mrdamper.jobs.sweep import executors
 from mrdamper.jobs.sweep.executors import run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, make_plan
 from mrdamper.jobs.sweep.store import RESULTS_FILE, open_store
-from mrdamper.jobs.sweep.sweep import SweepResult, SweptTask
 from mrdamper.registry import JOBS
 from mrdamper.thermal.duty import read_duty
 from mrdamper.virtual_rig.campaign import Campaign
@@ -251,27 +250,6 @@ def test_campaigns_have_unique_names(tmp_path: Path):
     given = [tmp_path / "*/run.csv", tmp_path / "c*"]
     plan = make_plan(given, None, None, read_duty(DUTY), None, SweepOptions())
     assert [task.name for task in plan.tasks] == ["a-run", "b-run", "c"]
-
-
-def test_summary_ignores_missing_values():
-    """Quantiles refer to the tasks that have the value."""
-    plan = Plan("dampers", 0, tuple(Task(name, "dampers", 1, {}) for name in "abcd"), "")
-    figures: tuple[dict[str, float | None], ...] = (
-        {"degC": 1.0, "gone": None},
-        {"degC": 3.0},
-        {},
-        {"degC": None},
-    )
-    swept = [
-        SweptTask(name, values, "broken" if name == "c" else "", None)
-        for name, values in zip("abcd", figures, strict=True)
-    ]
-    result = SweepResult(plan, tuple(swept), 0)
-    assert [task.name for task in result.failed] == ["c"]
-    assert set(result.statistics) == {"degC"}
-    degrees = result.statistics["degC"]
-    assert (degrees.count, degrees.least, degrees.median, degrees.most) == (2, 1.0, 2.0, 3.0)
-    assert SweepResult(plan, tuple(swept[:2]), 0).cancelled
 
 
 def test_task_that_kills_workers_is_an_error(monkeypatch: pytest.MonkeyPatch):

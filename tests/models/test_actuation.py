@@ -236,9 +236,6 @@ def test_applied_command_scales_with_the_command(actuation, command, size):
     )
 
 
-# -------------------------------------------------------------------------------------------- refusals
-
-
 # ---------------------------------------------------------------------------------------- hysteresis
 
 slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501), np.linspace(0.5, 1.0, 501)])

@@ -187,7 +187,7 @@ json_values = st.recursive(
 
 
 @pytest.mark.system
-@examples(10)
+@examples(4)
 @given(
     forms=st.fixed_dictionaries(forms),
     lag=st.floats(0.0, 1.0),
@@ -261,15 +261,6 @@ def test_coefficients_on_page_are_valid():
     assert damper.parameters["yield_force.gain"] == 629.0
 
 
-def test_card_prints_law_range_and_errors():
-    lines = repr(CARD).splitlines()
-    assert len(lines) <= 10
-    assert CARD.title in lines[0]
-    assert "bouc-wen" in lines[1]
-    assert "0 to 1 A, -25 to 25 mm, up to 200 mm/s" in lines[2]
-    assert lines[-1] == "  held out: 1 runs, error 6.00 % median, 6.00 % worst"
-
-
 # The hash
 
 
@@ -315,66 +306,22 @@ def test_unknown_schema_version_is_rejected(version):
         (document("titel", value="x"), "unknown key 'titel'; did you mean title?"),
         (document("title", value=...), "title is missing"),
         (document("law", value="bouc-wenn"), "there is no law 'bouc-wenn'; did you mean bouc-wen"),
-        (document("python_law", value="laws.py:Own"), "law 'bouc-wen' is user-defined"),
-        (document("command_unit", value="mA"), "command_unit is 'mA'; expected one of: A, V"),
-        (document("command_lag_s", value=-1.0), "command_lag_s is -1.0; expected a number, at least 0"),
-        (document(COEFFICIENTS, "rho", value=...), "bouc-wen: rho not given"),
-        (
-            document(COEFFICIENTS, "kapa", value=DOCUMENT[COEFFICIENTS]["kappa"]),
-            "coefficients.kapa: bouc-wen has no such coefficient; did you",
-        ),
-        (document(COEFFICIENTS, "rho", "kind", value="exp"), "there is no parameter law of kind 'exp'"),
-        (document(COEFFICIENTS, "rho", "unit", value="1/mm"), "unit is '1/mm'; expected '1/m'"),
-        (
-            document(COEFFICIENTS, "rho", "numbers", "rate", value=...),
-            "coefficients.rho: exponential: parameter rate is missing",
-        ),
-        (
-            document(COEFFICIENTS, "rho", "numbers", "rate", "unit", value="A"),
-            "coefficients.rho: numbers.rate.unit is 'A'; expected '1/A'",
-        ),
         (
             document(COEFFICIENTS, "rho", "numbers", "rate", "value", value=10**400),
             "coefficients.rho.numbers.rate.value is 1000000",
         ),
         (
-            document(COEFFICIENTS, "yield_force", "settings", value=...),
-            "coefficients.yield_force: hill: setting reference is missing",
-        ),
-        (
             document(COEFFICIENTS, "yield_force", "numbers", "base", "value", value=-90.5),
             "bouc-wen: yield_force is -90.5 N; the law is well posed for 0 to inf N (at 0 A)",
-        ),
-        (document("envelope", "command", value=[1, 0]), "envelope: command is (1.0, 0.0)"),
-        (
-            document("evidence", "runs", 1, "split", value="train"),
-            "evidence.runs[1]: name is 'sine_10mm2Hz_0.00A' and split is 'train'",
         ),
         (
             document("actuation", value=WARM_DOCUMENT["actuation"]),
             "command_lag_s and an actuation are both given",
         ),
         (
-            document("actuation", "fall_s", value=-1, of=WARM_DOCUMENT),
-            "actuation.fall_s is -1; expected a number, at least 0",
-        ),
-        (
             document(COEFFICIENTS, "viscosity", "temperature", "kind", value="arhenius", of=WARM_DOCUMENT),
             "there is no temperature factor of kind 'arhenius'; did you mean arrhenius?",
         ),
-        (
-            document(COEFFICIENTS, "viscosity", "temperature", value=..., of=WARM_DOCUMENT),
-            "coefficients.viscosity: polynomial has no parameter 'activation_K'",
-        ),
-        (
-            document(COEFFICIENTS, "stiffness", "numbers", "t1", value=..., of=WARM_DOCUMENT),
-            "coefficients.stiffness: polynomial: parameter t1 is missing",
-        ),
-        (
-            document(COEFFICIENTS, "offset", "settings", "temperature_degree", value=1e300, of=WARM_DOCUMENT),
-            "temperature_degree is 1e+300; it must be a whole number",
-        ),
-        ([1, 2], "a card is a table {...} with schema_version; found list"),
     ],
 )
 def test_invalid_card_is_rejected_with_location(damaged, said, tmp_path):
@@ -405,16 +352,6 @@ def test_card_with_any_value_never_crashes(data, valid):
         assert isinstance(card_from_json(signed(changed)), ModelCard)
 
 
-@pytest.mark.parametrize("fraction", [0.0, 0.5, 0.999])
-def test_truncated_file_is_rejected_with_line(fraction, tmp_path):
-    path = tmp_path / "card.json"
-    write_card(CARD, path)
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text[: int(fraction * (len(text) - 2))], encoding="utf-8")
-    with pytest.raises(InputError, match=r"card\.json: line \d+, column \d+: .*cut off while copying"):
-        read_card(path)
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -422,8 +359,6 @@ def test_truncated_file_is_rejected_with_line(fraction, tmp_path):
         (b'{"schema_version": 1, "title": NaN}', "NaN is not a JSON number"),
         (b'{"schema_version": 1, "title": "a", "title": "b"}', "the key 'title' is used twice"),
         (b"[" * 100_000, "not a card: "),
-        (b'{"schema_version": 4, "title": ' + b"[" * 900 + b"]" * 900 + b"}", "content_sha256"),
-        (b"null", "a card is a table"),
     ],
 )
 def test_file_without_card_is_rejected(content, said, tmp_path):
@@ -503,10 +438,7 @@ def test_coefficients_are_clipped_outside_the_envelope():
     ("make", "said"),
     [
         (lambda: a_card(standard_errors={"rho.rat": 1.0}), "no parameter 'rho.rat'; did you mean"),
-        (lambda: a_card(python_law="laws.py:Own"), "law 'bouc-wen' and python_law 'laws.py:Own' disagree"),
         (lambda: a_card(notes={"x": float("nan")}), "notes.x is nan; expected JSON values"),
-        (lambda: a_card(notes={1: "x"}), r"notes: keys are \[1\]; expected text"),
-        (lambda: a_card(title="a\ud800"), "character 1 is .*expected Unicode text"),
         (
             lambda: Evidence(runs=({"name": "x"},), method="", cost=0.0, dataset_fingerprint=""),
             r"evidence.runs\[0\]: no split, rmse_N, nrmse_percent",

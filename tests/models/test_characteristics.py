@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.characteristics import (
@@ -21,7 +20,6 @@ from mrdamper.models.characteristics import (
     characterise,
     default_scope,
     peak_velocity_pick,
-    pick_evenly,
     steady_cycle,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
@@ -72,11 +70,6 @@ def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency)
     assert cycle.energy_J == pytest.approx(yielding + viscous, rel=1e-4)
 
 
-def test_linear_damper_energy_is_exact():
-    cycle = steady_cycle(bingham(yield_force=Constant(0.0), viscosity=Constant(900.0)), SINE, 0.0)
-    assert cycle.energy_J == pytest.approx(math.pi * 900.0 * OMEGA * SINE.amplitude**2, rel=1e-12)
-
-
 def test_dahl_energy_converges_to_rectangle():
     """The difference to 4 A F_y halves with 1 / rho: about one yield displacement is missing at each end."""
     rectangle = 4.0 * SINE.amplitude * 300.0
@@ -115,21 +108,7 @@ def test_gas_force_shifts_both_branches_equally():
     np.testing.assert_allclose(curve.damping, 540.0 + 800.0 * SPEEDS, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("speeds", "amplitude"), [([0.1, 0.0], 0.01), ([0.1], math.nan)])
-def test_peak_force_without_motion_is_rejected(speeds, amplitude):
-    with pytest.raises(InputError, match="expected positive, finite numbers"):
-        peak_velocity_pick(bingham(), speeds, amplitude=amplitude, command=0.0)
-
-
 # Temperature
-
-
-def test_viscous_force_falls_like_its_viscosity():
-    """The force falls by 65 % from 20 to 100 degC with the fluid of the paper, B = 1435.5 K."""
-    viscous = TemperatureDependent(Constant(2e3), Arrhenius(1435.5))
-    damper = bingham(yield_force=Constant(0.0), viscosity=viscous)
-    hot, cold = (steady_cycle(damper, SINE, 0.0, kelvin).peak_N for kelvin in (373.15, REFERENCE))
-    assert 1.0 - hot / cold == pytest.approx(0.65, abs=1e-3)
 
 
 def test_force_loss_is_smaller_at_higher_current():
@@ -178,11 +157,6 @@ def test_bingham_characteristics_are_closed_forms():
             assert curve.damping == pytest.approx(yielding[t, i] + 900.0 * scope.curve_speeds, rel=1e-6)
 
 
-def test_dynamic_range_needs_force_without_current():
-    damper = bingham(yield_force=Polynomial((0.0, 600.0)))
-    assert np.isnan(characterised(damper).dynamic_range).all()
-
-
 # Response
 
 
@@ -209,11 +183,6 @@ def test_quadratic_force_rises_later_and_falls_sooner():
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_command_lag_of_law_gives_response_time():
-    up, _ = response(replace(bingham(), command_lag_s=0.02))
-    assert up.force_t90 == pytest.approx(0.02 * math.log(10.0), rel=2e-3)
-
-
 def test_response_needs_a_lag_and_a_current():
     assert characterised(bingham()).responses == ()
     for way in response(bingham(Actuation(0.01, 0.01), yield_force=Constant(300.0))):
@@ -224,30 +193,6 @@ def test_response_needs_a_lag_and_a_current():
 # Scope
 
 
-def test_default_speeds_are_round_and_inside_envelope():
-    scope = default_scope(bingham(), ENVELOPE)
-    assert scope.amplitude == 0.02
-    assert scope.speeds == (0.02, 0.05, 0.1, 0.2)
-    assert (scope.curve_speeds[-1], scope.curve_speeds[0]) == pytest.approx((0.23, 0.02 * 0.23))
-    assert default_scope(bingham(), replace(ENVELOPE, displacement=(-0.01, 0.03))).amplitude == 0.01
-    assert default_scope(bingham(), replace(ENVELOPE, command=(1.0, 1.0))).commands == (1.0,)
-    both = default_scope(bingham(), replace(ENVELOPE, command=(-2.0, 1.0)))
-    assert [both.commands[index] for index in both.ends] == [0.25, -2.0]
-
-
-@given(st.floats(243.0, 420.0), st.floats(0.0, 150.0))
-def test_default_temperatures_are_round_and_inside_envelope(low, span):
-    damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
-    found = default_scope(damper, replace(ENVELOPE, temperature=(low, low + span))).temperatures
-    kelvin = np.array(found, dtype=float)
-    assert np.all((kelvin >= low - 1.0) & (kelvin <= low + span + 1.0))
-    assert len(found) <= 3
-    assert list(kelvin) == sorted(set(kelvin.tolist()))
-    if span >= 42.0:
-        steps = (kelvin - REFERENCE) / 20.0
-        assert steps == pytest.approx(np.round(steps), abs=1e-9)
-
-
 def test_assumed_temperatures_count_if_one_was_tested():
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
     assert default_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
@@ -255,17 +200,6 @@ def test_assumed_temperatures_count_if_one_was_tested():
     assumed = replace(damper, temperature_range=(273.15, 353.15))
     tested = replace(ENVELOPE, temperature=(293.0, 294.0))
     assert default_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
-
-
-@given(st.integers(0, 12), st.integers(2, 6))
-def test_evenly_picked_values_keep_order_and_ends(count, most):
-    found = pick_evenly(range(count), most)
-    assert len(found) == min(count, most)
-    assert list(found) == sorted(set(found))
-    if count:
-        assert (found[0], found[-1]) == (0, count - 1)
-    if len(found) > 1:
-        assert np.ptp(np.diff(found)) <= 1
 
 
 def test_example_in_docs_is_correct():

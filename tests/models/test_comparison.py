@@ -99,12 +99,6 @@ def test_difference_below_own_errors_is_unclear():
     assert "(100 N)" in verdict
 
 
-def test_mixed_difference_is_reported_as_mixed():
-    other = a_damper(yield_force=Polynomial((240.0, 450.0)), viscosity=Constant(1900.0))
-    verdict = compared(a_card(a_damper(), rmse=0.1), a_card(other, rmse=0.1)).verdict
-    assert "weaker than first in some cases and stronger in others" in verdict
-
-
 @pytest.mark.parametrize(
     ("runs", "own"),
     [
@@ -117,20 +111,6 @@ def test_own_error_prefers_held_out_runs(runs, own):
     card = a_card(a_damper())
     other = replace(card, evidence=replace(card.evidence, runs=runs), damper=a_damper(1.5))
     assert compared(card, other).own_error_N == (None if own is None else pytest.approx(own))
-
-
-def test_parameters_of_different_laws_have_no_z():
-    dahl = Damper(LAWS["dahl"], {"yield_force": Constant(300.0), "rho": Constant(1e3)})
-    found = compared(a_card(a_damper()), a_card(dahl))
-    assert found.parameters == ()
-    assert any("the laws differ" in note for note in found.notes)
-    found = compared(a_card(a_damper()), a_card(a_damper(yield_force=Constant(60.0))))
-    assert {pair.z for pair in found.parameters if pair.name.startswith("yield_force.")} == {None}
-
-
-def test_assumed_temperature_factor_is_noted():
-    found = compared(a_card(warm_damper(), WARM), a_card(warm_damper(assumed=True), WARM), ("x", "y"))
-    assert [note.partition(" is ")[0] for note in found.notes] == ["y: the temperature factor of yield_force"]
 
 
 # Common envelope
@@ -159,13 +139,6 @@ def test_constant_damper_is_compared_at_tested_temperature():
     assert found.scope.temperatures == pytest.approx((333.15,))
     assert found.found[0].damping == pytest.approx(found.found[1].damping, rel=1e-9)
     assert found.notes == ("second has no temperature model: both are compared at 60 degC",)
-
-
-def test_different_test_temperatures_are_noted():
-    cold, hot = (replace(ENVELOPE, temperature=(t, t + 1.0)) for t in (293.0, 353.0))
-    found = compared(a_card(a_damper(), cold), a_card(a_damper(), hot))
-    assert found.scope.temperatures == (None,)
-    assert "tested at different temperatures" in found.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,6 @@ cold_laws = st.one_of(*FORMS.values())
 laws = st.one_of(cold_laws, bipolynomials, temperature_dependent)
 commands = st.floats(-5.0, 5.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
 kelvins = st.floats(233.15, 423.15)  # -40 to 150 degC
-every_form = pytest.mark.parametrize("form", FORMS)
 every_factor = pytest.mark.parametrize("factor", FACTORS_DRAWN)
 
 
@@ -168,27 +167,12 @@ def test_gradient_and_slope_equal_complex_step(law, command, kelvin):
 
 
 @pytest.mark.system
-@every_form
 @every_factor
 @given(data=st.data(), command=commands.filter(bool), kelvin=kelvins)
-def test_gradient_with_factor_equals_complex_step(form, factor, data, command, kelvin):
-    law = TemperatureDependent(data.draw(FORMS[form]), data.draw(FACTORS_DRAWN[factor]))
+def test_gradient_with_factor_equals_complex_step(factor, data, command, kelvin):
+    law = TemperatureDependent(data.draw(cold_laws), data.draw(FACTORS_DRAWN[factor]))
     assert_gradient(law, command, kelvin)
     assert_slope(law, command, kelvin)
-
-
-@pytest.mark.system
-@given(laws, commands, kelvins, st.integers(0, 15), st.floats(-10.0, 10.0))
-def test_value_is_linear_in_linear_parameters(law, command, kelvin, k, change):
-    """The value is affine: equal changes of a linear parameter give equal changes of the value."""
-    linear = [place for place, says_so in enumerate(law.linear) if says_so]
-    k = linear[k % len(linear)]
-    parameters = list(law.parameters)
-    parameters[k] += change
-    moved = law.with_parameters(parameters).value(command, kelvin) - law.value(command, kelvin)
-    share = float(law.gradient(command, kelvin)[k])
-    allowed = 1e-11 * (1.0 + scale_of(law, command, kelvin) + abs(share) * (1.0 + abs(change)))
-    assert moved == pytest.approx(share * change, abs=allowed)
 
 
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
@@ -213,8 +197,8 @@ SOME: list[ParameterLaw] = [
 
 
 @pytest.mark.parametrize("law", SOME, ids=lambda law: f"{type(law).__name__} {law.kind}")
-@pytest.mark.parametrize("shape", [(), (1,), (7,), (2, 3)])
-@pytest.mark.parametrize("kelvin", [None, 330.0, "each"])
+@pytest.mark.parametrize("shape", [(), (7,), (2, 3)])
+@pytest.mark.parametrize("kelvin", [None, "each"])
 def test_results_have_the_shape_of_command(law, shape, kelvin):
     command = np.linspace(0.0, 2.0, int(np.prod(shape))).reshape(shape)
     warm = 300.0 + 40.0 * command if kelvin == "each" else kelvin
@@ -233,12 +217,6 @@ def test_missing_temperature_means_20_degrees(law, command):
     np.testing.assert_array_equal(law.value(command), law.value(command, 293.15))
     np.testing.assert_array_equal(law.gradient(command), law.gradient(command, 293.15))
     np.testing.assert_array_equal(law.slope(command), law.slope(command, 293.15))
-
-
-@given(temperature_dependent, commands)
-def test_factor_is_one_at_20_degrees(law, command):
-    np.testing.assert_array_equal(law.value(command, 293.15), law.form.value(command))
-    np.testing.assert_array_equal(law.slope(command, 293.15), law.form.slope(command))
 
 
 @given(temperature_dependent, commands, commands, kelvins)
@@ -279,13 +257,6 @@ def test_separable_polynomial_is_bipolynomial_of_products(command, factor, at, k
     assert float(law.value(at, kelvin)) == pytest.approx(float(out.value(at, kelvin)), abs=allowed)
 
 
-@given(st.one_of(hills, saturations))
-def test_hill_has_base_and_gain(law):
-    assert float(law.value(0.0)) == law.base
-    assert float(law.value(law.reference)) == pytest.approx(law.base + law.gain, abs=1e-14 * abs(law.gain))
-    np.testing.assert_array_equal(law.gradient(0.0)[1:], 0.0)
-
-
 @given(hills, commands)
 def test_saturation_of_sharpness_one_is_hill(law, command):
     same = Saturation(law.base, law.gain, law.half_command, law.exponent, law.reference)
@@ -305,12 +276,6 @@ def test_hill_is_even_in_the_command(law, command):
     assert float(law.value(-command)) == float(law.value(command))
     if command:
         assert float(law.slope(-command)) == -float(law.slope(command))
-
-
-@given(st.floats(0.05, 20.0), st.floats(0.2, 8.0))
-def test_hill_reaches_half_at_half_command(half, exponent):
-    law = Hill(0.0, 1.0, half, exponent)
-    assert float(law.value(half)) == pytest.approx((1.0 + half**exponent) / 2, rel=1e-12)
 
 
 @pytest.mark.parametrize(

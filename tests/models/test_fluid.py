@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -119,13 +118,6 @@ def test_fluid_warns_once_outside_its_range(celsius, said):
     assert np.isfinite(values).all()
 
 
-def test_fluid_inside_its_range_gives_no_warning():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        PAPER.viscosity(np.linspace(293.15, 403.15, 5))
-        PAPER.yield_stress(np.linspace(233.15, 403.15, 5), field_A_m=1e5)
-
-
 @pytest.mark.parametrize("kelvin", [25.0, -10.0, 1000.0, math.nan])
 def test_celsius_instead_of_kelvin_is_rejected(kelvin):
     with pytest.raises(EnvelopeError, match=r"expected 223 to 453 K\. Temperatures are in kelvin"):
@@ -152,9 +144,6 @@ def test_field_and_flux_density_are_equivalent():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"name": ""}, "the name is empty"),
-        ({"viscosity_Pa_s": -0.1}, r"viscosity_Pa_s is -0\.1; expected a number, above 0"),
-        ({"density_kg_m3": math.nan}, r"density_kg_m3 is nan"),
         ({"particle_fraction": 3.0}, "volume fraction of iron"),
         ({"valid_K": (403.0, 233.0)}, "valid range is 403 to 233 K"),
         ({"yield_factor": Linear(1e-2)}, "yield stress: its linear law is not positive"),
@@ -202,13 +191,6 @@ def test_fluid_survives_a_round_trip(factor, viscosity, stress, slope, name, sou
     assert fluid_to_toml(again) == text
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_preset_in_a_file_is_found_by_path(name, tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text(fluid_to_toml(find_fluid(name)), encoding="utf-8")
-    assert find_fluid(str(path)) == find_fluid(name)
-
-
 def test_omitted_values_are_taken_from_like_fluid():
     fluid = fluid_from_toml(
         'name = "ours"\nlike = "paper"\n[viscosity]\nlaw = "reynolds"\nat_20degC_Pa_s = 0.2\n'
@@ -228,28 +210,16 @@ SHORT = 'like = "paper"\n'
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a = [", "mine.toml: not a TOML file"),
         ('likes = "paper"', "unknown key 'likes'; did you mean like"),
         ('like = "papper"', "like is 'papper'; expected one of: paper, lord-mrf-132dg"),
-        (SHORT + "schema_version = 2", "schema_version is 2"),
-        (SHORT + "viscosity = 3", "viscosity is 3; expected a table"),
-        ('name = "x"', "viscosity is missing"),
-        (SHORT + "valid_degC = 130", "valid_degC is 130"),
-        (SHORT + "[viscosity]\nlaw = 'reynolds'", "viscosity: at_20degC_Pa_s is missing"),
         (
             SHORT + "[viscosity]\nlaw = 'reynold'\nat_20degC_Pa_s = 0.1",
             "no temperature factor of kind 'reynold'",
-        ),
-        (SHORT + "[viscosity]\nlaw = 'reynolds'\nat_20degC_Pa_s = 0.1", "temperature_rate is missing"),
-        (
-            SHORT + "[viscosity]\nlaw = 'reynolds'\nat_20degC_Pa_s = 0.1\ntemperature_rate = '1'",
-            "temperature_rate is '1'; expected a number",
         ),
         (
             SHORT + "[viscosity]\nlaw = 'reynolds'\nat_20degC_Pa_s = 0.1\nactivation_K = 1",
             "reynolds has no parameter 'activation_K'",
         ),
-        (SHORT + "[properties]\ndensity_kg_m3 = '2300'", "density_kg_m3 is '2300'; expected a number"),
         (SHORT + "[properties]\ndensity_kg_m3 = -1", "density_kg_m3 is -1.0; expected a number, above 0"),
     ],
 )
@@ -257,8 +227,3 @@ def test_invalid_file_is_rejected_with_location(text, said):
     with pytest.raises(InputError, match=said) as caught:
         fluid_from_toml(text, "mine.toml")
     assert str(caught.value).startswith("mine.toml: ")
-
-
-def test_missing_file_is_rejected_with_presets():
-    with pytest.raises(InputError, match=r"a preset \(paper, lord-mrf-132dg\) or a file"):
-        find_fluid("nowhere.toml")

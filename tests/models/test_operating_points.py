@@ -73,10 +73,3 @@ def test_batched_coefficients_match_each_damper(kind: str, held: int) -> None:
                 ]
                 expected[:, levels.places.index(damper.law.names.index(coefficient))] = gradient
             np.testing.assert_allclose(combine[k, :, row], expected, rtol=1e-12, atol=1e-300)
-
-
-def test_batch_without_changes_is_the_damper() -> None:
-    damper = damper_with(FORMS["hill"])
-    levels = OperatingPoints(damper, (), (), COMMAND, TEMPERATURE)
-    found = levels.evaluate(np.empty((2, 0)), np.empty((2, 4, 0, 0)))
-    np.testing.assert_array_equal(found, np.stack([damper.coefficients_at(COMMAND, TEMPERATURE).T] * 2))

@@ -91,16 +91,6 @@ def test_valve_of_negative_gain_is_rejected(command):
         simulate(ill, path(command))
 
 
-@pytest.mark.parametrize("damper", [DAMPER, SERIES], ids=lambda damper: damper.law.name)
-@pytest.mark.parametrize("form", ["record", "causal"])
-def test_constant_command_gives_the_same_force(damper, form):
-    """Constant coefficients and one row per sample give equal forces up to the order of the additions."""
-    constant = open_drive(path())
-    varying = replace(constant, constant=None)
-    short = simulate(damper, constant, form=form)
-    np.testing.assert_allclose(simulate(damper, varying, form=form), short, rtol=0.0, atol=1e-9)
-
-
 def test_tangents_of_runs_match_single_runs():
     drives = [open_drive(path(command)) for command in (0.0, 0.5, np.linspace(0.0, 1.0, 501), 0.5)]
     parameters = ["yield_force.c1", "rho.value"]
@@ -380,14 +370,6 @@ def test_actuated_damper_matches_integrator(name):
     damper = replace(warm_damper(name), actuation=ACTUATION)
     found = relative(simulate(damper, run), simulate_reference(damper, run, tolerance=1e-8))
     assert found < ACTUATED_ERRORS.get(name, 5e-5)
-
-
-def test_actuated_damper_uses_the_applied_command():
-    run = stepping()
-    arrives = ACTUATION.apply(run.command, run.step)
-    assert relative(arrives, run.command) > 0.5
-    expected = simulate(DAMPER, replace(run, command=arrives))
-    np.testing.assert_array_equal(simulate(replace(DAMPER, actuation=ACTUATION), run), expected)
 
 
 def test_actuated_tangents_equal_central_differences():

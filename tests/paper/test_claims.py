@@ -51,6 +51,7 @@ def figure_of(row, found):
     return figure
 
 
+@pytest.mark.nightly
 def test_predictions_depend_on_law_and_geometry():
     """Measured values of the rig influence a prediction only through the card."""
     card, drawing = paper_card(), read_drawing("paper")

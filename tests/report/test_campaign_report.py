@@ -204,6 +204,7 @@ def test_table_contains_every_run(text, judged):
         assert error.name in text
 
 
+@pytest.mark.nightly
 def test_assumed_factors_are_marked(fitted, text):
     assert "assumed" not in said_in(text)
     forms = {
@@ -222,6 +223,7 @@ def test_assumed_factors_are_marked(fitted, text):
     assert "Assumed: From 20 to 100 °C" in said
 
 
+@pytest.mark.nightly
 def test_campaign_without_constant_current_has_report(fitted, judged):
     """There is no main sine and no measured point, but the characteristics of the damper are shown."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamper.errors import InputError
 from mrdamper.virtual_rig.sensors import Sensors
 
 N = 40_000
@@ -21,11 +20,6 @@ def test_noise_is_white_with_specified_deviation(read, size):
     values = getattr(Sensors(), read)(np.zeros(N), noise())
     assert np.std(values) == pytest.approx(size, rel=4.0 / np.sqrt(2 * N))
     assert abs(np.mean(values[1:] * values[:-1])) < 4.0 * size**2 / np.sqrt(N)
-
-
-def test_thermocouple_adds_its_offset():
-    sensors = Sensors(thermocouple_offset_K=-5.0, thermocouple_noise_K=0.0)
-    assert sensors.temperature(np.full(50, 60.0), noise()) == pytest.approx(np.full(50, 55.0))
 
 
 def test_converter_gives_whole_steps():
@@ -44,12 +38,3 @@ def test_logger_takes_every_nth_sample():
     )
     assert read.force.tolist() == [0.0, 20.0, 40.0, 60.0, 80.0]
     assert read.time == pytest.approx([0.0, 0.002, 0.004, 0.006, 0.008])
-
-
-@pytest.mark.parametrize(
-    ("parameter", "message"),
-    [({"rate_Hz": 300.0}, "rate is 300 Hz"), ({"force_noise_N": -1.0}, "force_noise_N is -1.0")],
-)
-def test_invalid_parameter_raises(parameter, message):
-    with pytest.raises(InputError, match=message):
-        Sensors(**parameter)

@@ -5,6 +5,7 @@ The release test interrupts at random moments; ``MRDAMPER_INTERRUPTS`` sets the 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -12,14 +13,22 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import make_dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mrdamper.interrupts import (
+    Interrupted,
+    heed_interrupts,
+    hold_interrupts,
+    interrupt_ends_all,
+    on_interrupt,
+)
 from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.runtime.outputs import atomic_output
-from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupt_ends_all, on_interrupt
+from mrdamper.schema import read_record
 from tests.support.kills import (
     IDENTIFY,
     MARK,
@@ -93,7 +102,7 @@ def test_disabled_signal_stays_disabled():
     """If nohup has disabled SIGHUP, the signal has no effect."""
     code = (
         "import signal\n"
-        "from mrdamper.runtime.signals import heed_interrupts, on_interrupt\n"
+        "from mrdamper.interrupts import heed_interrupts, on_interrupt\n"
         "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
         "heed_interrupts()\n"
         "with on_interrupt(print):\n"
@@ -126,6 +135,26 @@ def test_innermost_block_handles_interrupt():
     assert seen == ["inner", "outer"]
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(TERM)
+
+
+@pytest.mark.usefixtures("heeded")
+@pytest.mark.parametrize("number", [INT, TERM, HUP])
+def test_held_interrupt_is_raised_after_block(number: signal.Signals):
+    with pytest.raises(KeyboardInterrupt), hold_interrupts(), contextlib.suppress(KeyboardInterrupt):
+        signal.raise_signal(number)
+
+
+@pytest.mark.usefixtures("heeded")
+def test_interrupt_while_building_schema_is_raised(monkeypatch: pytest.MonkeyPatch):
+    """Pydantic prints "Exception ignored" and continues if a signal arrives while it builds a schema."""
+
+    def build(_record: type) -> None:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(INT)
+
+    monkeypatch.setattr("pydantic.TypeAdapter", build)
+    with pytest.raises(KeyboardInterrupt):
+        read_record(make_dataclass("Record", [("length", float)]), {}, "file")
 
 
 @pytest.mark.usefixtures("heeded")

@@ -12,6 +12,7 @@ import pytest
 
 from tests.support.kills import Nursery, left_behind, written
 from tests.support.rigs import command
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -53,7 +54,7 @@ def disk(place: Path, *options: str) -> Iterator[Path]:
         subprocess.run(["umount", str(place)], check=True)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", one_by_day(COMMANDS))
 def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name: str):
     """Older files stay as they are (``ulimit -f``)."""
     out = tmp_path / "out"
@@ -67,7 +68,7 @@ def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name:
     assert not left_behind(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["rig", pytest.param("fit", marks=pytest.mark.nightly), "export c"])
+@pytest.mark.parametrize("name", one_by_day(["rig", "fit", "export c"]))
 def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
     """The same command completes after space has been freed."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:

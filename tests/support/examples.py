@@ -6,12 +6,12 @@ from hypothesis import settings
 
 __all__ = ["examples"]
 
-_USUAL = 25  # Value of the profile "usual" in tests/conftest.py.
+EXAMPLES_REFERENCE = 25
 
 
 def examples(count: int) -> settings:
-    """Return settings with ``count`` examples, and twenty times as many in nightly tests.
+    """Return settings with ``count`` examples for each 25 of the profile, at least one.
 
     These settings are for tests with slow examples. Other tests use the number of the profile.
     """
-    return settings(max_examples=count * settings().max_examples // _USUAL)
+    return settings(max_examples=max(count * settings().max_examples // EXAMPLES_REFERENCE, 1))

@@ -134,15 +134,6 @@ def test_compact_energy_is_conserved(model: CompactModel):
     assert (model.mechanical[0], model.electrical[0]) == pytest.approx((1.0, 1.0), rel=1e-9)
 
 
-def test_insulated_compact_model_rises_by_power(model: CompactModel):
-    kinds = len(model.law)
-    films = replace(model.films, film=0.0 * model.films.film)
-    adiabatic = replace(model, films=films, radiation=np.zeros(kinds), mount=np.zeros(kinds))
-    found = simulate_compact(adiabatic, even(4000, 100.0), start_K=REFERENCE_K)
-    rise = (found.fluid[-1] - found.fluid[-1001]) / (1000 * UPDATE_S)
-    assert rise == pytest.approx(100.0 / model.capacity[0], rel=1e-6)
-
-
 @pytest.mark.parametrize("step", [0.1, 1e2, 1e5])
 def test_compact_cools_to_air_with_any_step(model: CompactModel, step: float):
     found = simulate_compact(model, even(60, 0.0, 0.0, 5.0), start_K=390.0, step=step)

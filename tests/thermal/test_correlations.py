@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -104,14 +102,6 @@ def test_groove_emissivity_exceeds_emissivity_of_walls(emissivity, ratio):
     assert emissivity * (1 - 1e-12) <= apparent <= 1.0
     # The groove cannot radiate more than its walls emit.
     assert apparent * ratio <= emissivity * (1 + 1e-12)
-
-
-def test_fin_efficiency_has_closed_form_limits():
-    assert annular_fin_efficiency(0.0, 0.023, 0.046, 1e-3, 160.0) == pytest.approx(1.0, abs=1e-9)
-    film, width, thickness, conductivity = 200.0, 0.03, 1e-3, 160.0
-    straight = math.sqrt(2.0 * film / (conductivity * thickness)) * width
-    wide = annular_fin_efficiency(film, 1e3, 1e3 + width, thickness, conductivity)
-    assert wide == pytest.approx(math.tanh(straight) / straight, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mrdamper.errors import InputError
 from mrdamper.jobs.options import DerateOptions
 from mrdamper.jobs.thermal.derate import derate
 from mrdamper.models.card import Evidence, ModelCard
@@ -19,8 +18,7 @@ from mrdamper.thermal.derating import (
     Quantity,
     derate_damper,
 )
-from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, read_duty
+from mrdamper.thermal.duty import read_duty
 from tests.support.heated import predict_rise
 from tests.support.tiers import one_by_day
 from tests.thermal.test_rise import BARE, temperature_dependent
@@ -92,24 +90,3 @@ def test_derating_map_is_written_in_four_formats(tmp_path):
     assert REPORT.page is not None
     assert "Derating of" in REPORT.page.render(run)
     assert answer["notes"] == []
-
-
-def test_derating_map_notes_extrapolation():
-    small = replace(card(), envelope=replace(card().envelope, command=(0.0, 1.5)))
-    run = derate(small, BARE, DUTY, replace(MAP, ambient_degC=(20.0,), air_m_s=(0.0,)))
-    (note,) = run.notes
-    assert "command runs from 2 to 2 A; the card was identified from 0 to 1.5 A" in note
-    assert REPORT.page is not None
-    assert "the card was identified from 0 to 1.5 A" in REPORT.page.render(run)
-
-
-def test_invalid_derating_axes_are_rejected():
-    with pytest.raises(InputError, match="expected rising numbers"):
-        derate(card(), BARE, DUTY, DerateOptions(ambient_degC=(20.0, 0.0)))
-    cool = replace(read_drawing("paper"), seals=replace(BARE.seals, limit=320.0))
-    with pytest.raises(
-        InputError, match=r"the ambient goes up to 50 degC, the limit of the seals is 46.85 degC"
-    ):
-        derate(card(), cool, DUTY, MAP)
-    with pytest.raises(InputError, match="its command is in V"):
-        derate(card(), BARE, Duty(DUTY.segments, "V", "volts"), MAP)

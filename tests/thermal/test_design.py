@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,10 +22,8 @@ from mrdamper.thermal.sinks.design import (
     SinkDesign,
     confirm,
     front_of,
-    lightest_as_cool,
     limits_of,
     search_grid,
-    thinned,
 )
 from mrdamper.thermal.sinks.gain import gain_band
 from tests.oracles.freefem import run_freefem, write_freefem
@@ -37,7 +34,6 @@ DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)
 # loads of the paper's damper, as in test_efficiency.py
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 DAMPER = HeatedDamper(DRAWING, (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),))
-SHORT = (replace(DAMPER.loads[0], duration=90.0),)
 PAPER_LIMITS = limits_of(DRAWING, span=0.084)
 
 
@@ -69,25 +65,6 @@ def test_front_members_are_not_dominated(tried):
         )
     for each in tried:
         assert any(member.mass <= each.mass and member.fluid <= each.fluid for member in front)
-
-
-@given(tried=designs, most=st.integers(2, 12))
-def test_thinned_front_keeps_ends_and_order(tried, most):
-    front = front_of(tried)
-    fewer = thinned(front, most)
-    assert len(fewer) <= most
-    assert (fewer[0], fewer[-1]) == (front[0], front[-1])
-    assert list(fewer) == [each for each in front if each in fewer]
-
-
-@given(tried=designs, fluid=st.floats(300.0, 400.0))
-def test_lightest_sink_below_temperature_is_found(tried, fluid):
-    chosen = lightest_as_cool(front_of(tried), fluid)
-    cool = [each.mass for each in tried if each.fluid <= fluid]
-    assert (chosen is None) == (not cool)
-    if chosen is not None:
-        assert chosen.mass == min(cool)
-        assert chosen.fluid <= fluid
 
 
 @pytest.mark.system
@@ -146,11 +123,6 @@ def test_evaluation_agrees_with_the_network(reference):
     assert reference.mass == SINK.mass(DAMPER.diameter)
 
 
-def test_search_limits_default_to_the_body():
-    limits = limits_of(DRAWING.with_sink(None))
-    assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
-
-
 @pytest.mark.nightly
 def test_vertical_damper_has_wide_gaps():
     upright = replace(DRAWING, sink=None, body=replace(DRAWING.body, orientation="vertical"))
@@ -158,16 +130,6 @@ def test_vertical_damper_has_wide_gaps():
     limits = limits_of(upright, span=0.08)
     front = search_grid(damper, limits).designs
     assert all(each.sink.gap >= 0.010 - 1e-9 for each in front if each.sink and each.sink.fins > 1)
-
-
-def test_span_beyond_the_body_is_rejected():
-    with pytest.raises(InputError, match="the span is 300 mm, the body's length 200 mm"):
-        limits_of(DRAWING, span=0.3)
-
-
-def test_limits_below_the_lightest_sink_are_rejected():
-    with pytest.raises(InputError, match=r"no sink is within them.*mass 1 g"):
-        search_grid(DAMPER, limits_of(DRAWING, mass=1e-3))
 
 
 def test_gain_interval_contains_the_gain(reference):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.schema import fields_of
 from mrdamper.thermal.drawing import filling_of
 from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawing, read_sink, text_of
-from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.section import section_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
@@ -57,13 +55,6 @@ def test_example_has_the_paper_sink():
     assert centres[1] - centres[0] == pytest.approx(0.020)
 
 
-def test_corrected_radius_includes_the_tip():
-    sink = HeatSink(fins=5, width=0.023, thickness=1e-3, pitch=0.02)
-    tip = sink.tip_radius(0.046)
-    exact = 2.0 * math.pi * (tip**2 - 0.023**2) + 2.0 * math.pi * tip * sink.thickness
-    assert sink.fin_area(0.046) == pytest.approx(exact, rel=1e-3)
-
-
 def test_missing_conductivity_follows_maxwell():
     fluid = replace(find_fluid("paper"))
     assert fluid.conductivity_W_m_K is None
@@ -78,41 +69,19 @@ def test_missing_conductivity_follows_maxwell():
             [("outer_diameter_mm = 46", "outer_diameter_mm = 23")],
             r"piston.diameter_mm is 34, the bore 13 .* Is 23 mm the body's radius\? .* is 46",
         ),
-        (
-            [("wall_mm = 5", "wall_mm = 23")],
-            r"body.wall_mm is 23, the outer radius 23; .* is outer_diameter_mm the diameter",
-        ),
-        ([("diameter_mm = 34", "diameter_mm = 36")], r"piston.diameter_mm is 36, the bore 36"),
-        ([("diameter_mm = 14", "diameter_mm = 34")], r"rod.diameter_mm is 34, the piston's 34"),
         ([("length_mm = 70", "length_mm = 190")], r"piston.length_mm is 190, between the caps there are 190"),
-        ([("length_mm = 20\n", "length_mm = 80\n")], r"coil.length_mm is 80, the piston's 70"),
         (
             [("length_mm = 20\n", "length_mm = 20\ndepth_mm = 12\n")],
             r"coil.depth_mm is 12; expected less than 10",
         ),
         ([("fins = 5", "fins = 12")], r"12 fins at pitch_mm 20 span 223 mm, the body's length_mm is 200"),
-        ([("thickness_mm = 3", "thickness_mm = 20")], r"fins overlap: thickness_mm is 20 and pitch_mm 20"),
-        (
-            [("ambient_degC = 20", "ambient_degC = 293")],
-            r"ambient_degC is 293; expected a number in degC, -50",
-        ),
-        (
-            [
-                ("length_mm = 20\n", 'length_mm = 20\ninsulation_class = "Y"\n'),
-                ("ambient_degC = 20", "ambient_degC = 90"),
-            ],
-            r"the coil's limit is 90 degC, ambient 90 degC; expected a limit above ambient.*Check coil",
-        ),
         ([("air_m_s = 0", "air_km_h = 30")], r"no key 'air_km_h'; did you mean air_m_s\?.*km/h"),
-        ([("air_m_s = 0", 'air_m_s = "30 km/h"')], r"air_m_s is '30 km/h'; expected a number in m/s.*km/h"),
         ([("wall_mm", "wal_mm")], r"body has no key 'wal_mm'; did you mean wall_mm"),
-        ([("[coil]", "[coyl]")], r"unknown key 'coyl'; did you mean coil"),
         ([('"steel"', '"stele"')], r"body.material: there is no material 'stele'"),
         (
             [('"horizontal"', '"vertical"'), ("pitch_mm = 20", "pitch_mm = 8")],
             "5 mm apart; expected at least 10",
         ),
-        ([('preset = "paper"', 'preset = "papier"')], r"fluid: fluid 'papier': no file that can be read"),
     ],
 )
 def test_impossible_geometry_gives_one_message(pairs, said):
@@ -128,17 +97,6 @@ def test_every_geometry_key_is_documented():
     keys = [each.key for table in fields_of(DrawingTables) for each in fields_of(table.type)]
     assert len(keys) > 40
     assert [key for key in keys if f"`{key}`" not in PAGE] == []
-
-
-ZERO_OR_MORE = (0.0, math.inf)
-RANGES = {
-    "ambient_degC": (-50.0, 100.0), "air_m_s": (0.0, 50.0), "altitude_m": (-500.0, 9000.0),
-    "emissivity": (0.0, 1.0), "fins": (1.0, 10_000.0), "temperature_degC": (-100.0, 500.0),
-    **dict.fromkeys(
-        ("mount_W_K", "resistance_ohm", "contact_m2K_W", "exchange_W_K", "tolerance_mm", "fouling_mm"),
-        ZERO_OR_MORE,
-    ),
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("through", [True, False])

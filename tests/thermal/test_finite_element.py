@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.special import i0, i1, k0, k1
 
-from mrdamper.errors import ConvergenceError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field, discretise
@@ -308,32 +307,3 @@ def test_field_stops_at_the_limit():
     assert course.stopped
     assert course.fluid[-1] == pytest.approx(353.15, abs=1e-4)
     assert course.closure <= 1e-9
-
-
-def test_insulated_damper_has_no_steady_state():
-    section = insulated(section_of(BARE))
-    model = discretise(section, mesh_section(section, 0.05))
-    with pytest.raises(ConvergenceError, match="there is no steady state"):
-        steady_field(model.equation, Load(1.0, constant(10.0)))
-
-
-def test_mesh_volume_is_independent_of_element_size():
-    """Volumes of regions and areas of surfaces equal the values of the section, for any mesh."""
-    section = section_of(DRAWING)
-    counts = []
-    for size, levels in ((0.05, 0), (0.02, 0), (0.02, 2)):
-        mesh = mesh_section(section, size, levels=levels)
-        counts.append(len(mesh.triangles))
-        volumes = np.bincount(mesh.region, mesh.volumes(), len(section.regions))
-        areas = np.bincount(mesh.surface, mesh.areas(), len(section.surfaces))
-        exact = np.zeros(len(section.regions)), np.zeros(len(section.surfaces))
-        for block in section.blocks:
-            exact[0][block.region] += block.volume
-        for edge in section.edges:
-            exact[1][edge.surface] += edge.area
-        assert volumes == pytest.approx(exact[0], rel=1e-9)
-        assert areas == pytest.approx(exact[1], rel=1e-9)
-        sides = mesh.corners[mesh.triangles] - mesh.corners[np.roll(mesh.triangles, 1, axis=1)]
-        assert np.abs(sides).max() <= size * (1.0 + 1e-6)
-    assert counts == sorted(counts)
-    assert len(set(counts)) == 3

@@ -115,8 +115,3 @@ def test_constant_models_use_the_mean():
     assert paper(STEEP).filling.heat_capacity == pytest.approx(960.0, rel=0.01)
     one = build_field(paper(STEEP), size=0.05)
     assert len(one.equation.storage) == 3
-
-
-def test_table_is_read_from_the_geometry_file():
-    text = text_of("paper") + "\n[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [800, 5]\n"
-    assert drawing_of(text).heat_capacity == WHOLE

@@ -309,9 +309,3 @@ def test_network_capacity_equals_masses_by_hand():
     fluid = ring(14, 36) * 120 + ring(34, 36) * 70
     by_hand = ((steel - coil) * 7850 * 470 + coil * 5860 * 470 + fluid * 2300 * 800) * 1e-9
     assert zone_network(drawing).total_capacity == pytest.approx(by_hand, rel=1e-9)
-
-
-# --------------------------------------------------------------------------------------------------- stops
-
-
-# ------------------------------------------------------------------------------------ invalid networks

@@ -19,8 +19,8 @@ import click
 
 from mrdamper.cli.commands import GroupedCommands, HelpfulCommand, JobCommand, print_message
 from mrdamper.errors import MissingExtraError, MrdamperError
+from mrdamper.interrupts import Interrupted, heed_interrupts, interrupts_end_at_once
 from mrdamper.registry import JOBS
-from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
 

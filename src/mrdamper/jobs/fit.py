@@ -25,6 +25,7 @@ from mrdamper.identify.selection.settings import SelectionSettings
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors
 from mrdamper.identify.windows import run_windows
+from mrdamper.interrupts import interrupt_ends_all
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
@@ -34,7 +35,6 @@ from mrdamper.models.laws import LAWS
 from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
-from mrdamper.runtime.signals import interrupt_ends_all
 
 _USUAL = FitOptions()
 AUTO = "auto"

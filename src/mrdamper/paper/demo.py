@@ -20,6 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.identify.fit import fit_law
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.settings import FitSettings
+from mrdamper.interrupts import interrupt_ends_all
 from mrdamper.jobs.export import ExportResult, export
 from mrdamper.jobs.fit import FitResult, fit
 from mrdamper.jobs.inputs import read_dataset
@@ -44,7 +45,6 @@ from mrdamper.paper.findings import Findings
 from mrdamper.report.rig import write_runs
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.runtime.signals import interrupt_ends_all
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import works_of

@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mrdamper.errors import MrdamperError
-from mrdamper.runtime.signals import Interrupted
+from mrdamper.interrupts import Interrupted
 from mrdamper.web.adapters import do
 from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full

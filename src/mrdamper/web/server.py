@@ -24,7 +24,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.runtime.signals import on_interrupt
+from mrdamper.interrupts import on_interrupt
 from mrdamper.web.context import UPLOAD_MAX_BYTES, Context, Dampers
 from mrdamper.web.routes import items, jobs, runs
 from mrdamper.web.security import Guard, ListenAddress, refusal

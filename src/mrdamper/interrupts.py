@@ -14,7 +14,6 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
 
 _SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in signal.Signals.__members__]
 
@@ -39,19 +38,20 @@ def interrupts_end_at_once() -> None:
 @contextmanager
 def on_interrupt(act: Callable[[], None]) -> Iterator[None]:
     """Call ``act`` if an interrupt occurs during the ``with`` block; no effect outside the main thread."""
-    if threading.current_thread() is not threading.main_thread():
+    with _handled_by(lambda _number: act()):
         yield
-        return
 
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        act()
 
-    before = {each: signal.signal(each, handle) for each in _heeded()}
+@contextmanager
+def hold_interrupts() -> Iterator[None]:
+    """Delay an interrupt to the end of the block, because a library in the block can lose its exception."""
+    received: list[int] = []
     try:
-        yield
+        with _handled_by(received.append):
+            yield
     finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
+        for number in received[:1]:
+            signal.raise_signal(number)
 
 
 @contextmanager
@@ -63,6 +63,20 @@ def interrupt_ends_all() -> Iterator[None]:
 
     with on_interrupt(stop):
         yield
+
+
+@contextmanager
+def _handled_by(handle: Callable[[int], None]) -> Iterator[None]:
+    """Call ``handle`` with the number of each interrupt inside the block (in the main thread only)."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {each: signal.signal(each, lambda number, _frame: handle(number)) for each in _heeded()}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 def _heeded() -> list[signal.Signals]:
