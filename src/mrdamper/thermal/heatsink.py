@@ -18,13 +18,12 @@ from mrdamper.errors import InputError
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
-
-_LONGEST_mm = 10_000.0  # A longer length has probably another unit.
+from mrdamper.thermal.settings import SETTINGS
 
 
 def length_option(key: str, default_help: str = "") -> Option:
     """Return the option for a length [m] that a file states in millimetres under ``key``."""
-    return Option(key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
+    return Option(key=key, unit="mm", above=0.0, most=SETTINGS.sink_length_max_mm, default_help=default_help)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
