@@ -178,12 +178,13 @@ def validated(squares: FloatArray) -> ValidatedCandidate:
 
 
 def test_term_gain_is_tested_with_paired_t():
-    """The statistic is Student's t of the differences of squared errors, computed with SciPy."""
+    """The statistic is Student's t of the differences of the errors, computed with SciPy."""
     first, second = np.random.default_rng(0).uniform(1.0, 4.0, (2, 6))
     gain, statistic = validated(first).gain_relative_to(validated(second))
-    assert statistic == pytest.approx(ttest_1samp(second - first, 0.0).statistic)
-    assert gain == pytest.approx(1.0 - np.sqrt(first.mean() / second.mean()))
+    assert statistic == pytest.approx(ttest_1samp(np.sqrt(second) - np.sqrt(first), 0.0).statistic)
+    assert gain == pytest.approx(1.0 - np.sqrt(first).mean() / np.sqrt(second).mean())
     assert validated(first).cv_rms_percent == pytest.approx(np.sqrt(first.mean()))
+    assert validated(first).cv_mean_percent == pytest.approx(np.sqrt(first).mean())
 
 
 # Proposed tests

@@ -1,1 +1,1 @@
-"""Export of a model card for a target: C source, FMU and force map, verified before they are written."""
+"""Export of a model card as C source code, FMU and force map. The code is verified before it is written."""

@@ -1,8 +1,8 @@
-"""C99 source for a target: the unchanged files of the kernel, with tables and thin wrappers.
+"""Generate C99 source code for a target: unchanged files of the kernel, tables, and thin wrappers.
 
-The templates print the values of a ``Target``. Each number is the shortest decimal that reads back as the
-same float or double. Therefore the same card gives the same bytes on every machine, and the compiler
-receives the numbers of the extension.
+The templates print the values of a ``Target``. Each number is printed as the shortest decimal that a compiler
+converts to the same float or double. Therefore a card gives the same files on every machine, and the compiled
+code uses exactly the numbers of the Python extension.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _REAL_BYTES = {"float": 4, "double": 8}
 
 
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:
-    """Return every file of the C folder except the record of its verification: relative name -> text.
+    """Return the texts of all files of the C folder by name, without ``verification.json``.
 
-    With the record, the README contains the sizes that the compiler measured.
+    If the ``record`` of a verification is given, the README contains the code sizes in this record.
     """
     name = target.name
     context = _context(target) | {"record": record}
@@ -59,7 +59,7 @@ def c_files(target: Target, record: Verification | None = None) -> dict[str, str
 
 
 def sources_sha256(sources: Mapping[str, str]) -> str:
-    """Return the hash of the C sources among the files; a verification is valid only for these."""
+    """Return the hash of the C files in ``sources``. A verification is valid only for this hash."""
     digest = hashlib.sha256()
     for name, text in sorted(sources.items()):
         if name.endswith((".c", ".h")):
@@ -70,12 +70,12 @@ def sources_sha256(sources: Mapping[str, str]) -> str:
 
 
 def tables_bytes(target: Target) -> int:
-    """Return the size of all tables on the target [bytes], each counted once."""
+    """Return the total size of all tables in the compiled code [bytes]; a shared table is counted once."""
     return sum(_print_parts(target, thermal=thermal).table_bytes for thermal in (False, True))
 
 
 def literal(value: float, precision: Precision) -> str:
-    """Return a C literal that reads back as the value in this number type.
+    """Return a C literal that the compiler converts to the given value in this number type.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def literal(value: float, precision: Precision) -> str:
 
 
 def banner(target: Target) -> str:
-    """Return the header lines of every generated file, without comment marks."""
+    """Return the header text of all generated files, without comment marks."""
     damper = target.card.damper
     warm = damper.temperature_range
     held = "" if warm is None else f", temperatures held at {warm[0]:g} and {warm[1]:g} K"
@@ -125,7 +125,7 @@ def banner(target: Target) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the template environment with its filters."""
+    """Return the Jinja environment with the templates and the filter ``plain``."""
     import jinja2
 
     made = jinja2.Environment(
@@ -145,7 +145,7 @@ def environment() -> Environment:
 
 @dataclass(frozen=True, slots=True)
 class _Array:
-    """A constant table."""
+    """A constant table as C text."""
 
     name: str
     comment: str
@@ -159,7 +159,7 @@ class _Array:
 
 @dataclass(frozen=True, slots=True)
 class _Struct:
-    """A constant struct: its type, its name, and its members as C text."""
+    """A constant struct: C type, name, and pairs of member name and C text."""
 
     kind: str
     name: str
@@ -172,7 +172,7 @@ def _thermal(target: Target) -> dict[str, Value]:
 
 
 class _Print:
-    """The C text of the parts of a target or of its thermal model. No table is printed twice."""
+    """The C text of all structs and tables of a target, or of its thermal model. Equal tables are shared."""
 
     def __init__(self, target: Target, *, thermal: bool = False) -> None:
         self.arrays: list[_Array] = []
@@ -228,7 +228,7 @@ class _Print:
 
 @lru_cache(maxsize=8)
 def _print_parts(target: Target, *, thermal: bool = False) -> _Print:
-    """Return the parts of a target or its thermal model in C; cached because it is used often."""
+    """Return the C text of a target or of its thermal model; cached because it is used repeatedly."""
     return _Print(target, thermal=thermal)
 
 
@@ -261,6 +261,6 @@ def _context(target: Target) -> dict[str, Any]:
 
 
 def _escape(text: str) -> str:
-    """Return a user's text as ASCII without comment ends and trigraphs."""
+    """Return a text of the user as one line of ASCII that is safe in a C comment."""
     one_line = " ".join(text.split()).encode("ascii", "backslashreplace").decode("ascii")
     return re.sub(r"\?(?=\?)", "? ", one_line.replace("*/", "* /").replace("/*", "/ *")).rstrip("\\")

@@ -1,8 +1,8 @@
-"""A target as an FMU: co-simulation, FMI 2.0, with its sources and a binary for this machine.
+"""Write an FMU for co-simulation (FMI 2.0) with C sources and a binary for this machine.
 
-The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance
-holds its own parameters and state. The same target gives the same sources and the same token. Only verified
-sources become an FMU.
+The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance of
+the FMU has its own parameters and state. The same target gives the same sources and the same token (GUID). An
+FMU is written only if its sources are verified.
 """
 
 from __future__ import annotations
@@ -29,22 +29,23 @@ from mrdamper.codegen.verify import FLAGS, compile_c, find_compiler
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
 
-_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # keys: system and machine; values: names of FMI 2.0
+_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # folder names of FMI 2.0, by operating system and machine
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
-# Longest communication step. The inputs are known only at the beginning of a step, so the motion is
-# extrapolated by a parabola. At this step, the force deviates by 0.1 % at 1 Hz and by 6 % at 5 Hz (RMS).
+# Longest communication step. The inputs are known only at the beginning of a communication step. Therefore
+# the motion is extrapolated by a parabola. With the longest step, the force deviates by 0.1 % (RMS) for a
+# motion at 1 Hz and by 6 % at 5 Hz.
 STEP_MAX_S = 10e-3
 _LARGEST_DOUBLE = 1.7976931348623157e308
-_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.
+_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # A constant date makes the archive of a target always the same.
 
 
 def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
-    """Write the FMU; the file appears complete or not at all.
+    """Write the FMU of a target atomically: either the complete file or no file.
 
     Parameters
     ----------
-    verification : a passed verification of this target
+    verification : record of the passed verification of this target
 
     Raises
     ------
@@ -69,7 +70,7 @@ def write_fmu(target: Target, path: str | Path, *, verification: Verification) -
 
 
 def fmu_files(target: Target) -> dict[str, str]:
-    """Return every text file of the FMU except its record: path in the archive -> text."""
+    """Return the text files of the FMU by path in the archive, without the verification record."""
     variables = variables_of(target)
     blank = _texts(target, variables, token="")
     digest = hashlib.sha256("\0".join(f"{name}\0{text}" for name, text in sorted(blank.items())).encode())
@@ -77,7 +78,7 @@ def fmu_files(target: Target) -> dict[str, str]:
 
 
 def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict[str, str]:
-    """Return the text files of an FMU with its token (GUID)."""
+    """Return the text files of an FMU that has the given token (GUID)."""
     sources = {
         name: content
         for name, content in c_files(target).items()
@@ -116,7 +117,7 @@ def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[
 
 
 def _check_verified(target: Target, verification: Verification) -> None:
-    """Raise InputError if a record did not pass or belongs to other sources."""
+    """Raise InputError if the verification failed or belongs to different sources."""
     if not verification.passed:
         why = "; ".join(verification.problems) or "it did not pass"
         raise InputError(
@@ -136,7 +137,7 @@ def _check_verified(target: Target, verification: Verification) -> None:
 
 
 def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
-    """Return the shared library of this machine."""
+    """Compile the sources of an FMU; return the content of the shared library for this machine."""
     compiler = find_compiler()
     with tempfile.TemporaryDirectory(prefix="mrdamper-fmu-") as folder:
         for name, data in content.items():
@@ -151,13 +152,13 @@ def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
 
 
 def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
-    """Write the archive, the same bytes for the same content."""
+    """Write a ZIP archive atomically. The same content always gives the same bytes."""
     beside = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         with zipfile.ZipFile(beside, "w") as archive:
             for name, data in content.items():
                 entry = zipfile.ZipInfo(name, date_time=_ZIP_DATE)
-                entry.create_system = 3  # Unix, for the file modes below
+                entry.create_system = 3  # Unix, so that the file modes below are valid
                 entry.external_attr = (0o100755 if name.endswith(".so") else 0o100644) << 16
                 archive.writestr(entry, data, zipfile.ZIP_DEFLATED, 9)
         beside.replace(place)

@@ -1,4 +1,4 @@
-"""The kernel files of an export, and the flags that the kernel header defines."""
+"""Collect the kernel files for an export, and the flags that the kernel header defines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"
 
 @cache
 def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
-    """Return the kernel files that a target needs, by name, including all included files."""
+    """Return the texts of the kernel files that an export needs, with all included files, by name."""
     folder = files("mrdamper.core").joinpath("kernel")
     found: dict[str, str] = {}
     waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else [])]
@@ -28,7 +28,7 @@ def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class FlagText:
-    """A flag of the kernel: its name in C, its bit, and its meaning."""
+    """A flag of the kernel: name in C, value (one bit), and meaning."""
 
     name: str
     value: int
@@ -37,7 +37,7 @@ class FlagText:
 
 @cache
 def flag_texts() -> tuple[FlagText, ...]:
-    """Return the flags that the kernel's header ``controller.h`` defines."""
+    """Return the flags that the header ``controller.h`` of the kernel defines."""
     found = re.search(
         r"/\* Flags of the last step.*?\benum \{(.*?)\};", kernel_files()["controller.h"], re.DOTALL
     )

@@ -1,10 +1,10 @@
-"""The MATLAB folder: card and force map as a MAT file (version 5), functions that read it, tables as text.
+"""Write the MATLAB folder: a MAT file with card and force map, functions that read it, and tables as text.
 
-``damper.mat`` contains a struct ``damper``: description and coefficients of the card, and ``map`` with
-breakpoints and tables in the order (temperature, command, velocity), which Simulink's n-D Lookup Table
-expects. MATLAB, Octave and Modelica's vehicle libraries read version 5. ``damper_tables.txt`` contains the
-same tables as text: for each temperature a table of force against velocity (rows) and command (columns), in
-the format of Modelica's ``CombiTable2Ds``.
+``damper.mat`` (version 5) contains the struct ``damper``: description and coefficients of the card, and
+``map`` with breakpoints and tables. The dimensions of the tables are (temperature, command, velocity), as the
+n-D Lookup Table of Simulink expects. MATLAB, Octave and the vehicle libraries of Modelica read version 5.
+``damper_tables.txt`` contains the same tables as text: for each temperature, one table of force versus
+velocity (rows) and command (columns), in the format of ``CombiTable2Ds`` in Modelica.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ _NAMES = ("mrdamper_load.m", "mrdamper_force.m")
 
 
 def write_matlab(table: ForceMap, folder: Path) -> None:
-    """Write the MAT file, the functions and the tables into a folder."""
+    """Write the MAT file, the MATLAB functions and the text tables into a folder."""
     from scipy.io import savemat
 
     folder.mkdir(exist_ok=True)
-    with (folder / "damper.mat").open("wb") as file:  # savemat hides why a file cannot be opened.
+    # The file is opened here because savemat does not report why a file cannot be opened.
+    with (folder / "damper.mat").open("wb") as file:
         save: Any = savemat  # The type stubs of savemat do not accept an open file.
         save(file, {"damper": _struct(table)}, do_compression=True, oned_as="row")
     for name in _NAMES:
@@ -37,7 +38,7 @@ def write_matlab(table: ForceMap, folder: Path) -> None:
 
 
 def _struct(table: ForceMap) -> dict[str, Any]:
-    """Return the card and its map as a MATLAB struct. Unknown values are NaN."""
+    """Return the card and the force map as the content of a MATLAB struct. Unknown values are NaN."""
     card = table.card
     parameters = card.damper.parameters
     errors = [card.standard_errors.get(name) for name in parameters]
@@ -66,7 +67,7 @@ def _struct(table: ForceMap) -> dict[str, Any]:
 
 
 def tables_text(table: ForceMap) -> str:
-    """Return the tables in Modelica's format, with the breakpoints in the first row and column."""
+    """Return the force tables in the text format of Modelica; breakpoints are in the first row and column."""
     lines = ["#1", "# force [N] over velocity [m/s] (down) and command (across); extension positive"]
     for kelvin, forces in zip(table.temperature, table.pick, strict=True):
         name = f"force_{kelvin - ZERO_CELSIUS_K:.0f}degC".replace("-", "minus")

@@ -1,6 +1,6 @@
-"""The XML of an FMU (FMI 2.0, co-simulation), which a master reads before it loads the binary.
+"""Write modelDescription.xml of an FMU (FMI 2.0), which a simulator reads before it loads the binary.
 
-The list of ``variables`` is the source of this file and of the C code.
+This file and the C code are generated from the same list of ``variables``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _LOGGED = {
     "logStatusError": "a call that failed",
     "logAll": "everything",
 }
-_NO_DEPENDENCIES = ""  # Outputs change in a step only, so there is no direct feed-through.
+_NO_DEPENDENCIES = ""  # Outputs change only in a time step, so that there is no direct feed-through.
 
 
 def description_of(target: Target) -> str:
@@ -35,7 +35,7 @@ def description_of(target: Target) -> str:
 def model_description(
     target: Target, variables: Sequence[Variable], *, token: str, sources: Sequence[str]
 ) -> str:
-    """Return modelDescription.xml; ``sources`` are the files to compile."""
+    """Return the text of modelDescription.xml; ``sources`` are the names of the C files to compile."""
     about = {
         "fmiVersion": "2.0",
         "modelName": target.name,
@@ -81,7 +81,7 @@ def _add(parent: Tree.Element, tag: str, attributes: dict[str, str] | None = Non
 
 
 def _add_surroundings(root: Tree.Element, target: Target, variables: Sequence[Variable]) -> None:
-    """Add units, log categories and the default experiment."""
+    """Add the elements for units, log categories and the default experiment."""
     units = _add(root, "UnitDefinitions")
     for name in dict.fromkeys(each.unit for each in variables if each.unit):
         unit = UNITS[name]
@@ -114,7 +114,7 @@ def _initial(variable: Variable) -> dict[str, str]:
 
 
 def _values(variable: Variable) -> dict[str, str]:
-    """Return unit, range and start value of a variable as attributes of its type."""
+    """Return unit, range and start value of a variable as XML attributes."""
     values: dict[str, str] = {}
     if variable.kind == "real":
         if variable.unit:
@@ -129,7 +129,7 @@ def _values(variable: Variable) -> dict[str, str]:
 
 
 def _number(value: float) -> str:
-    """Return the shortest decimal that reads back as the same double."""
+    """Return the shortest decimal text that is converted to the same double."""
     return repr(float(value))
 
 

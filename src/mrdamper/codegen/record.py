@@ -1,6 +1,6 @@
-"""The record of a verification: sources, inputs, machine, and differences to Python.
+"""The record of a verification: hash of the sources, inputs, machine, and differences from Python.
 
-It is stored next to the C files as ``verification.json``. Only verified sources become an FMU.
+The record is stored next to the C files as ``verification.json``. An FMU requires such a record.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The largest difference of one output over all samples."""
+    """The largest difference between C and Python in one output over all samples."""
 
-    ulp: int  # units in the last place of the target's number type
+    ulp: int  # units in the last place of the number type
     relative: float  # difference divided by the value in Python
-    samples_differing: int
-    first_sample: int | None  # first different sample
+    samples_differing: int  # number of different samples
+    first_sample: int | None  # index of the first different sample; None if all samples are equal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,35 +25,35 @@ class Verification:
     """Inputs and results of a verification."""
 
     passed: bool
-    sources_sha256: str  # hash of the .c and .h files, ``c_code.sources_sha256``
+    sources_sha256: str  # hash of the .c and .h files by ``c_code.sources_sha256``
     precision: str
     samples: int
     seed: int = 0
-    tolerance_relative: float = 0.0  # 0: the same bits
+    tolerance_relative: float = 0.0  # 0: bit-identical
     outputs: Mapping[str, Difference] = field(default_factory=dict)
-    thermal_K: Mapping[str, float] = field(default_factory=dict)  # output of the thermal model -> difference
-    problems: tuple[str, ...] = ()  # why it did not pass
-    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # part -> flag -> samples
+    thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference by temperature
+    problems: tuple[str, ...] = ()  # reasons why the verification failed
+    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # samples by part and flag
     compiler: str = ""
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()
     machine: str = ""
-    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # function -> its own frame
-    sizes_bytes: Mapping[str, int] = field(default_factory=dict)  # code, tables, state
+    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # stack frame by function
+    sizes_bytes: Mapping[str, int] = field(default_factory=dict)  # sizes of code, tables and state
     mrdamper: str = ""
 
     @property
     def max_ulp(self) -> int:
-        """The largest difference of any output, in units in the last place."""
+        """Largest difference of all outputs, in units in the last place."""
         return max((each.ulp for each in self.outputs.values()), default=0)
 
     @property
     def max_relative(self) -> float:
-        """The largest difference of any output, relative to the value in Python."""
+        """Largest difference of all outputs, divided by the value in Python."""
         return max((each.relative for each in self.outputs.values()), default=0.0)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the record as one JSON object."""
+        """Return the record as a JSON object."""
         plain = asdict(self)
         return {
             "passed": plain.pop("passed"),

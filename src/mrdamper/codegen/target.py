@@ -1,7 +1,7 @@
-"""The input of an export: one value that contains everything the templates print.
+"""The input of an export: one object that contains all values for the templates.
 
-A ``Target`` is a card, its real-time model, its force controller, and the options of the export: number type,
-sampling period, name. The C folder, the FMU and the verification of both depend only on it.
+A ``Target`` has a card, its real-time model, its force controller, and the options of the export (number
+type, sampling period, name). The C folder, the FMU and the verification depend only on the target.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Precision = Literal["float", "double"]
 CONTENTS: tuple[Content, ...] = ("model", "controller", "both")
 PRECISIONS: tuple[Precision, ...] = ("float", "double")
 
-STEP_RANGE_S = (50e-6, 10e-3)  # The motion filter is designed for this range.
+STEP_RANGE_S = (50e-6, 10e-3)  # The filter of the motion signal is designed for this range.
 _C_WORDS = (
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
     "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
@@ -35,32 +35,32 @@ _C_WORDS = (
     "volatile", "while", "asm", "main", "bool", "class", "namespace", "template", "new", "delete", "this",
     "public", "private", "try",
 )  # fmt: skip
-_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # Names of the kernel begin with these words.
+_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # The names of kernel files begin with these words.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """The input of an export. ``model`` or ``controller`` is None if the content excludes it."""
+    """The input of an export. The field of an excluded part (model or controller) has the value None."""
 
-    name: str  # a C identifier; prefix of every name, and of the files
+    name: str  # C identifier; prefix of all names and files of the code
     card: ModelCard
     content: Content
     precision: Precision
     period_s: float
     model: RealtimeDamper | None
     controller: ForceController | None
-    heating: Heating  # heat balance that detects a frozen temperature sensor
-    fingerprint: str  # content_sha256 of the card
-    thermal: CompactModel | None = None  # None if the damper has no geometry file
+    heating: Heating  # heat balance for the detection of a frozen temperature sensor
+    fingerprint: str  # hash of the card
+    thermal: CompactModel | None = None  # thermal model; None if there is no geometry file
 
     @property
     def single(self) -> bool:
-        """Return True if the target computes in single precision."""
+        """Return True if the code uses single precision (float)."""
         return self.precision == "float"
 
     @property
     def law(self) -> str:
-        """Return the name of the law."""
+        """Return the name of the law of the card."""
         return self.card.damper.law.name
 
     @property
@@ -70,33 +70,33 @@ class Target:
 
     @property
     def amperes(self) -> float:
-        """Return the current in the coil [A] divided by the command; 0 if unknown."""
+        """Return the coil current divided by the command [A/A or A/V]; 0 if unknown."""
         return 1.0 if self.command_unit == "A" else self.heating.amperes_per_volt or 0.0
 
     @property
     def rate_Hz(self) -> float:
-        """Return the number of steps in a second."""
+        """Return the sampling rate of the code."""
         return 1.0 / self.period_s
 
     @property
     def parts(self) -> dict[str, RealtimeDamper | ForceController]:
-        """Return the exported parts by their names in C: model, controller."""
+        """Return the exported parts by name: ``model`` and ``controller``."""
         both = {"model": self.model, "controller": self.controller}
         return {name: part for name, part in both.items() if part is not None}
 
     @property
     def largest(self) -> float:
-        """Return the largest command [A or V]."""
+        """Return the largest command of model and controller [A or V]."""
         return self.any_part.largest
 
     @property
     def any_part(self) -> RealtimeDamper | ForceController:
-        """Return the model if it is exported, otherwise the controller, for properties that both share."""
+        """Return the model if it is exported, otherwise the controller, for their common properties."""
         return next(iter(self.parts.values()))
 
     @property
     def compile_options(self) -> Mapping[str, int]:
-        """Return the compile-time options of the C code: its laws and methods."""
+        """Return the compile-time options of the C code, which select laws and methods."""
         return compile_options(*(part.config for part in self.parts.values()))
 
 
@@ -115,19 +115,20 @@ def target_of(
 
     Parameters
     ----------
-    content : model (motion, command, temperature -> force), controller (wanted force -> command), or both
-    precision : the target's number type, float or double
+    content : ``model`` (computes the force from motion, command and temperature), ``controller`` (computes
+        the command from the wanted force), or ``both``
+    precision : number type of the code, ``float`` or ``double``
     period_s : time between two steps [s]
-    controller : one of ``control.controllers.NAMES``
-    name : a C identifier, the prefix of every name in the code
+    controller : name of the controller, one of ``control.controllers.NAMES``
+    name : C identifier that is the prefix of every name in the code
     largest : largest command [A or V]; None: from the card
-    heating : heat balance that detects a frozen thermometer; None: values of the paper's damper
+    heating : heat balance for the detection of a frozen thermometer; None: values of the paper's damper
 
     Raises
     ------
     InputError
-        If an option or the name is invalid, the law has no real-time form, the step is too long for the lags
-        of the card, or the step is so short that the delay line is too short for the dead time.
+        If an option or the name is invalid, the law has no real-time model, the period is too long for the
+        lags of the card, or the period is so short that the delay line cannot hold the dead time.
     """
     for what, found, choices in (("content", content, CONTENTS), ("precision", precision, PRECISIONS)):
         if found not in choices:

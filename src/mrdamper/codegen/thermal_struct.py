@@ -1,4 +1,4 @@
-"""The values of the kernel's ``mrd_thermal`` for a compact model."""
+"""Compute the values of the C struct ``mrd_thermal`` of the kernel for a compact thermal model."""
 
 from __future__ import annotations
 
@@ -10,23 +10,27 @@ from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, typical_power
 
 __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 
-# Time constant of the power filter for the time to the limit, and of the missing heat without a reading.
-POWER_FILTER_S = 30.0
+POWER_FILTER_S = 30.0  # time constant of the filtered power that predicts the time to the limit
+# *Missing heat* is the estimated heat flow that the model does not contain. Without a valid reading, the
+# estimate decays with this time constant.
 MISSING_HEAT_DECAY_S = 1800.0
-MISSING_HEAT_MAX_RATIO = 0.3  # Maximum heat flow that the model does not contain, relative to typical power.
+MISSING_HEAT_MAX_RATIO = 0.3  # maximum missing heat, divided by the typical power
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
 HORIZON_S = 7200.0  # MRD_THERMAL_HORIZON
-COMMAND_MIN_A = 0.2  # The coil resistance is measured above this current only.
+COMMAND_MIN_A = 0.2  # The coil resistance is used as a measurement only above this current.
 SURFACE_KIND_COUNT_MAX = 8
 
 
 def steps_between_updates(period_s: float) -> int:
-    """Return the number of control steps between two updates of the states, which is half a second."""
+    """Return the number of control periods in half a second, the time between two updates of the states."""
     return max(round(UPDATE_S / period_s), 1)
 
 
 def thermal_members(model: CompactModel, period_s: float, amperes_per_command: float) -> dict[str, Value]:
-    """Return all members of the ``mrd_thermal`` of a compact model for a control period [s]."""
+    """Return the members of the C struct ``mrd_thermal`` for a compact model and a control period [s].
+
+    ``amperes_per_command`` is the coil current divided by the command [A/A or A/V]; 0 if it is unknown.
+    """
     n, kinds, every = model.states, len(model.law), steps_between_updates(period_s)
     update, power, films = every * period_s, typical_power(model), model.films
     points = len(PARTS) * POINT_COUNT

@@ -1,6 +1,6 @@
-"""The values of the kernel's ``mrd_track`` for a real-time model or a controller.
+"""Compute the values of the C struct ``mrd_track`` of the kernel for a real-time model or a controller.
 
-This module maps the tables in Python to the members in C, which have the names of ``controller.h``.
+This module assigns the tables in Python to the struct members in C, which are declared in ``controller.h``.
 ``c_code`` prints the result.
 """
 
@@ -22,7 +22,7 @@ from mrdamper.control.tables.series import Power, SeriesTables
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A member that points to an array of numbers."""
+    """A struct member that points to an array of numbers."""
 
     values: NDArray[np.float64]
     comment: str
@@ -30,14 +30,14 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Nested:
-    """A member that is itself a struct."""
+    """A struct member that is itself a struct."""
 
     members: Mapping[str, Value]
 
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """A member that points to a struct of a C type. None is a null pointer."""
+    """A struct member that points to a struct of the C type ``kind``; members None: a null pointer."""
 
     kind: str
     members: Mapping[str, Value] | None
@@ -47,7 +47,7 @@ Value = float | int | tuple[float, ...] | Table | Nested | Pointer
 
 
 def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
-    """Return all members of the ``mrd_track`` of a part."""
+    """Return the members of the C struct ``mrd_track`` for a model or a controller."""
     tables = part.tables
     pieces, terms, _ = tables.factor.shape
     currents, columns = tables.column.shape
@@ -68,7 +68,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
 
 
 def _config(config: Config) -> dict[str, Nested]:
-    """Return the parts of a configuration, with members in the order of the kernel's struct."""
+    """Return the parts of a configuration as structs, with members in the order of the C structs."""
     return {
         part: Nested(
             {name: value if isinstance(value, float) else int(value) for name, value in values.items()}

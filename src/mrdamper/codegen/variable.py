@@ -1,4 +1,4 @@
-"""One variable of an FMU, and the units of variables."""
+"""Variables of an FMU and their units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Variability = Literal["continuous", "discrete", "tunable", "constant"]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit in SI base units, and its displayed unit: shown = factor * value + offset."""
+    """A unit as powers of SI base units, with the unit for display: displayed = factor * value + offset."""
 
     base: Mapping[str, int]
     display: str = ""
@@ -39,20 +39,23 @@ UNITS: Mapping[str, Unit] = {
     "ohm": Unit({"kg": 1, "m": 2, "s": -3, "A": -2}),
     "1": Unit({}),
 }
-"""Units of the variables, by name."""
+"""Units of the variables, by name of the unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """One variable. ``place`` is the member that a parameter sets, ``bits`` are the flags of an output."""
+    """One variable of an FMU.
+
+    ``place`` is the C struct member that a parameter sets. ``bits`` are the flags that an output reports.
+    """
 
     name: str
     description: str
     kind: Kind
     causality: Causality
     variability: Variability
-    unit: str = ""  # only for real variables
-    start: float | None = None  # None: calculated
+    unit: str = ""  # unit of a real variable; empty for other kinds
+    start: float | None = None  # start value; None: the FMU computes the value
     low: float = -math.inf
     high: float = math.inf
     place: str = ""
@@ -60,14 +63,14 @@ class Variable:
 
     @property
     def label(self) -> str:
-        """Return the name of the variable's value reference in C."""
+        """Return the name of the C constant with the value reference of the variable."""
         return f"VR_{self.name.upper()}"
 
 
 def tunable(
     name: str, unit: str, start: float, low: float, high: float, description: str, place: str
 ) -> Variable:
-    """Return a real parameter that can change between steps."""
+    """Return a real parameter that can change between time steps."""
     return Variable(
         name=name, description=description, kind="real", causality="parameter", variability="tunable",
         unit=unit, start=start, low=low, high=high, place=place,

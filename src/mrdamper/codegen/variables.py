@@ -1,8 +1,8 @@
-"""The variables of an FMU. Its XML and its C code are both written from this list.
+"""Define the variables of an FMU. The XML and the C code of the FMU are generated from this list.
 
 The variables are inputs, outputs, flags, tunable parameters and constants. The value reference of a variable
-is its index in the list. Start values are rounded to the number type of the target, so that the XML, the C
-table and a value that is read back are equal.
+is its index in the list. Start values are rounded to the number type of the code, so that they are equal in
+the XML, in the C table, and in the results of a simulator.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
 _OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
 _OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
 
-GAIN_MAX = 1e9  # an upper limit without effect
+GAIN_MAX = 1e9  # upper limit of feedback gains, so large that it has no effect
 
 
 def variables_of(target: Target) -> tuple[Variable, ...]:
-    """Return the variables of a target's FMU, in the order of their value references."""
+    """Return the variables of the FMU of a target, in the order of their value references."""
     every = [
         Variable(
             name="time", description="time", kind="real", causality="independent", variability="continuous",
@@ -166,11 +166,12 @@ def _parameters(target: Target) -> Iterator[Variable]:
 
 
 def _tunables(target: Target) -> Iterator[Variable]:
-    """Return the values that can change between steps, each with the C member that a step reads."""
+    """Generate the parameters that can change between time steps, each with its C struct member."""
     for part, source in target.parts.items():
-        # A single part has plain parameter names. If there are two parts, their names have a prefix.
+        # If model and controller are both exported, the names of their parameters have a prefix.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"
-        # An FMU with both parts is a simulation. A constant temperature is then a choice and not a fault.
+        # An FMU with both parts is used for simulation, where a constant temperature is no sensor fault.
+        # Therefore the temperature is not extrapolated.
         config = source.config
         if target.content == "both":
             config = replace(config, heating=replace(config.heating, extrapolate=False))
@@ -215,7 +216,7 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
 
 
 def _thermal(model: CompactModel) -> Iterator[Variable]:
-    """Return the tunable values of the thermal model: limits, coil resistance, default air speed."""
+    """Generate the tunable parameters of the thermal model: limits, coil resistance, default air speed."""
     nominal = model.resistance
     named = {
         **{
@@ -249,7 +250,10 @@ def _command_name(target: Target) -> str:
 
 
 def _rounded(variable: Variable) -> Variable:
-    """Return a parameter rounded to single precision. Values that are double in C stay unchanged."""
+    """Return the variable with start value and range in single precision if it is a C parameter.
+
+    Other variables, which are double in C, stay unchanged.
+    """
     if not (variable.place and variable.start is not None):
         return variable
 

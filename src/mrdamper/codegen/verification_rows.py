@@ -1,8 +1,8 @@
-"""Inputs for the verification of an export: the envelope, ranges beyond it, and invalid readings.
+"""Generate random inputs for the verification of an export, inside and outside the envelope of the card.
 
-Rows of inputs, one sample each, from a seed: random motion, sharp reversals with steps of command and
-target, motion, commands and temperatures beyond the data, and failing sensors. Every segment is a fraction
-of the whole, so that a short run contains all of them.
+The segments of the inputs are random motion, sharp reversals with steps of command and target, values outside
+the envelope, and failing sensors. The length of a segment is a fraction of all samples, so that a short
+verification also contains every segment.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ from mrdamper.excitation import Sine
 from mrdamper.models.characteristics import steady_cycle
 
 COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force")
-"""m, m/s, A or V, K, N, N (``preview`` later), N; NaN if it is unknown."""
+"""Names of the inputs. Their units are m, m/s, A or V, K, N, N, N.
+
+``wanted_ahead`` is the target force a preview time later. NaN means that an input is unknown.
+"""
 
 VALID_TEMPERATURE_K = (233.15, 423.15)  # Temperatures outside this range are faults.
 SINE_COUNT = 12
@@ -26,7 +29,7 @@ SINE_COUNT = 12
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Amplitudes of the segments."""
+    """Time step [s], and amplitudes of motion, command, force and temperature for the segments."""
 
     step: float
     stroke: float
@@ -42,7 +45,7 @@ _Segment = Callable[[_Limits, int, np.random.Generator], dict[str, FloatArray]]
 def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict[str, FloatArray]:
     """Return inputs inside and outside the envelope of a target, by name, each of shape (samples,).
 
-    The same target, samples and seed give the same rows. ``velocity`` is NaN in half of them.
+    The same arguments give the same inputs. ``velocity`` is NaN in half of the samples.
     """
     rng = np.random.default_rng(seed)
     limits = _limits_of(target)
@@ -51,16 +54,16 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     )  # fmt: skip
     counts = [int(fraction * samples) for fraction, _ in segments]
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
-    pieces.append(_random(limits, samples - sum(counts), rng))  # The readings are valid again at the end.
+    pieces.append(_random(limits, samples - sum(counts), rng))  # All readings are valid again at the end.
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    rows["temperature"][:20] = np.nan  # The temperature is unknown at first.
+    rows["temperature"][:20] = np.nan  # The temperature is unknown in the first samples.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"][~velocity_known] = np.nan
     return rows
 
 
 def replay_columns(target: Target) -> dict[str, str]:
-    """Return the inputs of a target and their columns in the replay program's CSV file."""
+    """Return the inputs of a target with their column names in the CSV file of the replay program."""
     both = {"displacement": "displacement_m", "temperature": "temperature_K"}
     model = {"velocity": "velocity_m_s", "current": command_column(target)}
     controller = {
@@ -74,7 +77,7 @@ def replay_columns(target: Target) -> dict[str, str]:
 
 
 def replay_outputs(target: Target) -> dict[str, dict[str, str]]:
-    """Return the outputs of a target and their columns in the replay program's CSV file, by part."""
+    """Return the outputs of each part with their column names in the CSV file of the replay program."""
     columns = {
         "model": {"force": "force_N", "applied": f"applied_{target.command_unit}", "flags": "model_flags"},
         "controller": {
@@ -85,7 +88,7 @@ def replay_outputs(target: Target) -> dict[str, dict[str, str]]:
 
 
 def command_column(target: Target) -> str:
-    """Return the name of the command's column."""
+    """Return the name of the CSV column with the command."""
     return "current_A" if target.command_unit == "A" else "voltage_V"
 
 
@@ -93,7 +96,7 @@ def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
-    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # half width around the centre
+    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # amplitude of a sine
     motion = Sine(within, speed / (2.0 * np.pi * within))
     strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
@@ -112,7 +115,10 @@ def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fa
 
 
 def _moving(limits: _Limits, count: int, rng: np.random.Generator, times: float = 1.0) -> FloatArray:
-    """Return a random displacement with the envelope's stroke and approximately its speed [m]."""
+    """Return a random displacement [m] with the stroke and approximately the speed of the envelope.
+
+    The displacement is multiplied by ``times``.
+    """
     slow = 2.0 * np.pi * limits.stroke / limits.speed
     return times * limits.stroke * _noise(rng, count, limits.step, 0.3 * slow, 3.0 * slow) * 2.0
 
@@ -126,7 +132,7 @@ def _rows(
     temperature: FloatArray | None = None,
     wanted: FloatArray | None = None,
 ) -> dict[str, FloatArray]:
-    """Return a segment; inputs that are not given are random."""
+    """Return all inputs of a segment, by name; inputs that are not given are random."""
     count, step = len(displacement), limits.step
     low, high = limits.temperature
     t = step * np.arange(count)
@@ -136,7 +142,7 @@ def _rows(
         middle = 0.5 * (low + high)
         temperature = middle + 2.0 * np.sin(0.3 * t) + 0.02 * rng.standard_normal(count)
     velocity = np.gradient(displacement, step) if count > 1 else np.zeros(count)
-    if wanted is None:  # Half of the targets are along the motion, which a damper can follow.
+    if wanted is None:  # Most targets resist the motion, so that a damper can produce them.
         wanted = limits.force * _noise(rng, count, step, 0.05, 2.0) * 2.0
         along = np.repeat(rng.random(count // 300 + 1) < 0.7, 300)[:count]
         wanted = np.where(along, np.copysign(wanted, velocity), wanted)
@@ -148,13 +154,13 @@ def _rows(
 
 
 def _random(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return random motion, command, temperature and target."""
+    """Return a segment with random motion, command, temperature and target."""
     noise = 1e-5 * rng.standard_normal(count)
     return _rows(limits, rng, _moving(limits, count, rng) + noise)
 
 
 def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return straight pieces of motion between sharp turns, and steps of command and target."""
+    """Return a segment with constant speed between sharp reversals, and steps of command and target."""
 
     def random_steps(shortest: int, longest: int) -> FloatArray:
         lengths = rng.integers(shortest, longest, count // shortest + 1)
@@ -164,7 +170,7 @@ def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[st
     speed = (
         limits.speed * 10.0 ** (-3.0 * random_steps(1, 120)) * np.where(random_steps(1, 120) < 0.5, -1.0, 1.0)
     )
-    # Fold the path at the ends of the stroke.
+    # Reflect the path at the ends of the stroke.
     path = np.cumsum(speed * limits.step)
     folded = np.abs((path + limits.stroke) % (4.0 * limits.stroke) - 2.0 * limits.stroke) - limits.stroke
     wanted = limits.force * (2.0 * random_steps(20, 400) - 1.0)
@@ -172,7 +178,7 @@ def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[st
 
 
 def _outside_envelope(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return motion, command and target beyond the data, at constant and at changing temperature."""
+    """Return a segment with motion, command, target and temperature outside the envelope."""
     current = limits.command * (0.5 + 1.6 * _noise(rng, count, limits.step, 0.05, 1.0))
     wanted = 4.0 * limits.force * np.sign(_noise(rng, count, limits.step, 0.1, 1.0))
     low, high = limits.temperature
@@ -184,7 +190,7 @@ def _outside_envelope(limits: _Limits, count: int, rng: np.random.Generator) -> 
 
 
 def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return invalid readings, short and long, alone and together."""
+    """Return a segment with short and long sequences of invalid readings, also of several sensors at once."""
     rows = _rows(limits, rng, _moving(limits, count, rng))
     for name in COLUMNS:
         start = 0
@@ -193,7 +199,8 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             length = int(rng.choice([1, 3, 15, 60, 150]))
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
-    # These faults reach the nominal temperature and a frozen displacement at 1 kHz and 1e5 samples.
+    # These faults are long enough (at 1 kHz, 1e5 samples) that the controller uses the nominal temperature
+    # and detects the frozen displacement.
     temperature, displacement = (rows[name] for name in ("temperature", "displacement"))
     temperature[int(0.5 * count) : int(0.95 * count)] = np.nan
     temperature[int(0.45 * count) : int(0.46 * count)] += 40.0

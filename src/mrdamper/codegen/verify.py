@@ -1,8 +1,9 @@
-"""Verification of an export: its C is compiled, run over the envelope and compared with the extension.
+"""Verify an export: compile the generated C code, run it, and compare its outputs with the Python model.
 
-The compiled program is the shipped one (``main.c`` replays a CSV file), from the texts of ``c_files``.
-Single precision must give the same bits as Python, double precision the same values within 1e-12 relative.
-Every output must be finite, and every command between 0 and its largest value.
+The compiled program is the exported program (``main.c`` replays a CSV file). The inputs cover the envelope of
+the card and invalid readings. In single precision, the outputs must be bit-identical to Python. In double
+precision, the relative difference must not exceed 1e-12. Every output must be finite, and every command must
+be between 0 and its largest value.
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ WARNINGS = (
 )  # fmt: skip
 
 DOUBLE_TOLERANCE = 1e-12
-"""Relative tolerance in double precision. Single precision must have the same bits."""
+"""Relative tolerance in double precision. In single precision, the outputs must be bit-identical."""
 
-STATE_SAMPLE_COUNT = 500  # Force and command in a state are compared only at every such sample.
-PROGRAM_TIME_MAX_S = 300.0  # Time limit of a compiler or of the replay.
+STATE_SAMPLE_COUNT = 500  # Internal forces and commands are compared only at every 500th sample.
+PROGRAM_TIME_MAX_S = 300.0  # time limit for the compiler and for the compiled program
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
-    """Compile a target's C, run it over the envelope and compare it with Python.
+    """Compile the C code of a target, run it, and compare its outputs with Python; return the record.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
 
 
 def find_compiler() -> tuple[str, ...]:
-    """Return the machine's C compiler as a command: the environment's CC, else cc, gcc or clang."""
+    """Return the command of a C compiler: environment variable CC, otherwise cc, gcc or clang."""
     named = shlex.split(os.environ.get("CC", ""))
     for command in (named, ["cc"], ["gcc"], ["clang"]):
         if command and shutil.which(command[0]):
@@ -106,7 +107,7 @@ def find_compiler() -> tuple[str, ...]:
 
 
 def round_rows(target: Target, rows: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return values rounded to the target's number type."""
+    """Return the columns with all values rounded to the number type of the target (float or double)."""
     if not target.single:
         return dict(rows)
     with np.errstate(over="ignore"):
@@ -116,12 +117,12 @@ def round_rows(target: Target, rows: Mapping[str, FloatArray]) -> dict[str, Floa
 def replay(
     target: Target, program: Sequence[str | Path], rows: Mapping[str, FloatArray], folder: Path
 ) -> dict[str, FloatArray]:
-    """Run the replay program over rows; return its columns by name.
+    """Run the replay program with the inputs ``rows``; return its outputs by column name, shape (samples,).
 
     Parameters
     ----------
-    program : command with the paths of two CSV files as arguments
-    folder : folder for the two files
+    program : command, to which the paths of the input and the output CSV file are added
+    folder : folder for the two CSV files
     """
     names = replay_columns(target)
     given, got = folder / "given.csv", folder / "got.csv"
@@ -143,7 +144,11 @@ def replay(
 def compare(
     target: Target, rows: Mapping[str, FloatArray], found: Mapping[str, FloatArray]
 ) -> tuple[dict[str, Difference], list[str], dict[str, dict[str, int]]]:
-    """Return the largest difference of each output of a replay, the problems, and the number of flags."""
+    """Compare the outputs of a replay with Python; return differences, problems and flag counts.
+
+    The first result is the largest difference of each output. The second result is one sentence for each
+    problem. The third result is the number of samples with each flag, for each part.
+    """
     outputs: dict[str, Difference] = {}
     problems: list[str] = []
     flags_raised: dict[str, dict[str, int]] = {}
@@ -162,7 +167,10 @@ def compare(
 
 
 def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Difference:
-    """Return the difference of two columns, in bits of the number type and relative."""
+    """Return the largest difference of two columns, in units in the last place and relative.
+
+    ``single`` is True for float and False for double.
+    """
     kind, bits = (np.float32, np.int32) if single else (np.float64, np.int64)
     patterns = [values.astype(kind).view(bits) for values in (given, expected)]
     differ = np.flatnonzero(patterns[0] != patterns[1])
@@ -181,10 +189,11 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return, for each part, the replay's columns, the outputs in Python, and the compared samples.
+    """Return the expected outputs of each part (model, controller) as a tuple of three items.
 
-    Values of a state (the applied command, the controller's force) are compared at every
-    ``STATE_SAMPLE_COUNT``-th sample.
+    The first item maps each output to its column of the replay program. The second item has the outputs that
+    Python computes. The third item selects the samples for outputs that depend on the internal state (applied
+    command, controller force), because these are compared only at every ``STATE_SAMPLE_COUNT``-th sample.
     """
     expected: dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]] = {}
     at = slice(STATE_SAMPLE_COUNT - 1, None, STATE_SAMPLE_COUNT)
@@ -212,7 +221,7 @@ def expectations(
 def _by_blocks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
-    """Run a part; return its output, its flags, and its state estimate at the end of each block."""
+    """Run a part in Python; return output and flags per sample, and the state estimate after each block."""
     state = part.start()
     values, flags, estimates = [], [], []
     for start in range(0, len(inputs), STATE_SAMPLE_COUNT):
@@ -225,7 +234,7 @@ def _by_blocks(
 
 
 def _summed(estimate: StateEstimate, *, single: bool) -> float:
-    """Return the sum of the model's forces [N] in the target's number type."""
+    """Return the sum of the model forces [N], added in the number type of the target."""
     kind = np.float32 if single else np.float64
     parts = (estimate.yield_force, estimate.viscous_force, estimate.friction_force, estimate.other_force)
     total = kind(parts[0])
@@ -258,7 +267,7 @@ def _problems_of(target: Target, name: str, given: FloatArray, found: Difference
 def _build(
     target: Target, place: Path, compiler: Sequence[str], flags: Sequence[str], *, usage: bool
 ) -> list[str]:
-    """Compile the library's two files and the replay program, each on its own; return the program."""
+    """Compile each generated C file separately and link them; return the command of the replay program."""
     usage_flags = ["-fstack-usage"] if usage else []
     compile_c([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
     name = target.name
@@ -270,7 +279,7 @@ def _build(
 def _link(
     compiler: Sequence[str], flags: Sequence[str], place: Path, units: Sequence[str], program: str
 ) -> list[str]:
-    """Compile the units that are not compiled yet, each on its own, and link them; return the program."""
+    """Compile the units that are not compiled yet, and link all units; return the command of the program."""
     for unit in units:
         if not (place / f"{unit}.o").exists():
             compile_c([*compiler, *flags, "-c", f"{unit}.c", "-o", f"{unit}.o"], place)
@@ -279,7 +288,7 @@ def _link(
 
 
 def compile_c(command: Sequence[str], place: Path) -> None:
-    """Run a compiler in a folder; raise CheckError with its first message if it fails."""
+    """Run a compiler command in a folder; raise CheckError with the first error message if it fails."""
     done = _run(command, place)
     if done.returncode != 0:
         raise CheckError(
@@ -313,14 +322,14 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
 
 
 def _first(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the first error message of a program."""
+    """Return the first error message in the output of a finished program."""
     lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
     worst = [line for line in lines if "error" in line]
     return (worst or lines)[0].strip()
 
 
 def _is_gnu(compiler: Sequence[str]) -> bool:
-    """Return True if a compiler accepts the flags of gcc and clang."""
+    """Return True if the compiler is gcc or clang, so that it accepts their flags."""
     return bool(re.search(r"gcc|clang|free software foundation", _version_text(compiler), re.IGNORECASE))
 
 
@@ -330,7 +339,7 @@ def _version_text(compiler: Sequence[str]) -> str:
 
 
 def _stack_of(place: Path) -> dict[str, int]:
-    """Return the stack frame of each function [bytes]."""
+    """Return the size of the stack frame of each C function [bytes], from the files of the compiler."""
     found: dict[str, int] = {}
     for path in place.glob("*.su"):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -340,7 +349,7 @@ def _stack_of(place: Path) -> dict[str, int]:
 
 
 def _sizes_of(target: Target, place: Path, compiler: Sequence[str]) -> dict[str, int]:
-    """Return the sizes of tables, state and, if the program ``size`` exists, machine code [bytes]."""
+    """Return the sizes [bytes] of tables, state and, if the program ``size`` exists, machine code."""
     probe = (
         f'#include <stdio.h>\n#include "{target.name}.h"\n'
         'int main(void) { printf("%lu", (unsigned long)sizeof(mrd_track_state)); return 0; }\n'

@@ -1,7 +1,7 @@
-"""Verification of an exported thermal model: half an hour of a random load, compiled and in Python.
+"""Verify an exported thermal model: simulate half an hour of a random load in compiled C and in Python.
 
-Power, command, ambient and air speed change every few minutes. No readings correct the model, so that all
-errors accumulate.
+Power, ambient temperature and air speed change every few minutes. No sensor readings correct the model, so
+that all errors accumulate.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Build = Callable[[Sequence[str], str], list[str]]
 
 
 def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float]:
-    """Return the difference between the compiled thermal model and Python for each temperature [K].
+    """Return the largest difference between compiled C and Python for each temperature of the model [K].
 
     The result is empty if there is no thermal model.
 
@@ -75,7 +75,10 @@ def thermal_problems(differences: Mapping[str, float], *, single: bool) -> list[
 
 
 def _draw_load(power: float, coil_W: float) -> CompactLoad:
-    """Return a random load: up to twice a typical power [W], command 1 on and off, air speed, ambient."""
+    """Return a random load with up to twice the typical power [W] and a constant command.
+
+    Power, ambient temperature and air speed change at random times.
+    """
     rng = np.random.default_rng(1)
     of = np.sort(rng.integers(0, SEGMENT_COUNT, UPDATE_COUNT))
 
@@ -91,7 +94,7 @@ def _draw_load(power: float, coil_W: float) -> CompactLoad:
 
 
 def _program(target: Target) -> str:
-    """Return a C program that reads power, ambient, air speed of each update and prints temperatures."""
+    """Return a C program that reads power, ambient and air speed of each update and prints temperatures."""
     name, every = target.name, steps_between_updates(target.period_s)
     return f"""#include <math.h>
 #include <stdio.h>

@@ -1,1 +1,1 @@
-"""Identification: from prepared runs to coefficients and their standard errors."""
+"""Identification: estimate the coefficients of a damper and their standard errors from prepared runs."""

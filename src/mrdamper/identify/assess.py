@@ -1,4 +1,4 @@
-"""Assessment of a fit: error of each run, energy, passivity, remarks in plain words."""
+"""Assess a fit: error of each run, dissipated energy, passivity, and remarks for the user."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from mrdamper.models.simulate import simulate_each
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """The assessment of a fit."""
+    """Errors, passivity and remarks of a fit."""
 
-    runs: tuple[RunError, ...]  # training runs and held-out runs
-    passivity_min: float  # see ``passivity``; the model can return work if it is negative
-    words: tuple[str, ...]  # remarks
+    runs: tuple[RunError, ...]  # errors of training runs and held-out runs
+    passivity_min: float  # result of ``passivity``; the model can generate energy if this value is negative
+    words: tuple[str, ...]  # remarks for the user
 
 
 def assess(fitted: FittedDamper) -> Assessment:
@@ -39,9 +39,9 @@ def assess(fitted: FittedDamper) -> Assessment:
 def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     """Return the minimum dissipated work of a closed cycle, divided by 4 x amplitude x peak force [-].
 
-    The cycles are sines inside the envelope of the runs: 1 to 100 % of the stroke, 20 and 100 % of the
-    maximum velocity, five currents, the lowest and the highest temperature. The second of two cycles is
-    evaluated.
+    The minimum is taken over sines inside the envelope of the runs: amplitudes of 1, 10 and 100 % of the
+    stroke, 20 and 100 % of the maximum velocity, five currents, the lowest and the highest temperature. Two
+    cycles are simulated, and the second cycle is evaluated.
     """
     envelope = envelope_of(runs)
     stroke = max(abs(end) for end in envelope.displacement)
@@ -60,7 +60,8 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
         )
     work_min = np.inf
     for (amplitude, path), force in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
-        second = slice(len(path) // 2 + 1, None)  # A closed cycle contains only one of its two end points.
+        # The two end points of a closed cycle are equal. Only one of them is counted.
+        second = slice(len(path) // 2 + 1, None)
         work = float(force[second] @ path.velocity[second]) * path.step
         peak = 4.0 * amplitude * float(np.abs(force[second]).max())
         work_min = min(work_min, work / peak if peak > 0.0 else 0.0)

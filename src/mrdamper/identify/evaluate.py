@@ -1,6 +1,6 @@
-"""Errors of a model on runs: the public function ``evaluate``, and its results as JSON.
+"""Compute the errors of a model on runs: the public function ``evaluate``, and its results as JSON.
 
-This module does not import ``fit``, so that a card is evaluated without loading the fit.
+This module does not import ``fit``, so that the evaluation of a card starts fast.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-# Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
+# Fraction of samples that is ignored at either end of the range of acceleration. Such extreme values are
+# artefacts of the smoothing.
 ACCELERATION_QUANTILE = 1e-3
 
 
@@ -31,10 +32,10 @@ def evaluate(
     *,
     preparation: Preparation | None = None,
 ) -> tuple[RunError, ...]:
-    """Return the force error of a model on runs, at full rate and without removing an offset.
+    """Return the force error of a model on each run, at full sampling rate and without removing an offset.
 
-    Training runs of the card (same name, same error) are marked ``training``, other runs ``held_out``. Runs
-    outside the envelope of the card cause one ``EnvelopeWarning``.
+    A run with the same name and error as a training run of the model is marked ``training``. All other runs
+    are marked ``held_out``. If runs are outside the envelope of the card, one ``EnvelopeWarning`` lists them.
     """
     seen: dict[str, float] = {}
     if isinstance(model, ModelCard):
@@ -62,7 +63,7 @@ def prepare_for(
     runs: Dataset | Iterable[RigRun],
     preparation: Preparation | None = None,
 ) -> tuple[PreparedRun, ...]:
-    """Return the prepared runs, with a temperature if the model requires one."""
+    """Return the runs prepared for the model; raise InputError if a run lacks a required temperature."""
     if isinstance(model, ModelCard):
         preparation = preparation or Preparation.from_dict(model.preparation)
     elif not isinstance(model, Damper):
@@ -86,7 +87,7 @@ def prepare_for(
 
 
 def operating_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
-    """Return the ranges of all quantities of the runs; for the acceleration without the extreme 0.2 %."""
+    """Return the ranges of all quantities in the runs; the range of acceleration omits the extreme 0.2 %."""
 
     def union(ranges: Iterable[Sequence[float]]) -> tuple[float, float]:
         lows, highs = zip(*ranges, strict=True)
@@ -138,7 +139,7 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
 
 
 def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
-    """Return a range of the envelope, extended by a tolerance."""
+    """Return the range ``allowed`` of a quantity of the envelope, extended by a tolerance."""
     if what == "frequency":
         return 0.5 * allowed[0], 1.25 * allowed[1]
     share = 0.25 if what == "acceleration" else 0.05
@@ -147,14 +148,14 @@ def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
 
 
 def all_assumed(damper: Damper) -> bool:
-    """Return True if the whole temperature dependence is assumed; runs then need no temperature."""
+    """Return True if the temperature dependence is assumed and not fitted; runs then need no temperature."""
     return bool(damper.assumed) and len(damper.assumed) == sum(
         form.temperature_dependent for form in damper.coefficients.values()
     )
 
 
 def describe_extrapolation(damper: Damper) -> str:
-    """Return a sentence on the force of a damper outside its range of temperatures."""
+    """Return a text that describes the force of a damper outside its temperature range."""
     if not damper.temperature_dependent:
         return "and its force does not depend on temperature"
     if damper.temperature_range is None:
@@ -164,7 +165,7 @@ def describe_extrapolation(damper: Damper) -> str:
 
 
 def set_reference_temperature(run: PreparedRun) -> PreparedRun:
-    """Return the run; a run without temperature channel gets a constant temperature of 20 degC."""
+    """Return the run, with a constant temperature of 20 degC if it has no temperature channel."""
     if run.trajectory.temperature is not None:
         return run
     kelvin = np.full(len(run), REFERENCE_K)
@@ -180,7 +181,10 @@ def row(error: RunError) -> dict[str, object]:
 
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
-    """Prepare all runs, with noise removed from constant commands; raise one error with all faults."""
+    """Return all runs, prepared and with noise removed from constant commands.
+
+    If runs are invalid, one InputError with all faults is raised.
+    """
     prepared: list[PreparedRun] = []
     faults: list[InputError] = []
     for run in with_steady_commands(runs):

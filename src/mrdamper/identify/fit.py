@@ -1,4 +1,4 @@
-"""Fit of one law to prepared runs: parameters, uncertainty, actuation and model card."""
+"""Fit one law to prepared runs: parameters, their uncertainty, actuation and model card."""
 
 from __future__ import annotations
 
@@ -44,22 +44,23 @@ __all__ = ["Identification", "Law", "assess", "default_law", "fit_law", "version
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
-# Long campaigns of slow dampers are sampled at a lower rate: 200 Hz resolves time constants of 5 ms and more.
+# Limits for the fit of the actuation. Long runs are resampled at a lower rate, but not below 200 Hz. This
+# rate resolves time constants of 5 ms and more.
 ACTUATION_SAMPLES_MAX = 100_000
 ACTUATION_RATE_Hz_MIN = 200.0
 
 
 @dataclass(frozen=True)
 class Identification(FittedDamper):
-    """A fit with all data that the assessment and the model card require."""
+    """A fit with all data that are needed to assess the fit and to write its model card."""
 
     problem: FitProblem
-    fingerprint: str
-    cpu_s: float  # preparation and fit; the job adds selection and assessment
-    python_law: str | None = None  # source of a user's own law, ``file.py:Class``
-    actuation: ActuationFit | None = None  # identified from training runs with steps of the command
+    fingerprint: str  # hash of the training data
+    cpu_s: float  # CPU time of preparation and fit; the job adds model selection and assessment
+    python_law: str | None = None  # source of a user-defined law, ``file.py:Class``
+    actuation: ActuationFit | None = None  # identified from the training runs with changing current
     force_band: ForceBand | None = None  # estimated by cross-validation over motions
-    next_tests: tuple[str, ...] = ()  # The test that reduces the uncertainty of the force most is first.
+    next_tests: tuple[str, ...] = ()  # proposed tests, the most useful test first
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -67,7 +68,7 @@ class Identification(FittedDamper):
 
     @property
     def converged(self) -> bool:
-        """True if the search ended at a minimum; False for an interrupted fit."""
+        """True if the search ended at a minimum; False if it did not converge or was interrupted."""
         return self.result.converged and not self.result.cancelled
 
     @property
@@ -78,7 +79,7 @@ class Identification(FittedDamper):
     def card(
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
-        """Return the model card. Without an assessment, the fit is assessed on the training runs alone."""
+        """Return the model card. Without an ``assessment``, the fit is assessed on its own runs."""
         judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
         if self.actuation is not None:
@@ -125,9 +126,10 @@ def fit_law(
     ----------
     law : name of a law, or a law in Python (object or class); None: ``default_law``
     terms : names of the terms of the law; None: the default terms
-    dampers : parameter sets from which the search starts; without them, the search finds start values
-    interrupted : the first damper is the result, because the user has interrupted the job
-    on_progress : receives a ``SearchState`` as ``detail`` after every step
+    dampers : start values of the search; if empty, the search finds its own start values
+    interrupted : True if the user has interrupted the job; the search then makes one iteration from the first
+        damper
+    on_progress : function that receives a ``SearchState`` as ``detail`` after every step
     """
     clock = cpu_seconds()
     chosen, python_law = resolve_law(default_law(data.steady) if law is None else law)
@@ -169,7 +171,7 @@ def fit_law(
 
 
 def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
-    """Fit a problem on its windows, then on all data if the windows do not represent the data."""
+    """Fit a problem to its windows, and then to all data if the windows do not represent the data well."""
     settings = problem.settings
     windows, whole = problem.windows(), run_windows(problem.runs, settings)
     result = fit_variable_projection(
@@ -190,7 +192,10 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
 ) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
-    """Return the fit with standard errors for other motions, a force band, and proposed tests."""
+    """Return the fit with standard errors that include other motions, the force band, and proposed tests.
+
+    Without cross-validation, which needs two folds, the force band is missing (None).
+    """
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
     tests, folds = propose_tests(problem, result), refit_without_folds(problem, result)
@@ -202,7 +207,10 @@ def _for_other_motions(
 def _with_actuation(
     result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
-    """Return the fit with the actuation from the runs with steps, or with a note if that fit failed."""
+    """Add the actuation that is fitted to the runs ``stepping``; return the result and the actuation fit.
+
+    If this fit fails, the result gets a note and no actuation fit is returned (None).
+    """
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
@@ -215,15 +223,15 @@ def _with_actuation(
 
 
 def default_law(runs: Sequence[PreparedRun]) -> str:
-    """Return the default law for the runs."""
+    """Return the name of the default law, which depends on whether all runs have a temperature."""
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
     return "double-bouc-wen" if temperature_dependent else "series-valve"
 
 
 def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
-    """Return a law, and the source (``file.py:Class``) of a user-defined law.
+    """Return the law object, and the source (``file.py:Class``) if the law is user-defined, else None.
 
-    If ``law`` names a Python file, the file is executed.
+    If ``law`` contains the name of a Python file, the file is executed.
     """
     if isinstance(law, HysteresisLaw):
         return law, None if law.python is None else _place_of(law.python)
@@ -236,7 +244,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the packages on which a result depends."""
+    """Return the versions of the packages on which a result depends, by package name."""
     found = {}
     for name in ("mrdamper", "numpy", "scipy"):
         try:

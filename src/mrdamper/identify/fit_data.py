@@ -1,8 +1,8 @@
-"""The data of one job: measured runs, prepared once and in an order that does not depend on files.
+"""The data of one fit job: measured runs, prepared once and sorted independently of the order of files.
 
-Screening, cross-validation and the final fit share this definition of the problem. The scale of the search
-bounds and all constants derived from this scale come from all runs of the fit. A parameter set therefore has
-the same meaning for any subset of the runs.
+Screening, cross-validation and the final fit share this data and the fit problem that is derived from it. The
+typical values (``Scale``) that define the search bounds come from all runs with constant current, even if a
+fit uses only some of these runs. A parameter set therefore has the same meaning for any subset of the runs.
 """
 
 from __future__ import annotations
@@ -30,13 +30,15 @@ from mrdamper.models.laws import HysteresisLaw
 class FitData:
     """Prepared runs and settings that all fits of one job share."""
 
-    training: tuple[PreparedRun, ...]  # order of the files
+    training: tuple[PreparedRun, ...]  # training runs in the order of the files
     held_out: tuple[PreparedRun, ...]
-    steady: tuple[PreparedRun, ...]  # runs with constant current, sorted by content, without repetitions
-    changing: tuple[PreparedRun, ...]  # runs with changing current, sorted in the same way
+    # Training runs with constant current, sorted by their data; identical runs are used once. If there are
+    # fewer than two currents, this field has all runs.
+    steady: tuple[PreparedRun, ...]
+    changing: tuple[PreparedRun, ...]  # remaining training runs with changing current, sorted by their data
     temperature: Temperature
-    fluid: FluidFactors | None  # known temperature dependence; None: fitted
-    one_command: bool  # True if the runs may have one current only
+    fluid: FluidFactors | None  # fluid with assumed temperature dependence; None: the dependence is fitted
+    one_command: bool  # True if a single current in all runs is accepted
     preparation: Preparation
     fingerprint: str  # hash of the training data
     notes: tuple[str, ...] = ()
@@ -54,7 +56,7 @@ class FitData:
         one_command: bool = False,
         settings: FitSettings = DEFAULT_SETTINGS,
     ) -> FitData:
-        """Return the data of a fit; runs whose names match a pattern in ``hold_out`` are not fitted."""
+        """Prepare the runs of a fit. Runs whose names match a pattern in ``hold_out`` are not fitted."""
         training, held_out = runs.split(hold_out) if hold_out else (runs, Dataset(()))
         fingerprint = training.fingerprint
         training, continued = join_continuations(training)
@@ -78,7 +80,7 @@ class FitData:
             notes += (f"{note} (the first: {repeated[0].name})",)
         steady = tuple(run for run in distinct if run.run.constant_command is not None)
         changing = tuple(run for run in distinct if run.run.constant_command is None)
-        if command_levels(steady) < 2:  # The law is fitted to all runs, together with a lag.
+        if command_levels(steady) < 2:  # Fit the law and a lag to all runs together.
             steady, changing = distinct, ()
         return cls(
             prepared,
@@ -96,7 +98,7 @@ class FitData:
 
     @cached_property
     def scale(self) -> Scale:
-        """Typical values of the runs with constant current, which are the units of all search bounds."""
+        """Typical values of the runs ``steady``. All search bounds are multiples of these values."""
         return scale_of(self.steady)
 
     def problem(
@@ -105,7 +107,7 @@ class FitData:
         terms: Sequence[str] | None = None,
         start: Mapping[str, float] | None = None,
     ) -> FitProblem:
-        """Return the problem of fitting a law with some terms to the steady runs, see ``template``."""
+        """Return the problem of fitting a law with some terms to the runs ``steady``; see ``template``."""
         damper, free = template(
             law,
             self.steady,
@@ -120,7 +122,7 @@ class FitData:
 
 
 def _content(run: PreparedRun) -> tuple[float | str, ...]:
-    """Return a sort key that depends only on the data of a run."""
+    """Return a sort key of a run that depends on its data, and not on its name or file."""
     path = run.trajectory
     kelvin = 0.0 if path.temperature is None else float(np.mean(path.temperature))
     digest = hashlib.sha256()
@@ -139,7 +141,7 @@ def _content(run: PreparedRun) -> tuple[float | str, ...]:
 def _without_repetitions(
     runs: Sequence[PreparedRun],
 ) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
-    """Return the different runs sorted by content, and the repeated runs."""
+    """Return the runs without exact repetitions, sorted by their data, and the repeated runs."""
     distinct: dict[tuple[float | str, ...], PreparedRun] = {}
     repeated = []
     for run in runs:
@@ -152,7 +154,7 @@ def _without_repetitions(
 
 
 def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return a note if currents are treated as constant although their noise exceeds sensor noise."""
+    """Return a note if noisy currents are treated as constant; empty if there are no such runs."""
     noisy = [
         run
         for run, each in zip(runs, prepared, strict=True)

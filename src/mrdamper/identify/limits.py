@@ -1,7 +1,8 @@
-"""Limits of the coefficients of a fitted damper over the currents and temperatures of its runs.
+"""Limit the coefficients of a fitted damper to their valid ranges at all currents and temperatures of runs.
 
-A search enforces the conditions of a law only at some currents. Between two of these currents, a parabola can
-leave the range of its coefficient. Other runs can also have larger currents or higher temperatures.
+The search enforces the conditions of a law only at some currents. Between two of these currents, a parabola
+can leave the valid range of its coefficient. Runs that were not fitted can also have larger currents or
+higher temperatures than the fitted runs.
 """
 
 from __future__ import annotations
@@ -18,26 +19,29 @@ from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.laws import Coefficient
 from mrdamper.quantities import REFERENCE_K
 
-# Number of currents at which a fitted damper is checked.
+# Number of equidistant currents at which the coefficients of a fitted damper are checked.
 COMMAND_COUNT = 1001
-# Relative change of a coefficient that is reported.
+# A note reports a coefficient if the limitation changes it by more than this ratio of its maximum.
 REPORTED_CHANGE_MIN = 1e-3
 BISECTION_COUNT = 40
-_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # shape, not size
-# Relative change of the valve force by the position gain at the end of the stroke. Below 1, the sign is kept.
+# Parameters that define the shape of a dependence. ``_weaker`` scales all parameters except these.
+_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")
+# Maximum relative change of the valve force by the position gain at the end of the stroke. Below 1, the valve
+# force keeps its sign.
 POSITION_CHANGE_MAX = 0.99
 
 
 def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
-    """Return the damper with coefficients in the range of its law, for all runs of a problem."""
+    """Return the damper with its coefficients limited to the valid range for all runs of the problem."""
     return limit_coefficients(damper, envelope_of(problem.runs))[0]
 
 
 def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:
-    """Return the damper with coefficients in the range of its law, and a note for each relevant change.
+    """Return the damper with limited coefficients, and a note for each coefficient that changed much.
 
-    If the form allows, a coefficient below its range is raised by a change of its first parameter. Otherwise
-    the dependence of the coefficient on current and temperature is reduced as little as necessary.
+    If a coefficient is below its valid range, its first parameter is increased. If this is not possible or
+    not sufficient, the dependence of the coefficient on current and temperature is weakened as little as
+    necessary.
     """
     commands = np.linspace(*envelope.command, COMMAND_COUNT)
     kelvin = damper.temperature_range or envelope.temperature or (REFERENCE_K,) * 2
@@ -45,7 +49,8 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
     at, warm = (grid.ravel() for grid in np.meshgrid(commands, temperatures))
     forms, notes = dict(damper.coefficients), []
     for name, form in damper.coefficients.items():
-        few = slice(None, None, COMMAND_COUNT if form.kind == "constant" else 1)  # all temperatures
+        # A coefficient that does not depend on current is checked once at each temperature.
+        few = slice(None, None, COMMAND_COUNT if form.kind == "constant" else 1)
         inside = _raised(form, damper.law[name], at[few], warm[few])
         if inside is form:
             continue
@@ -61,13 +66,14 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
 
 
 def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: FloatArray) -> ParameterLaw:
-    """Return a form with values in the range of a coefficient; the same form if its values are valid."""
+    """Return the dependence with values in the valid range; the same object if nothing has to change."""
     values = form.value(at, kelvin)
     floor = admissible.lower
     if values.min() < floor + 2e-6 * np.ptp(values):
         slope = form.gradient(at, kelvin)[0]
         if (slope > 0.0).all() and form.linear[0] and form.kind != "exponential":
-            aim = floor + 2e-6 * float(np.ptp(values))  # margin for a minimum between two currents
+            # The coefficient can be lower between two currents of the grid. Hence the margin.
+            aim = floor + 2e-6 * float(np.ptp(values))
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
             # A factor near zero at one temperature would require large changes at the other temperatures.
             if lift * float(slope.max()) <= float(np.ptp(values)):
@@ -88,9 +94,10 @@ def _keeps(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: 
 
 
 def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> ParameterLaw:
-    """Return a form with its dependence on command and temperature reduced to a fraction.
+    """Return the dependence with all size parameters except the first multiplied by ``fraction``.
 
-    The first parameter is clipped to the range of the coefficient.
+    The first parameter is clipped to the valid range of the coefficient. With fraction 0, the coefficient is
+    constant.
     """
     first, *others = form.parameters
     names = form.parameter_names[1:]

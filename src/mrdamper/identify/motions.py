@@ -1,8 +1,8 @@
-"""Motions: groups of runs with the same motion, and the folds of a cross-validation over motions.
+"""Group runs with the same motion, and define the folds of a cross-validation over motions.
 
-The error on a fitted motion does not predict the error on another motion. Therefore whole motions are held
+The error on a fitted motion does not predict the error on a new motion. Therefore whole motions are held
 out, with all their currents and temperatures. If all runs have the same motion, currents are held out
-instead. If there are too few currents, blocks of time are held out.
+instead. If there are too few currents, time blocks (sections of each run) are held out.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from mrdamper.identify.windows import FitWindow
 from mrdamper.models.force_band import LeftOut
 
 FOLD_COUNT_MAX = 5
-# Max. ratio of standard deviations of displacement or velocity within one motion.
+# Two runs have the same motion up to this ratio of their standard deviations of displacement and velocity.
 SIZE_RATIO_MAX = 1.3
-# Currents that differ by less than this, relative to the largest, are one level.
+# Two currents count as equal if they differ by less than this fraction of the largest current.
 LEVEL_DISTANCE_RATIO = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Data that are held out together."""
+    """Data that are held out together: whole runs, or one time block of each run."""
 
     label: str
-    runs: tuple[int, ...]  # indices
-    block: int | None = None  # number of the block of time; None: whole runs are held out
+    runs: tuple[int, ...]  # indices of the runs
+    block: int | None = None  # number of the time block; None: whole runs are held out
 
     def holds_out(self, window: FitWindow) -> bool:
-        """Return True if the fold holds out a window."""
+        """Return True if the window belongs to the data that the fold holds out."""
         return window.run in self.runs and self.block in (None, window.block)
 
     def training(self, windows: Sequence[FitWindow]) -> tuple[FitWindow, ...]:
@@ -42,19 +42,19 @@ class Fold:
 
 
 def fold_content(runs: Sequence[PreparedRun], folds: Sequence[Fold]) -> LeftOut:
-    """Return what the folds hold out: motions, currents or blocks of time."""
+    """Return the kind of data that the folds hold out: motions, commands or blocks of time."""
     if len(motion_groups(runs)) > 1:
         return "motions"
     return "commands" if folds[0].block is None else "blocks of time"
 
 
 def block_count(folds: Sequence[Fold]) -> int:
-    """Return the number of blocks of time that folds hold out; 1 if they hold out whole runs."""
+    """Return the number of time blocks per run that the folds require; 1 if they hold out whole runs."""
     return 1 if folds[0].block is None else len(folds)
 
 
 def motion_groups(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
-    """Return the indices of the runs of each motion, the slowest motion first.
+    """Return one tuple of run indices for each motion, the slowest motion first.
 
     Two runs have the same motion if the standard deviations of their displacement and of their velocity
     differ by less than 30 %.
@@ -75,11 +75,12 @@ def motion_groups(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
 
 
 def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
-    """Return the folds of a cross-validation; each run or block of time is in one fold at most.
+    """Return the folds of a cross-validation; each run or time block is in at most one fold.
 
-    With several motions, whole motions are distributed among at most ``FOLD_COUNT_MAX`` folds, slow and fast
-    ones alternately. With one motion and at least four levels of current, the levels between the smallest
-    and the largest are held out. Otherwise ``FOLD_COUNT_MAX`` blocks of time are held out of every run.
+    If there are several motions, whole motions are distributed among at most ``FOLD_COUNT_MAX`` folds, so
+    that each fold has slow and fast motions. If there are a single motion and at least four currents, all
+    runs at one current are held out together, except for the smallest and the largest current. Otherwise each
+    run is divided into ``FOLD_COUNT_MAX`` time blocks, and each fold holds out one block of every run.
     """
     groups = motion_groups(runs)
     if len(groups) == 1:
@@ -105,7 +106,7 @@ def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
 
 
 def _inner_levels(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
-    """Return the indices of the runs at each level of current except the smallest and the largest."""
+    """Return one tuple of run indices for each constant current except the smallest and the largest."""
     known = {k: held for k, run in enumerate(runs) if (held := run.run.constant_command) is not None}
     commands = np.array(list(known.values()))
     numbers = level_numbers(commands, LEVEL_DISTANCE_RATIO * np.abs(commands).max(initial=0.0))

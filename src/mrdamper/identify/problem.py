@@ -1,4 +1,4 @@
-"""The fit problem: a template damper, its free parameters, and the runs.
+"""The fit problem (template damper, free parameters, runs) and the results of a fit.
 
 The cost is the mean over runs of squared ``nrmse_percent`` (RMS error in percent of the standard deviation of
 the force of the run). A run at 0 A therefore has the same weight as a run at full current.
@@ -23,17 +23,17 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
 
-# Grid of commands and temperatures at which the conditions of linear coefficients are enforced.
+# Numbers of commands and temperatures at which the fit enforces the valid range of linear coefficients.
 CONDITION_COMMAND_COUNT = 17
 CONDITION_TEMPERATURE_COUNT = 3
 
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """A fitted parameter of the template with its bounds.
+    """A parameter of the template that is fitted, with its bounds.
 
-    If the force is linear in a parameter (``linear``), linear least squares eliminates the parameter in each
-    step (variable projection). The range of its coefficient then replaces the bounds. ``scale`` defines
+    If the force is linear in the parameter (``linear``), linear least squares computes the parameter in each
+    step (variable projection). The valid range of the coefficient then replaces the bounds. ``scale`` states
     whether the search varies the parameter or its logarithm.
     """
 
@@ -62,7 +62,7 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """A fit problem: template, free parameters, runs and settings."""
+    """A fit problem: template damper, free parameters, runs and settings."""
 
     template: Damper
     free: tuple[FreeParameter, ...]
@@ -75,19 +75,20 @@ class FitProblem:
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:
-        """Parameters that the search varies."""
+        """Free parameters with a nonlinear effect on the force. The search varies these parameters."""
         return tuple(free for free in self.free if not free.linear)
 
     @cached_property
     def linear(self) -> tuple[FreeParameter, ...]:
-        """Parameters that are eliminated by linear least squares."""
+        """Free parameters with a linear effect on the force. Linear least squares computes their values."""
         return tuple(free for free in self.free if free.linear)
 
     @cached_property
     def conditions(self) -> tuple[FloatArray, FloatArray]:
-        """A and b of the conditions A c >= b, which keep coefficients in the range of the law.
+        """A and b of the conditions A c >= b, which keep coefficients in the valid range of the law.
 
-        c are the linear parameters. The conditions apply at some commands and temperatures of the runs.
+        The vector c contains the linear parameters. The conditions apply on a grid of commands and
+        temperatures.
         """
         template, names = self.template, [free.name for free in self.linear]
         grid = np.unique(np.linspace(*envelope_of(self.runs).command, CONDITION_COMMAND_COUNT))
@@ -108,7 +109,7 @@ class FitProblem:
                     kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
                 )
             )
-            # Contribution of the parameters that are not fitted.
+            # ``fixed`` is the contribution of the parameters that are not fitted.
             held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
             fixed = law.with_parameters(held).value(commands, temperatures)
             gradients = law.gradient(commands, temperatures)[at].T
@@ -121,8 +122,9 @@ class FitProblem:
     def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
         """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.
 
-        Without ``samples_max``, all data are used unless the runs with changing current are too long (see
-        ``FitSettings``). With several ``blocks`` of time, no window belongs to two blocks.
+        With ``samples_max=None``, all data are used unless the runs with changing current are too long (see
+        ``FitSettings``). ``blocks`` is the number of equal time blocks of each run. No window extends over
+        two blocks.
         """
         limit = math.inf if samples_max is None else samples_max
         if changing_sample_count(self.runs, self.settings) > self.settings.changing_samples_max:
@@ -136,9 +138,9 @@ class FitProblem:
 class Estimate:
     """A fitted parameter and its uncertainty.
 
-    ``standard_error`` includes errors that are correlated in time (blocks of half a cycle). It is NaN if the
-    parameter is at a bound. ``design_error_percent`` is the relative standard error for independent noise
-    with the size of the residual.
+    ``standard_error`` allows for residuals that are correlated within half a cycle. The value is NaN if the
+    parameter is at a bound. ``design_error_percent`` is the relative standard error that follows from the
+    runs if the residual is independent noise.
     """
 
     name: str
@@ -159,7 +161,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Result of one start of the search; the cost is the root of the mean squared error [%]."""
+    """Result of the search from one start. ``cost_percent`` is the root of the mean squared error [%]."""
 
     index: int
     cost_percent: float
@@ -168,10 +170,10 @@ class Start:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of a search: a fitted damper with the estimates of its parameters.
+    """Result of a search: the fitted damper and the estimates of its parameters.
 
-    ``covariance`` includes the errors between motions. Without it, the covariance follows from the standard
-    errors and the ``correlation``.
+    ``covariance`` includes the model errors that differ between motions. None means that it is computed
+    from the standard errors and ``correlation``.
     """
 
     damper: Damper
@@ -189,7 +191,7 @@ class SearchResult:
 
 @dataclass(frozen=True)
 class FittedDamper:
-    """A fitted damper with the runs of the fit."""
+    """Result of a search together with the training runs and the held-out runs."""
 
     result: SearchResult
     training: tuple[PreparedRun, ...]
@@ -202,9 +204,10 @@ class FittedDamper:
 
 
 def canonical(damper: Damper) -> Damper:
-    """Return the damper with its two parallel hysteretic elements in a unique order.
+    """Return the damper with the two parallel hysteretic elements of ``double-bouc-wen`` in a unique order.
 
-    The first element has the larger rho at zero current. The force does not depend on the order.
+    The element with the larger rho at zero current becomes the first. The force does not depend on the order.
+    Other laws are returned unchanged.
     """
     forms = dict(damper.coefficients)
     if damper.law.name != "double-bouc-wen" or forms["rho"].value(0.0) >= forms["second_rho"].value(0.0):
@@ -220,7 +223,7 @@ def canonical(damper: Damper) -> Damper:
 
 
 def envelope_of(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
-    """Return the range of command, displacement, velocity and temperature that the runs cover."""
+    """Return the ranges of command, displacement, velocity and temperature in the runs."""
 
     def span(values: Sequence[FloatArray]) -> tuple[float, float]:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)

@@ -1,8 +1,8 @@
-"""Errors of a model on runs.
+"""Compute the errors of a model on runs.
 
-``nrmse_percent`` of a run is 100 x RMS error / standard deviation of the measured force, from half a period
-after the start of the motion, at full rate, without filter. The error is also computed for the whole run, and
-after removal of a constant offset because load cells are not always zeroed.
+``nrmse_percent`` of a run is 100 x RMS error / standard deviation of the measured force. The first half
+period of the motion is ignored. The force is not filtered and has the full sampling rate. The error is also
+computed for the whole run, and after removal of a constant offset because load cells are not always zeroed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Split = Literal["training", "held_out"]
 
 @dataclass(frozen=True, slots=True)
 class RunError:
-    """Error of a model on one run. ``command`` is None if the command varies over the run."""
+    """Errors of a model on one run. ``command`` is None if the command changes during the run."""
 
     name: str
     split: Split
@@ -38,24 +38,24 @@ class RunError:
     command_unit: str
     motion: str
     temperature_degC: float | None
-    energy_measured_J: float  # work per period (or over the whole run), from the first scored sample
+    energy_measured_J: float  # dissipated work per period; of the whole scored run if there is no period
     energy_model_J: float
     peak_measured_N: float
     peak_model_N: float
-    in_band_percent: float | None = None  # fraction of the scored samples inside the force band of the card
+    in_band_percent: float | None = None  # percentage of the scored samples inside the force band
 
 
 def score_run(
     damper: Damper, prepared: PreparedRun, split: Split = "held_out", band: ForceBand | None = None
 ) -> RunError:
-    """Return the error of a damper on one prepared run; with ``band`` also the fraction inside the band."""
+    """Return the errors of a damper on one run; with ``band`` also the percentage of samples in the band."""
     return score_each(damper, [prepared], split, band)[0]
 
 
 def score_each(
     damper: Damper, runs: Sequence[PreparedRun], split: Split = "held_out", band: ForceBand | None = None
 ) -> tuple[RunError, ...]:
-    """Return the errors of a damper on several prepared runs, which are simulated together."""
+    """Return the errors of a damper on each of several runs. All runs are simulated in one call."""
     for each in runs:
         run = each.run
         if run.command_unit != damper.command_unit:
@@ -109,12 +109,15 @@ def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBa
 
 
 def command_threshold(commands: Iterable[float | None]) -> float:
-    """Return the limit [A or V] below which a command counts as zero: 3 % of the largest, or 20 mA."""
+    """Return the limit [A or V] below which a command counts as zero: 3 % of the largest, at least 0.02."""
     return max(0.02, 0.03 * max((abs(c) for c in commands if c is not None), default=0.0))
 
 
 def summary(errors: Iterable[RunError]) -> dict[str, float]:
-    """Return ``nrmse_percent`` of runs: median, maximum, and maximum above zero current; NaN without runs."""
+    """Return the median and the maximum of ``nrmse_percent`` over runs, and the maximum above zero current.
+
+    A value is NaN if there are no such runs.
+    """
     errors = tuple(errors)
     every = np.array([e.nrmse_percent for e in errors])
     least = command_threshold(e.command for e in errors)

@@ -1,8 +1,8 @@
 """Temperature dependence of the coefficients, and the number of temperatures that a fit requires.
 
-Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT), yield forces and
-friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper. The
-factors of a known fluid can replace runs at several temperatures. They are assumed and not fitted.
+Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT). Yield forces and friction
+are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper. If the runs have
+only one temperature, the temperature factors of a known fluid can be assumed instead of fitted.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _VISCOUS = (
     "bristle_damping",
 )
 _YIELDING = ("yield_force", "second_force", "rate_force", "memory_force", "bristle_stiffness")
-_MOBILE = ("creep",)  # These are proportional to 1 / viscosity.
+_MOBILE = ("creep",)  # Creep is proportional to 1 / viscosity.
 _FRICTION = ("coulomb_friction", "breakaway_friction", "friction_force")
-# Temperatures with a smaller difference count as one level.
+# Temperatures with a smaller difference count as one temperature.
 LEVEL_DISTANCE_MIN_K = 5.0
-# Number of temperature levels that determine the parameters of each kind.
+# Number of different temperatures that each kind of temperature dependence requires.
 LEVEL_COUNT_MIN = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}
-# A linear factor decreases by at most this at the temperature furthest from 20 degC, so that it stays
-# positive.
+# A linear factor must stay positive. Its decrease at the temperature farthest from 20 degC is limited to this
+# value.
 LINEAR_DECREASE_MAX = 0.95
 
 
@@ -65,10 +65,10 @@ class FluidFactors(Protocol):
 
 
 def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
-    """Return the distinct temperatures [K] of the runs, at least 5 K apart.
+    """Return the different temperatures [K] of the runs in rising order, at least 5 K apart.
 
-    A run that warms up counts with its lowest and highest temperature. The result is empty if a run has no
-    temperature.
+    A run that warms up contributes its lowest and its highest temperature. The result is empty if a run has
+    no temperature.
     """
     tracks = [run.trajectory.temperature for run in runs]
     known = [track for track in tracks if track is not None]
@@ -85,10 +85,11 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
 def select_temperature_kind(
     runs: Sequence[PreparedRun], kind: Temperature
 ) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
-    """Return the runs of a fit, the kind of temperature dependence, and a note if data are ignored.
+    """Return the runs to be fitted, the kind of temperature dependence, and a note if data are ignored.
 
-    Only "auto" is replaced. Temperature is ignored if the runs have one temperature, or if fewer than half
-    of them have a temperature. If at least half have a temperature, the other runs are ignored.
+    A kind that is not "auto" is returned unchanged. The kind is "none" if the runs have only one temperature,
+    or if fewer than half of the runs have a temperature channel. If at least half of the runs have this
+    channel, the runs that lack it are ignored.
     """
     runs = tuple(runs)
     measured = tuple(run for run in runs if run.trajectory.temperature is not None)
@@ -116,10 +117,19 @@ def apply_temperature(
     kind: Temperature,
     linear: Sequence[str] = (),
 ) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
-    """Return forms and free parameters with a temperature dependence; ``levels`` are temperatures [K].
+    """Add a temperature dependence to coefficients; return the new dependences and free parameters.
 
-    The coefficients ``linear`` are linear in temperature for every kind. Raise InputError if there are fewer
-    temperatures than the kind requires.
+    Parameters
+    ----------
+    forms : dependence of each coefficient on current
+    free : parameters that are fitted
+    levels : different temperatures of the runs [K]
+    linear : names of coefficients that are linear in temperature for every kind
+
+    Raises
+    ------
+    InputError
+        If there are fewer temperatures than the kind requires.
     """
     kind = "arrhenius" if kind == "auto" else kind
     needed = LEVEL_COUNT_MIN[kind]
@@ -173,10 +183,10 @@ def apply_temperature(
 
 
 def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, ParameterLaw]:
-    """Return forms with the temperature factors of a fluid, marked as assumed and not fitted.
+    """Return the dependences of coefficients with the temperature factors of a fluid, marked as assumed.
 
-    In the series valve, a shear-thinning force |v|^m is proportional to the viscosity to the power m.
-    ``scale_thinning`` applies this power after the fit, with the fitted exponent.
+    Assumed factors are not fitted. In the series valve, a shear-thinning force |v|^m is proportional to the
+    viscosity to the power m. ``scale_thinning`` applies this power after the fit, when m is known.
     """
     assumed: dict[str, ParameterLaw] = dict(forms)
     for name, form in forms.items():
@@ -190,10 +200,10 @@ def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[
 
 
 def scale_thinning(damper: Damper) -> Damper:
-    """Return a damper with its assumed thinning factors raised to the fitted exponents.
+    """Return the damper with the assumed viscosity factor of each thinning force raised to the power m.
 
     A force |v|^m is proportional to the viscosity to the power m. All viscosity factors are exponential in
-    their first parameter. Therefore this parameter is multiplied by m.
+    their first parameter. Therefore this parameter is multiplied by the fitted m.
     """
     forms = dict(damper.coefficients)
     for name, exponent in (("thinning", "thinning_exponent"), ("leak_damping", "leak_exponent")):
@@ -220,7 +230,7 @@ def _viscous(name: str, kind: str, coldest: float) -> tuple[TemperatureFactor, l
 def _bilinear(
     name: str, form: Constant | Polynomial, free: Sequence[FreeParameter], span: float
 ) -> tuple[Bipolynomial, list[FreeParameter]]:
-    """Return a polynomial in command and temperature, and the extended free parameters."""
+    """Return a polynomial in command that is linear in temperature, and the updated free parameters."""
     old = {f"{name}.{number}": k for k, number in enumerate(form.parameter_names)}
     own = sorted((f for f in free if f.name in old), key=lambda f: old[f.name])
     parameters: list[float] = []

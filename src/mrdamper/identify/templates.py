@@ -1,7 +1,8 @@
-"""Templates: the dependence of each coefficient on current and temperature, and the bounds of a fit.
+"""Make the template of a fit: dependences of the coefficients on current and temperature, with bounds.
 
-``terms`` defines which coefficients are fitted. This module scales their bounds with the runs (force,
-stroke, speed and current) and gives each form as many parameters as the runs can determine.
+``terms`` defines which coefficients are fitted. This module multiplies their bounds by typical values of the
+runs (force, stroke, speed and current). The dependence of a coefficient on current has as many parameters as
+the number of currents in the runs can determine.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.schema import unknown_name
 
 HELD_BEYOND_K = 5.0
-"""A damper is extrapolated by this beyond the temperatures of the runs [K], and constant further away."""
+"""Coefficients are extrapolated by this beyond the temperatures of the runs [K]. Then they stay constant."""
 
-_DEGREES = {"line": 1, "polynomial": 2}
-# A fit of the sharpness of a saturation requires this number of current levels.
+_DEGREES = {"line": 1, "polynomial": 2}  # degree of the polynomial in the current
+# Number of different currents that a fit of the sharpness of a saturation requires.
 SHARPNESS_LEVEL_COUNT_MIN = 5
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
-    """Return the typical values of the runs, which are the units of the search bounds."""
+    """Return the typical values of runs. Search bounds are multiples of these values."""
     constants = [run.run.constant_command for run in runs]
     varying = any(constant is None for constant in constants)
     return Scale(
@@ -52,7 +53,7 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
 
 
 def command_levels(runs: Sequence[PreparedRun]) -> int:
-    """Return the number of constant commands that differ by more than 3 % of the largest command."""
+    """Return the number of constant commands in the runs that differ by more than 3 % of the largest."""
     commands = np.array([c for run in runs if (c := run.run.constant_command) is not None])
     numbers = level_numbers(commands, 0.03 * np.abs(commands).max(initial=0.0))
     return int(numbers.max(initial=-1)) + 1
@@ -71,22 +72,22 @@ def template(
 ) -> tuple[Damper, tuple[FreeParameter, ...]]:
     """Return a damper with the default dependence on current and temperature, and its free parameters.
 
-    With three or more currents, coefficients are quadratic, exponential or Hill functions of the current (for
-    exactly three currents, Hill functions have a fixed exponent). With two currents, coefficients are
-    straight lines, with one current constants. If a current changes during a run, the first-order lag [s]
-    between current and force is also a free parameter.
+    If the runs have three or more currents, coefficients are quadratic, exponential or Hill functions of the
+    current. For exactly three currents, the exponent of Hill functions is fixed. For two currents,
+    coefficients are straight lines. For a single current, coefficients are constant. If the current changes
+    during a run, the first-order lag [s] between current and force is also a free parameter.
 
     Parameters
     ----------
     terms : names of the terms (``terms.terms_of``); None: the default terms
-    start : start values of coefficients relative to the scale, instead of the default ones
+    start : start values of coefficients, divided by their typical values; they replace the default ones
     temperature : kind of the temperature dependence; "auto" is "arrhenius" if the runs have a temperature
 
     Raises
     ------
     InputError
         If all runs have one current and ``one_command`` is False, if currents and voltages are mixed, if
-        there are too few temperatures for the kind, or if a term is unknown or lacks a term that it needs.
+        there are too few temperatures for the kind, if a term is unknown, or if a required term is missing.
     """
     law = find_law(law_name) if isinstance(law_name, str) else law_name
     units = {run.run.command_unit for run in runs}
@@ -107,7 +108,7 @@ def template(
         entries = [replace(e, form=_CAMPAIGN_FORMS.get((e.name, e.form), e.form)) for e in entries]
     on = _find_terms(law, _default_terms(law, campaign=campaign) if terms is None else terms)
     varies = any(run.run.constant_command is None for run in runs)
-    # This term is fitted together with the response to the current. Constant currents contain no response.
+    # The follow term describes the response to a changing current. Constant currents do not determine it.
     on = [term for term in on if varies or term.name != FOLLOW_TERM]
     for term in on:
         entries += [entry for entry in term.entries if entry.name not in {e.name for e in entries}]
@@ -136,7 +137,7 @@ def template(
 def _single_command_error(
     law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
 ) -> InputError:
-    """Return the error for runs that all have the same command."""
+    """Return the InputError for runs that all have the same command."""
     follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
     return InputError(
         found=(
@@ -152,7 +153,7 @@ def _single_command_error(
 
 
 def _find_terms(law: HysteresisLaw, names: Sequence[str]) -> list[Term]:
-    """Return the terms with given names of a law."""
+    """Return the terms with given names; raise InputError for unknown names or missing required terms."""
     known = terms_of(law)
     for name in names:
         if name not in known:
@@ -164,7 +165,10 @@ def _find_terms(law: HysteresisLaw, names: Sequence[str]) -> list[Term]:
 
 
 def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> bool:
-    """Return True if all runs have a temperature, False if none has one; raise InputError otherwise."""
+    """Return True if all runs have a temperature channel, and False if no run has this channel.
+
+    Raise InputError if only some runs have the channel, or if the requested ``temperature`` kind needs it.
+    """
     without = [run.name for run in runs if run.trajectory.temperature is None]
     if without and (len(without) < len(runs) or temperature != "auto"):
         raise InputError(
@@ -187,15 +191,16 @@ _CAMPAIGN_FORMS: dict[tuple[str, Form], Form] = {
     ("stiffness", "polynomial"): "constant",
     ("rho", "constant"): "exponential",
 }
-"""Other forms for runs with temperature, as in the reconstructed Eq. (12) of the paper.
+"""Dependences on current that replace the default ones if the runs have a temperature.
 
-Mainly the yield force depends on current. A viscosity quadratic in current has a smaller training error and
-a larger error at higher speeds, because it compensates for the shape of the loop.
+They follow the reconstructed Eq. (12) of the paper: mainly the yield force depends on current. A viscosity
+that is quadratic in current has a smaller training error but a larger error at higher speeds, because it
+compensates for the shape of the loop.
 """
 
 
 def _default_terms(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
-    """Return the default terms, for runs with temperature (``campaign``) or without."""
+    """Return the names of the default terms; ``campaign`` is True if the runs have a temperature channel."""
     if law.name == "chain":
         return ("bristles", "spread", "friction", "thinning") if campaign else ("position", "friction")
     if law.kernel is None or not campaign:
@@ -206,7 +211,10 @@ def _default_terms(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
 def _dependence(
     law: HysteresisLaw, entry: FreeCoefficient, s: Scale
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
-    """Return the form of a coefficient and its free parameters, as many as the number of commands allows."""
+    """Return the dependence of a coefficient on current, and its free parameters.
+
+    The number of parameters does not exceed the number of different commands.
+    """
     name, form, lower, upper, how = entry.name, entry.form, entry.lower, entry.upper, entry.scale
     linear, start = law[name].linear, entry.start or 0.0
     if form == "fixed":
@@ -226,7 +234,7 @@ def _dependence(
             bend = FreeParameter(f"{name}.sharpness", 0.5, 6.0, "log")
             return Saturation(0.1 * start, start, s.command, 1.5, s.command), [*parameters, bend]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]
-    if form == "exponential" or not linear:  # An exponential stays positive at two commands.
+    if form == "exponential" or not linear:  # An exponential has two parameters and stays positive.
         rate = _log_range(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             FreeParameter(f"{name}.at_zero", lower, upper, how),
@@ -247,7 +255,10 @@ def _dependence(
 
 
 def _log_range(law: HysteresisLaw, name: str, lower: float, upper: float) -> float:
-    """Return the maximum logarithmic change of an exponential: three decades, within the law's range."""
+    """Return the maximum change of the logarithm of an exponential coefficient over the current range.
+
+    The change is at most three decades, and the coefficient stays within the valid range of the law.
+    """
     admissible = law[name]
     ranges = [np.log(1e3), np.log(admissible.upper / upper)]
     if admissible.lower > 0.0:

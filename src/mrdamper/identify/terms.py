@@ -1,9 +1,10 @@
-"""Terms of the laws: coefficients that are fitted together, with their bounds and start values, as data.
+"""Tables of the fitted coefficients of each law, with bounds and start values, grouped into terms.
 
-A law has a base that is always fitted, and terms that are added by name. Bounds and start values are
-relative to the ``Scale`` of the runs according to the unit of the coefficient: a force to their force, a
-length to their stroke. They are the same for a damper of 20 N and for one of 200 kN, and they cover two to
-six decades. A coefficient without an entry keeps its default.
+A law has a *base*, whose coefficients are always fitted, and optional *terms*, which are groups of further
+coefficients. Bounds and start values are divided by a typical value of the runs (``Scale``) that has the unit
+of the coefficient: forces by the typical force, lengths by the stroke. Therefore the same tables are used for
+a damper of 20 N and for a damper of 200 kN. The bounds cover two to six decades. A coefficient without an
+entry keeps the default value of the law.
 """
 
 from __future__ import annotations
@@ -20,28 +21,31 @@ from mrdamper.errors import InputError
 from mrdamper.models.laws import HysteresisLaw
 
 FOLLOW_TERM = "follow"
-"""The term that only runs with changing current determine."""
+"""Name of the term that can be identified only from runs with changing current."""
 
 ACCELERATION_MIN_m_s2 = 100.0
-"""The moving mass is at most the force divided by this. A larger apparent mass is a time lag of the force."""
+"""Upper bound of the moving mass: force divided by this acceleration.
+
+A larger apparent mass is not physical. It is caused by a time lag of the force signal.
+"""
 
 Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill", "saturation"]
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Typical values of the runs, which are the units of the search bounds."""
+    """Typical values of the runs. The search bounds of the coefficients are multiples of these values."""
 
     force: float  # 99.5th percentile of |F| over all runs [N]
     stroke: float  # maximum of |x| [m]
     speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
     acceleration: float  # 99.5th percentile of |a| of the run with the largest value [m/s^2]
     command: float  # maximum of |command| [A or V]
-    levels: int  # number of distinct commands; a command that varies counts as four
-    temperatures: tuple[float, ...]  # distinct temperatures [K]; empty unless all runs have a temperature
+    levels: int  # number of different constant commands, at least 4 if a run has a changing command
+    temperatures: tuple[float, ...]  # different temperatures [K]; empty unless all runs have a temperature
 
     def size_of(self, unit: str) -> float:
-        """Return the typical value of coefficients with a unit, in this unit."""
+        """Return the typical value of a coefficient that has the given unit, in this unit."""
         force, stroke, speed = self.force, self.stroke, self.speed
         sizes: Mapping[str, float] = {
             "N": force,
@@ -65,10 +69,10 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class FreeCoefficient:
-    """A coefficient with its dependence on the current, its bounds and its start value.
+    """A coefficient with its dependence on current (``form``), its bounds and its start value.
 
-    All values are relative to the scale. A coefficient with the form ``fixed`` keeps its start value. Without
-    ``start``, the start value is the middle of the bounds.
+    All values are divided by the typical value of the coefficient (``Scale``). A coefficient with the form
+    ``fixed`` keeps its start value. Without ``start``, the start value is the middle of the bounds.
     """
 
     name: str
@@ -79,7 +83,7 @@ class FreeCoefficient:
     start: float | None = None
 
     def scaled(self, size: float) -> FreeCoefficient:
-        """Return the coefficient with bounds and start in physical units, multiplied by ``size``."""
+        """Return the coefficient with bounds and start value multiplied by the typical value ``size``."""
         low, high, start = self.lower, self.upper, self.start
         if start is None:
             start = math.sqrt(low * high) if self.scale == "log" else 0.5 * (low + high)
@@ -88,23 +92,24 @@ class FreeCoefficient:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A term: coefficients that are added to a law together."""
+    """A group of coefficients that are added to a law together."""
 
     name: str
     entries: tuple[FreeCoefficient, ...]
-    needs: tuple[str, ...] = ()  # other terms that must be present
-    starts: tuple[Mapping[str, float], ...] = field(default=())  # further start values, relative to the scale
+    needs: tuple[str, ...] = ()  # names of the terms that this term requires
+    # Further start values by name of the coefficient, divided by the typical value of the coefficient.
+    starts: tuple[Mapping[str, float], ...] = field(default=())
     # Coefficients that become linear in temperature with this term, if the runs have several temperatures.
     linear_in_temperature: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Archetype:
-    """A typical kind of damper, with whose terms and start values a search starts.
+    """Terms and start values for the search that are typical of one kind of damper.
 
     An *alternative* has nearly the same forces at constant current as the previous archetype in the list.
-    Only runs with changing current distinguish the two archetypes. The start of an alternative contains only
-    the coefficients that differ.
+    Only runs with changing current distinguish the two archetypes. The start values of an alternative contain
+    only the coefficients that differ from the previous archetype.
     """
 
     terms: tuple[str, ...]
@@ -223,7 +228,7 @@ _EVERY_LAW = (
         linear_in_temperature=("offset", "stiffness"),
     ),
 )
-"""Terms that can be added to every law of the kernel without terms of its own."""
+"""Terms of all laws of the kernel except ``chain``, which has its own terms."""
 
 _CHAIN_TERMS = (
     Term("thinning", (_Free("thinning_force", "hill", 1e-5, 5.0, "log", 0.1),)),
@@ -301,8 +306,8 @@ _CHAIN_TERMS = (
 _ELASTIC_TERMS = ("bristles", "spread", "friction", "thinning")
 
 _CHAIN_ARCHETYPES = (
-    Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
-    Archetype(  # A shear-thinning elastic fluid behind seals,
+    Archetype(("position", "friction"), {}),  # Damper with free play and a viscoplastic valve.
+    Archetype(  # Damper with a shear-thinning elastic fluid and seal friction.
         _ELASTIC_TERMS,
         {
             "gap_stiffness": 1e4,
@@ -315,12 +320,12 @@ _CHAIN_ARCHETYPES = (
             "thinning_force": 0.3,
         },
     ),
-    Archetype(  # This archetype has a leakage flow.
+    Archetype(  # The same damper with a softer gap and more leakage.
         _ELASTIC_TERMS,
         {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
         is_alternative=True,
     ),
-    Archetype(  # A gap with a fluid that creeps before it yields.
+    Archetype(  # Damper with a fluid that creeps in the gap before it yields.
         ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
     ),
 )
@@ -344,22 +349,22 @@ _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
 
 
 def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
-    """Return start values of the base of a law; empty if random starts are sufficient."""
+    """Return several sets of start values for the base of a law; empty if random starts are sufficient."""
     return _CHAIN_STARTS if law.name == "chain" else ()
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
-    """Return the archetypes of a law, from which the search for terms starts."""
+    """Return the archetypes of a law, with which the selection of terms starts; empty for most laws."""
     return _CHAIN_ARCHETYPES if law.name == "chain" else ()
 
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
-    """Return the coefficients of a law that are always fitted; a law in Python defines its bounds."""
+    """Return the coefficients of a law that are always fitted; a law in Python defines their bounds."""
     return _BASES[law.name] if law.kernel is not None else _base_of_python_law(law)
 
 
 def terms_of(law: HysteresisLaw) -> dict[str, Term]:
-    """Return the terms of a law by name; the terms that a term requires precede this term."""
+    """Return the terms of a law by name, ordered so that required terms precede the terms that need them."""
     if law.kernel is None:
         return {}
     return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}

@@ -1,8 +1,8 @@
 """Uncertainty of fitted parameters: standard errors, correlations, active bounds.
 
 The residuals of a measured run are correlated in time. Therefore the covariance for independent noise is much
-too small. The standard error is the larger of two values: the covariance for independent noise, and the
-sandwich estimator with half cycles as clusters (from one reversal to the next).
+too small. The standard error is the larger of two estimates: from the covariance for independent noise, and
+from the sandwich estimator, whose clusters are half cycles (from one reversal of the motion to the next).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from mrdamper.models.tangents import Tangents
 def estimates_of(
     problem: FitProblem, runs: Sequence[FitWindow], damper: Damper
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
-    """Return the estimate of every free parameter, and the correlation matrix.
+    """Return the estimate of every free parameter, and the correlation matrix of these parameters.
 
-    The standard error of a parameter on a bound is NaN.
+    For a parameter on a bound, the standard error and the correlations are NaN.
     """
     values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
@@ -65,9 +65,10 @@ def estimates_of(
 def covariances(
     runs: Sequence[FitWindow], damper: Damper, names: Sequence[str], clusters: Sequence[int] | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return two covariances of parameters: for independent residuals, and from the sandwich estimator.
+    """Return two covariance matrices of parameters: for independent residuals, and the sandwich estimator.
 
-    ``clusters`` has the cluster number of each run. If it is None, half cycles are the clusters.
+    ``runs`` are windows. ``clusters`` has the cluster number of each window. With None, each half cycle is
+    a cluster.
     """
     size = len(names)
     curvature, noise = np.zeros((size, size)), np.zeros((size, size))
@@ -96,7 +97,7 @@ def covariances(
 
 
 def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
-    """Return the bound on which a nonlinear parameter is; the bounds do not apply to linear parameters."""
+    """Return "lower" or "upper" if a nonlinear parameter is on this bound, otherwise an empty string."""
     if free.linear:
         return ""
     low, high, at = (float(free.to_search(v)) for v in (free.lower, free.upper, value))

@@ -1,15 +1,16 @@
-"""Windows of measured runs, which a fit simulates and scores, and subsets that represent all runs.
+"""Cut measured runs into windows for a fit, and choose a subset of windows that represents all runs.
 
 A *window* is a section of one run. The first samples of a window are a warm-up: they are simulated, so that
 the hysteresis state is correct, but not scored. A fit to all data uses whole runs. The model selection uses a
-subset, because it makes thousands of evaluations. The subset is chosen by content, never by the order of
-files:
+subset because it evaluates thousands of models. The subset depends on the measured data only, never on the
+order of the files:
 
 1. Every run is cut into windows of about one period.
 2. Each window has features: amplitude, speed, mean position, current, temperature and time along the run.
 3. Greedy k-center selection (Gonzalez, Theor. Comput. Sci. 38 (1985) 293-306) adds the window that is
-   farthest from all selected ones, until the number of samples reaches a limit.
-4. The weight of a selected window is the sum of the weights of all windows that are nearest to it.
+   farthest from all selected windows, until the number of samples reaches a limit.
+4. Every window is assigned to the nearest selected window. The weight of a selected window is the sum of the
+   weights of all windows that are assigned to it.
 """
 
 from __future__ import annotations
@@ -28,14 +29,15 @@ from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.models.simulate import Drive, open_drive
 
-SAME_WEIGHT_TOLERANCE = 1e-6
-# Runs have one operating point if they differ by less than this.
+SAME_WEIGHT_TOLERANCE = 1e-6  # relative difference of two weights that count as equal
+# Two runs have the same operating point if they differ by less than all of the following limits.
 SAME_MOTION_RATIO = 1.1  # ratio of standard deviations of displacement and of velocity
-SAME_CURRENT_RATIO = 0.03  # difference of currents relative to the largest
+SAME_CURRENT_RATIO = 0.03  # difference of currents, divided by the largest current of all runs
 SAME_TEMPERATURE_K = 5.0
-STEPS_PER_PERIOD = 400  # min value of implicit laws for slow motions
-STEPS_PER_SAMPLE = 4  # A sample with more integration steps counts as several samples.
-# The kernel integrates this number of windows at once. One long window would take as long as all of them.
+STEPS_PER_PERIOD = 400  # min number of integration steps per period for slow motions
+STEPS_PER_SAMPLE = 4  # A sample with more integration steps than this counts as several samples.
+# Number of windows that the kernel integrates in parallel. One long window takes as long as this number of
+# short windows.
 PARALLEL_COUNT = 8
 
 
@@ -44,17 +46,17 @@ class FitWindow:
     """A section of one run that a fit simulates and scores."""
 
     run: int  # index of the run
-    drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
+    drive: Drive  # motion, current and temperature in the format of the kernel, including the warm-up
     force: FloatArray  # measured force [N], shape (n,)
-    start: int  # first scored sample
+    start: int  # index of the first scored sample
     fraction: float  # weight of the window in the cost; all windows of a fit sum up to 1
     weight: float  # weight of a squared newton in the cost [%^2 / N^2]
-    block: int = 0  # number of the block of time that the window belongs to
+    block: int = 0  # number of the time block (section of the run) that contains the window
 
 
 @dataclass(frozen=True, slots=True)
 class _Span:
-    """Samples of a decimated run: warm-up from ``first``, scored from ``start`` to ``stop``."""
+    """Sample indices of one window: warm-up from ``first``, scored from ``start`` to ``stop``."""
 
     run: int
     first: int
@@ -84,7 +86,7 @@ def run_fractions(runs: Sequence[PreparedRun]) -> FloatArray:
 
 
 def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, ...]:
-    """Return the scaled features of a run; a difference of 1 in a feature is another operating point."""
+    """Return the features of a run, scaled so that a difference of 1 means another operating point."""
     path, part = run.trajectory, slice(run.scored_from, None)
     kelvin = 0.0 if path.temperature is None else float(path.temperature[part].mean())
     current = path.command[part] / (SAME_CURRENT_RATIO * highest_current)
@@ -98,7 +100,10 @@ def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, .
 
 
 def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
-    """Return one window for each run, which contains the whole run."""
+    """Return windows that contain all samples of all runs.
+
+    A run is one window. If its temperature changes much, the run is cut into several windows.
+    """
     coarse = [_decimate(run, settings) for run in runs]
     fractions = run_fractions(runs)
     windows = []
@@ -113,13 +118,13 @@ def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[Fit
 
 
 def changing_sample_count(runs: Sequence[PreparedRun], settings: FitSettings) -> int:
-    """Return the number of samples, at the rate of a fit, of the runs with changing current."""
+    """Return the total number of samples of the runs with changing current, at the sampling rate of a fit."""
     changing = [run for run in runs if np.ptp(run.trajectory.command) > 0.0]
     return sum(len(_decimate(run, settings)) for run in changing)
 
 
 def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT_SETTINGS) -> FitWindow:
-    """Return a whole run as one window with the measured temperature and the weight 1 / ``run_count``."""
+    """Return a whole run as one window with weight 1 / ``run_count`` and the measured temperature curve."""
     coarse = _decimate(run, settings)
     window = _window(
         coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _force_std(coarse)
@@ -130,11 +135,12 @@ def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT
 def representative_windows(
     runs: Sequence[PreparedRun], settings: FitSettings, *, samples_max: float, blocks: int = 1
 ) -> tuple[FitWindow, ...]:
-    """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
+    """Return a subset of windows that represents all runs, with at most ``samples_max`` simulated samples.
 
-    Samples of slow records with many integration steps count as several. The result does not depend on the
-    order of the runs, except for the index of each run. At least one window is returned. With several
-    equal ``blocks`` of time, no window belongs to two blocks.
+    A sample of a slow record counts as several samples if it needs many integration steps. Except for the
+    run indices, the result does not depend on the order of the runs. At least one window is returned.
+    ``blocks`` is the number of equal time blocks into which each run is divided. No window extends over two
+    blocks, and each block has at least one window.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
@@ -153,12 +159,12 @@ def representative_windows(
 
 
 def _decimate(run: PreparedRun, settings: FitSettings) -> PreparedRun:
-    """Return a run at the rate of a fit: fewer samples if the motion is slow."""
+    """Return the run at the sampling rate of a fit, which is lower for slow motions."""
     return decimate(run, min(settings.rate_Hz, settings.samples_per_period / _shortest_period_s(run)))
 
 
 def _shortest_period_s(run: PreparedRun) -> float:
-    """Return the period [s]; for an aperiodic motion, twice a short interval between two reversals."""
+    """Return the period [s]; for an aperiodic motion, twice the 10 % quantile of the reversal intervals."""
     path = run.trajectory
     if run.period_s:
         return run.period_s
@@ -191,14 +197,14 @@ def _longest_step_s(run: PreparedRun) -> float:
 
 
 def _relative_cost(run: PreparedRun) -> float:
-    """Return the simulation cost per sample of a run, relative to a run with few integration steps."""
+    """Return the simulation time per sample, divided by the time of a run with few integration steps."""
     return max(run.trajectory.step / _longest_step_s(run) / STEPS_PER_SAMPLE, 1.0)
 
 
 def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
-    """Return parts of a span in which the temperature changes little, each with its warm-up.
+    """Cut a span into parts with little change of temperature; each part has its own warm-up.
 
-    The kernel is much faster at constant temperature. Each part uses its mean temperature.
+    The kernel is much faster at constant temperature. Each part is simulated at its mean temperature.
     """
     kelvin = run.trajectory.temperature
     if kelvin is None:
@@ -248,7 +254,10 @@ def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list
 
 
 def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: FitSettings) -> FloatArray:
-    """Return the features of windows, scaled for distances, shape (windows, features)."""
+    """Return the scaled features of windows, shape (windows, features).
+
+    ``FitSettings`` defines the difference of each feature that counts as distance 1.
+    """
     stroke = max(float(np.ptp(run.trajectory.displacement)) for run in runs)
     speed = max(float(np.abs(run.trajectory.velocity).max()) for run in runs)
     current = max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0
@@ -276,11 +285,12 @@ def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: Fit
 def _k_center(
     features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], samples_max: float
 ) -> tuple[list[int], np.ndarray]:
-    """Return the selected windows in the order of selection, and the selected window nearest to each.
+    """Return the indices of the selected windows, and the nearest selected window of every window.
 
-    The first window is the window nearest to the median. A window of each other block of time follows.
+    The indices are in the order of selection. The first selected window is the one nearest to the median of
+    the features. Then every remaining time block contributes one window.
     """
-    content = np.lexsort(features.T[::-1])  # The order of files does not matter.
+    content = np.lexsort(features.T[::-1])  # Sorting makes the result independent of the order of the files.
     away = np.abs(features - np.median(features, axis=0)).sum(axis=1)
     distance, nearest = away.copy(), np.zeros(len(spans), dtype=np.intp)
     blocks = np.array([span.block for span in spans])
@@ -302,9 +312,10 @@ def _k_center(
 def _cheapest_alike(
     k: int, features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], distance: FloatArray
 ) -> int:
-    """Return the cheapest unselected window near window ``k``, of the same run and block.
+    """Return the unselected window near window ``k`` with the smallest simulation cost.
 
-    The first window of a run is the cheapest, because the run starts at rest.
+    Only windows of the same run and time block are considered. The first window of a run needs no warm-up,
+    because the run starts at rest.
     """
     near = [
         j
@@ -320,10 +331,11 @@ def _cheapest_alike(
 def _merge(
     runs: Sequence[PreparedRun], spans: Sequence[_Span], fractions: Sequence[float], settings: FitSettings
 ) -> list[tuple[_Span, float]]:
-    """Join neighbouring windows of one block with equal temperature and equal weight per sample.
+    """Join adjacent windows of one time block; return the joined windows with their weights.
 
-    At constant current, the length of the joined windows is limited because the kernel integrates several
-    windows in parallel.
+    Two windows are joined if they have equal weight per sample and if the temperature of the joined window
+    changes little. At constant current, the length of joined windows is limited because the kernel integrates
+    several windows in parallel.
     """
     merged: list[tuple[_Span, float]] = []
     longest = sum(span.stop - span.start for span in spans) / PARALLEL_COUNT

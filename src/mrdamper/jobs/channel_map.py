@@ -1,4 +1,4 @@
-"""The channel map that describes how files were read, as TOML for reading, correcting and archiving."""
+"""Write the channel map that describes how files were read, as TOML that users can correct and archive."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map that reads files again in the same way."""
+    """A channel map with which files are read again in the same way."""
 
     document: Mapping[str, Any]
-    comments: tuple[str, ...]  # differences between the files
+    comments: tuple[str, ...]  # differences between the files, which the map cannot express
 
     @property
     def text(self) -> str:
@@ -35,7 +35,7 @@ class WrittenMap:
 
 
 def write_map(files: ReadFiles) -> WrittenMap:
-    """Return the channel map of files; comments list the differences between the files."""
+    """Return one channel map for all files; comments list the differences between the files."""
     channels: dict[str, dict[str, Any]] = {}
     comments: list[str] = []
     read = [file for _, file in files.files]
@@ -57,7 +57,7 @@ def write_map(files: ReadFiles) -> WrittenMap:
 
 
 def _common_tables(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the tables that apply to every file, and append a comment for each difference."""
+    """Return the tables that are equal for all files; append a comment for each table that differs."""
     shared: dict[str, dict[str, Any]] = {}
     for name, of in _TABLES.items():
         found = {path.name: of(file.chosen) for path, file in files.files}
@@ -90,7 +90,7 @@ def _file_constants(path: Path, file: RigFile) -> list[Inference]:
 
 
 def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
-    """Return the channel's table of a role in one file."""
+    """Return the table of one channel (role) in the map of one file; None if the file has no such channel."""
     column = next((each for each in file.columns if each.role == role), None)
     if column is None or column.source == ONE_FOR_EACH:
         return None
@@ -101,7 +101,7 @@ def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
 
 
 def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
-    """Return the constants that all runs have in common; other constants become a comment for each run."""
+    """Return the constants that are equal for all runs; append a comment for each run if they differ."""
     constant: dict[str, float] = {}
     for role, key in _KEYS.items():
         found = [each for each in inferred if each.role == role]
@@ -116,14 +116,14 @@ def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, 
 
 
 def _rate(read: Sequence[RigFile]) -> float | None:
-    """Return the sampling rate [Hz] if all runs have the same one."""
+    """Return the sampling rate [Hz] if all runs have the same rate, otherwise None."""
     steps = {float(f"{np.median(np.diff(each.time)):.6g}") for file in read for each in file.recordings}
     step = steps.pop() if len(steps) == 1 else 0.0
     return float(f"{1.0 / step:.6g}") if step > 0.0 else None
 
 
 def channels_toml(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
-    """Return a channel map as TOML that reads back as the same map.
+    """Return a channel map as TOML text. Reading the text gives the same map.
 
     Raises
     ------

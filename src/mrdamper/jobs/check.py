@@ -1,7 +1,7 @@
-"""The job ``check``: faults in runs before a fit, and the interpretation of their files.
+"""The job ``check``: find faults in runs before a fit, and report how their files were interpreted.
 
-Unreadable files are reported with the others. Runs are diagnosed one by one (``data.diagnosis``) and
-together. Nothing is repaired, and nothing is fitted unless a joint test is requested.
+Unreadable files are part of the report. Runs are diagnosed one by one (``data.diagnosis``) and in comparison
+with one another. Nothing is repaired, and nothing is fitted unless a joint test is requested.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import finite_or_none
 
 _USUAL = CheckOptions()
-_SAMPLE_COUNT_MAX = 400  # samples of each run
+_SAMPLE_COUNT_MAX = 400  # max number of plotted samples of each run
 
 HELD_OUT_EFFECT = "The run is held out: its held-out error is affected, the fit is not"
 HELD_OUT_KINDS = frozenset(
@@ -51,12 +51,12 @@ HELD_OUT_KINDS = frozenset(
         "two_dampers",
     }
 )
-"""Kinds of findings whose effect is also correct for held-out runs: it is about the run or its error."""
+"""Kinds of findings whose text is also correct for a held-out run, because it does not mention the fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """The interpretation of a file."""
+    """A file with its interpretation: layout, columns, names of the runs, and inferred values."""
 
     path: Path
     layout: Layout
@@ -67,7 +67,7 @@ class CheckedFile:
 
 @dataclass(frozen=True, slots=True)
 class CheckedRun:
-    """Values of a run (None if not available), and the findings about the run, worst first."""
+    """Main values of a run (None if not available), and the findings about the run, worst first."""
 
     name: str
     source: str
@@ -86,18 +86,18 @@ class CheckedRun:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CheckResult(JobResult):
-    """Faults in runs and in their files."""
+    """Findings about runs and their files, and a channel map that describes how the files were read."""
 
     _job = "check"
     files: tuple[CheckedFile, ...]
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
     channel_map: WrittenMap
-    groups: tuple[Finding, ...] = ()  # findings about several runs, and the reason for a missing joint test
+    groups: tuple[Finding, ...] = ()  # findings about several runs, or the reason for a missing joint test
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the open questions of the files, each once: for the first file with this question."""
+        """Return the open questions about the files; a question about several files is returned once."""
         asked = [question for file in self.unreadable for question in file.questions]
         return tuple({(each.role, each.topic, each.text): each for each in reversed(asked)}.values())[::-1]
 
@@ -117,7 +117,7 @@ class CheckResult(JobResult):
 
 
 def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Progress = silent) -> CheckResult:
-    """Diagnose runs one by one and in comparison; ``deep`` also compares the runs with a joint fit."""
+    """Diagnose runs one by one and in comparison; with the option ``deep``, fit one model to all runs."""
     together = campaign_findings(files.runs)
     if options.deep:
         together += joint_test(files.runs)
@@ -143,9 +143,9 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
 
 
 def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
-    """Return findings from the comparison of runs, their names and published dampers.
+    """Return findings from the comparison of runs with one another, with their names and with other dampers.
 
-    Invalid recordings are not compared, for example if time does not increase.
+    Invalid recordings are ignored, for example if time does not increase.
     """
     runs, held_out = accepted_runs(runs), accepted_runs(held_out)
     findings = [
@@ -162,15 +162,15 @@ def findings_of(
     *,
     free: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
-    """Return findings about the runs of a fit: of single runs, of comparisons, and against the model.
+    """Return findings about the runs of a fit, from single runs, from comparisons, and from the fitted model.
 
-    A finding about a held-out run states no effect on the fit, because the fit does not use the run.
+    The fit does not use held-out runs. Therefore findings about a held-out run mention no effect on the fit.
 
     Parameters
     ----------
-    damper : fitted to the training runs
+    damper : damper fitted to the training runs
     reading : findings from reading the files
-    free : the damper's fitted parameters that are not at a bound
+    free : names of the fitted parameters of the damper that are not at a bound
     """
     names = {run.name for run in held_out}
     runs = (*training, *held_out)
@@ -182,7 +182,7 @@ def findings_of(
 
 
 def _finding_if_held_out(finding: Finding) -> Finding:
-    """Return a finding with its effect on the held-out error instead of the fit."""
+    """Return a finding whose effect refers to the held-out error instead of the fit."""
     return finding if finding.kind in HELD_OUT_KINDS else replace(finding, effect=HELD_OUT_EFFECT)
 
 
@@ -204,7 +204,7 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
 
 
 def _interval_widths(run: Recording) -> FloatArray:
-    """Return samples of the whole run for a plot: displacement [mm] and force [N], shape (n, 2)."""
+    """Return equally spaced samples of a run for a plot: displacement [mm] and force [N], shape (n, 2)."""
     count = min(len(run.displacement), len(run.force))
     chosen = np.unique(
         np.linspace(0, max(count - 1, 0), min(count, _SAMPLE_COUNT_MAX)).round().astype(np.intp)

@@ -1,4 +1,4 @@
-"""The job ``cycles``: energy, forces, stiffness and temperature of every cycle of a record."""
+"""The job ``cycles``: compute energy, forces, stiffness and temperature of every cycle of a record."""
 
 from __future__ import annotations
 
@@ -17,44 +17,44 @@ from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
 from mrdamper.results import JobResult
 
 _DEFAULT = CyclesOptions()
-GROUP_COUNT_MAX = 2048  # Points of a curve on the page.
+GROUP_COUNT_MAX = 2048  # max number of points of a curve on the page
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSummary:
-    """Summary of a value over all cycles; ``first`` and ``last`` are means of the first and last group."""
+    """Statistics of a value over all cycles; ``first`` and ``last`` are means of the first and last group."""
 
     mean: float
     min: float
     max: float
     first: float
     last: float
-    trend_per_1000_cycles: float | None  # Least squares; None for a single cycle.
+    trend_per_1000_cycles: float | None  # slope of the least-squares line; None for a single cycle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class CyclesResult(JobResult):
-    """The cycles of a record, and the findings about it."""
+    """The cycles of a record, and the findings about the record."""
 
     _job = "cycles"
     source: str
-    understood: str  # Format of the file.
+    understood: str  # description of the format of the file
     rows: int
-    stroke_min_m: float  # A smaller reversal does not begin a cycle.
-    breaks: int  # Number of gaps in rows or time; no cycle crosses one.
-    run: tuple[str, ...]  # Name of the run of each cycle.
+    stroke_min_m: float  # Cycles with a smaller stroke are ignored.
+    breaks: int  # number of gaps in rows or time; a cycle with a gap is not counted
+    run: tuple[str, ...]  # name of the run of each cycle
     cycles: CycleFigures
     command_unit: CommandUnit
-    findings: tuple[Finding, ...]  # Worst first.
+    findings: tuple[Finding, ...]  # sorted, worst first
 
     @property
     def energy_J(self) -> float:
-        """Return the energy that all cycles dissipate."""
+        """Return the total energy that all cycles dissipate."""
         return float(self.cycles.energy_J.sum())
 
     @property
     def columns(self) -> dict[str, FloatArray]:
-        """Return measured values of the cycles in the units of cycles.csv."""
+        """Return the values of all cycles by name, in the units of cycles.csv, each of shape (cycles,)."""
         found = self.cycles
         columns = {
             "period_s": found.period_s,
@@ -69,22 +69,22 @@ class CyclesResult(JobResult):
 
     @property
     def group_size(self) -> int:
-        """Return the number of cycles in each point of a curve."""
+        """Return the number of cycles in each group; a group is one point of a plotted curve."""
         return -(-len(self.cycles) // GROUP_COUNT_MAX) or 1
 
     @property
     def group_number(self) -> FloatArray:
-        """Return the mean number of the cycles in each group, counted from 1; shape (groups,)."""
+        """Return the mean cycle number of each group, counted from 1; shape (groups,)."""
         return self._groups(np.arange(1.0, len(self.cycles) + 1.0))[0]
 
     @property
     def groups(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Return mean, min and max of each value in each group of cycles, shape (groups,)."""
+        """Return three arrays for each value: mean, min and max in each group of cycles, shape (groups,)."""
         return {name: self._groups(values) for name, values in self.columns.items()}
 
     @property
     def figures(self) -> dict[str, FigureSummary]:
-        """Return a summary of each value for all cycles."""
+        """Return the statistics of each value over all cycles, by name."""
         return {name: self._summary(values) for name, values in self.columns.items()}
 
     def _groups(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -112,7 +112,7 @@ class CyclesResult(JobResult):
 
 
 def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
-    """Count the cycles of a record; several runs in one file are joined in their order."""
+    """Count and evaluate the cycles of a record. Several runs in one file are joined in their order."""
     stroke_min_m = None if options.least_stroke_mm is None else 1e-3 * options.least_stroke_mm
     runs = record.recordings
     counted = [count_record(run, stroke_min_m) for run in runs]

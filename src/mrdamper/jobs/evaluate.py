@@ -1,6 +1,6 @@
-"""The job ``evaluate``: the error of a model card on runs.
+"""The job ``evaluate``: compute the error of a model card on runs.
 
-Modules for fits are not loaded, so that the job starts fast.
+Modules for fits are not imported, so that the job starts fast.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _USUAL = EvaluateOptions()
 
 @dataclass(frozen=True, slots=True, repr=False)
 class EvaluateResult(JobResult):
-    """The errors of a model on runs (a sequence), with further results."""
+    """The errors of a model on runs, with further results. The object is a sequence of the errors."""
 
     _job = "evaluate"
     law: str
     errors: tuple[RunError, ...]
-    notes: tuple[str, ...]  # notes if the runs are outside the card's envelope
-    promised: Mapping[str, Mapping[str, float | int | None]]  # errors stored in the card, by split
+    notes: tuple[str, ...]  # notes if the runs are outside the envelope of the card
+    promised: Mapping[str, Mapping[str, float | int | None]]  # errors that are stored in the card, by split
     band: ForceBand | None = None  # expected error of new runs, from the card
-    forces: tuple[ForceInterval, ...] = ()  # intervals of every run if posterior samples are evaluated
+    forces: tuple[ForceInterval, ...] = ()  # 90 % interval of every run if posterior samples are requested
     coefficients: tuple[CoefficientInterval, ...] = ()
     command_unit: str = ""
 
@@ -60,17 +60,18 @@ def evaluate(
     preparation: Preparation | None = None,
     options: EvaluateOptions = _USUAL,
 ) -> EvaluateResult:
-    """Score a model on runs, with the preparation in the card.
+    """Compute the errors of a model on runs, which are prepared as stated in the card.
 
     Parameters
     ----------
-    card : a card, a damper or a fit
-    preparation : replaces the preparation in the card
+    card : model card, damper or fit
+    preparation : preparation of the runs instead of the preparation in the card
 
     Raises
     ------
     InputError
-        If the runs are invalid or lack a channel of the model, or the card has no posterior samples.
+        If the runs are invalid or lack a channel that the model needs, or if requested posterior samples are
+        missing.
     """
     posterior = draws_of(card, options.posterior) if isinstance(card, ModelCard) else ()
     with warnings.catch_warnings(record=True) as caught:

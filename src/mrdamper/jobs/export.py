@@ -1,4 +1,4 @@
-"""The job ``export``: convert a card to verified C code, FMU, force map and MATLAB folder."""
+"""The job ``export``: convert a card to verified C code, an FMU, a force map and a MATLAB folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _USUAL = ExportOptions()
 
 @dataclass(frozen=True, slots=True)
 class CodeExport:
-    """The code of a card for a target, and the record of the verification of this code."""
+    """The content and settings of the generated code, and the record of its verification."""
 
     target: Target
     record: Verification
@@ -31,14 +31,14 @@ class CodeExport:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ExportResult(JobResult):
-    """The result of an export: code, files in C and as FMU, and a force map."""
+    """The result of an export: verified code for C and FMU, and a force map."""
 
     _job = "export"
     card: ModelCard
-    name: str
-    what: tuple[str, ...]  # some of c, fmu, table, matlab
-    code: CodeExport | None
-    table: ForceMap | None
+    name: str  # prefix of all names in the code
+    what: tuple[str, ...]  # requested outputs: c, fmu, table, matlab
+    code: CodeExport | None  # None if neither c nor fmu is requested
+    table: ForceMap | None  # None if neither table nor matlab is requested
     notes: tuple[str, ...]
     cpu_s: float
 
@@ -50,12 +50,12 @@ def export(
     damper: DamperDrawing | None = None,
     on_progress: Progress = silent,
 ) -> ExportResult:
-    """Export a card and verify its code.
+    """Export a card as code or force map, and verify the code against the model in Python.
 
     Parameters
     ----------
-    damper : geometry for the thermal model and the detection of a frozen thermometer; None: no
-        thermal model, and the heat capacity of the paper's damper
+    damper : geometry for the thermal model and for the detection of a frozen thermometer; None: no thermal
+        model, and detection with the heat capacity of the paper's damper
 
     Raises
     ------
@@ -87,7 +87,7 @@ def export(
 
 
 def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None) -> CodeExport:
-    """Return the code of a target, compiled and compared with the model."""
+    """Generate the code, compile it, and compare it with the model in Python."""
     try:
         target = target_of(
             card,

@@ -1,4 +1,4 @@
-"""The job ``fit``: fit a damper to measured runs, assess the fit, and make its card."""
+"""The job ``fit``: fit a damper model to measured runs, assess the fit, and make the model card."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from mrdamper.runtime.signals import interrupt_ends_all
 
 _USUAL = FitOptions()
 AUTO = "auto"
-"""The name of the law that is chosen by what was left out."""
+"""Name that requests model selection: the law with the smallest cross-validation error is fitted."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -47,29 +47,29 @@ class FitResult(JobResult, Identification):
 
     _job = "fit"
     assessment: Assessment
-    selection: Selection | None = None  # None if the law was given
+    selection: Selection | None = None  # result of the model selection; None if the user specified the law
     posterior: CardDraws | None = None
-    findings: tuple[Finding, ...] = ()  # changes of the runs while reading, and faults of single runs
-    inferred: tuple[Inference, ...] = ()  # commands and temperatures from names and texts, with their source
+    findings: tuple[Finding, ...] = ()  # changes of the runs while reading, and faults of the runs
+    inferred: tuple[Inference, ...] = ()  # currents and temperatures that were read from names and texts
     sources: tuple[str, ...] = ()  # names of the files with the runs
-    title: str = ""  # title of card and report if it is not the default
+    title: str = ""  # title of card and report; empty: the default title
     simulated: str = ""  # description of the runs if they are simulated
 
     @property
     def errors(self) -> tuple[ErrorSummary, ...]:
-        """Return the errors of held-out runs, training runs and cross-validation."""
+        """Return the error statistics of held-out runs, training runs and cross-validation."""
         chosen = None if self.selection is None else self.selection.scores[0]
         return summarize_errors(self.assessment.runs, chosen)
 
     @property
     def cancelled(self) -> bool:
-        """Return True if an interrupt has stopped the fit early."""
+        """Return True if the user has interrupted the fit before its end."""
         return self.result.cancelled
 
     def card(
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
-        """Return the model card, by default with the result's own assessment, title and sources."""
+        """Return the model card; default assessment, title and sources are those in this result."""
         return super().card(
             assessment or self.assessment,
             title=title or self.title,
@@ -87,22 +87,23 @@ def fit(
     *,
     on_progress: Progress = silent,
 ) -> FitResult:
-    """Fit one law to runs, at all their commands and temperatures, and assess the fit.
+    """Fit one law to runs at all their commands and temperatures, and assess the fit.
 
-    An interrupt keeps the best fit so far.
+    If the user interrupts the job, the best fit so far is returned.
 
     Parameters
     ----------
     law : name of a law, ``file.py:Class``, or a law in Python; ``auto`` or None: the law and the terms with
         the smallest cross-validation error
-    fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
+    fluid : fluid with a known temperature dependence, which is assumed instead of fitted; runs that have no
+        temperature channel then get a constant temperature of 20 degC
     preparation : preparation of the runs; None: chosen for each run
     settings : numerical settings of the fit; None: the default ones
 
     Raises
     ------
     InputError
-        If runs, law and options do not fit together.
+        If the runs are not sufficient for the law and the options.
     ConvergenceError
         If no start of the search found a finite cost.
     """
@@ -157,21 +158,21 @@ def fit(
 
 
 def _terms(options: FitOptions) -> tuple[str, ...] | None:
-    """Return the parallel terms to add; None: selected by the error on the runs."""
+    """Return the names of the requested terms; None: the default terms, or terms of the model selection."""
     return None if options.terms is None else tuple(term for term in options.terms if term != "none")
 
 
 def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
-    """Return options without held-out runs that are missing in this campaign of a sweep."""
+    """Return the options with only those ``hold_out`` patterns that match at least one of the runs."""
     present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
     return replace(options, hold_out=tuple(present))
 
 
 def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
-    """Select a law and its terms by cross-validation on windows of the runs.
+    """Select a law and its terms by cross-validation on windows of the runs; return the selection and notes.
 
-    If the error on the windows disagrees with the error on all runs, the selection is repeated with more
-    windows, until the errors agree or all data are used.
+    If the error on the windows is much smaller than the error on all runs, the model selection is repeated
+    with more windows, until the errors agree or all data are used.
     """
     settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
     first: Selection | None = None
@@ -203,7 +204,7 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
 
 
 def _repetition_note(first: Selection, last: Selection) -> str:
-    """Return a note that the selection was repeated, with the errors that caused it."""
+    """Return a note that the model selection was repeated, with the errors that caused the repetition."""
     data = "more data" if last.is_subset else "all data, because no subset represented the runs"
     return (
         f"The selection was repeated with {data}. "
@@ -219,32 +220,38 @@ def _tracked(damper: Damper) -> bool:
 
 
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
-    """Return a note if controllers and accuracy need different laws: the other law and its error."""
+    """Return a note if the most accurate law differs from the best law for controllers; else no note.
+
+    The note names the second of the two laws with its cross-validation error.
+    """
     chosen = selection.scores[0]
     if _tracked(damper):
-        better = [row for row in selection.scores[1:] if row.cv_rms_percent < 0.99 * chosen.cv_rms_percent]
+        better = [row for row in selection.scores[1:] if row.cv_mean_percent < 0.99 * chosen.cv_mean_percent]
         other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (
-            f"--law {other.law} has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
-            f"{chosen.cv_rms_percent:.2f} %, but no controller can be made from it",
+            f"--law {other.law} has a cross-validation error of {other.cv_mean_percent:.2f} % instead of "
+            f"{chosen.cv_mean_percent:.2f} %, but no controller can be made from it",
         )  # fmt: skip
     known = [
         row
         for row in selection.scores
-        if row.law in (*TABULATED, *STEPPED) and not math.isnan(row.cv_rms_percent)
+        if row.law in (*TABULATED, *STEPPED) and not math.isnan(row.cv_mean_percent)
     ]
     if not known:
         return (f"no controller can be made from the law {selection.chosen.candidate.title}",)
-    best = min(known, key=lambda row: row.cv_rms_percent)
+    best = min(known, key=lambda row: row.cv_mean_percent)
     return (
         f"no controller can be made from the law {selection.chosen.candidate.title}; controllers support "
         f"{' --term '.join((f'--law {best.law}', *best.terms))}, with a cross-validation error of "
-        f"{best.cv_rms_percent:.2f} % instead of {chosen.cv_rms_percent:.2f} %",
+        f"{best.cv_mean_percent:.2f} % instead of {chosen.cv_mean_percent:.2f} %",
     )
 
 
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
-    """Return posterior samples if requested; a note gives the reason if there are no samples."""
+    """Return the fit and its posterior samples; None if they are not requested or cannot be drawn.
+
+    If they cannot be drawn, a note is added to the fit.
+    """
     if fitted.result.cancelled or not options.posterior:
         return fitted, None
     try:

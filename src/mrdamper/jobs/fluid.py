@@ -1,6 +1,6 @@
-"""The job ``fluid``: fit laws to rheometer tables, and build a fluid from these laws.
+"""The job ``fluid``: fit viscosity and yield-stress laws to rheometer tables, and build a fluid from them.
 
-Quantities that the tables do not contain are copied from another fluid; a note names them.
+Properties that the tables do not contain are copied from another fluid. A note lists these properties.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import to_degC
 from mrdamper.results import JobResult
 
-FLUX_DENSITY_MAX_T = 5.0  # A larger value has a wrong unit, because no rheometer reaches it.
+FLUX_DENSITY_MAX_T = 5.0  # No rheometer reaches a larger value. Such a value indicates a wrong unit.
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -30,19 +30,19 @@ class FluidResult(JobResult):
 
     _job = "fluid"
     fluid: Fluid
-    like: Fluid
-    viscosity: Study | None
-    yield_stress: Study | None
+    like: Fluid  # fluid that provides the properties missing in the tables
+    viscosity: Study | None  # compared fits of the viscosity; None if no table has viscosities
+    yield_stress: Study | None  # compared fits of the yield stress; None if no table has yield stresses
     notes: tuple[str, ...]
 
 
 def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
-    """Fit the laws of rheometer tables.
+    """Fit viscosity and yield stress to rheometer tables; return the fits and a fluid with the best laws.
 
     Parameters
     ----------
     tables : tables of viscosity, of yield stress, or of both; tables of one quantity are fitted together
-    like : fluid that provides the quantities missing in the tables
+    like : fluid that provides the properties missing in the tables
 
     Raises
     ------
@@ -61,7 +61,7 @@ def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
             viscosity_Pa_s=best.at_reference,
             viscosity_factor=best.factor,
             viscosity_fitted_K=(float(kelvin[0]), float(kelvin[-1])),
-            collapse=None,  # The collapse belongs to the viscosity of the other fluid.
+            collapse=None,  # The thermal collapse of ``like`` was measured with a different viscosity.
             valid_K=_valid_range(fitted.valid_K, best.factor, kelvin),
         )
         notes += viscosity.notes
@@ -131,7 +131,7 @@ def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place:
 def _valid_range(
     valid_K: tuple[float, float], factor: TemperatureFactor, kelvin: FloatArray
 ) -> tuple[float, float]:
-    """Return the range of the other fluid, or of the points if the law is not positive in that range."""
+    """Return ``valid_K`` if the fitted law is positive in this range, otherwise the range of the points."""
     with np.errstate(all="ignore"):
         values = factor.value(np.linspace(*valid_K, 101))
     is_positive = bool((np.isfinite(values) & (values > 0.0)).all())

@@ -1,4 +1,4 @@
-"""Inputs of jobs: runs in files and folders, raw files, and cards of users' own laws."""
+"""Read the inputs of jobs: runs in files, folders and frames, and cards with user-defined laws."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def read_dataset(
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
 ) -> Dataset:
-    """Return the data set of the runs in files, folders and frames; run objects are used unchanged.
+    """Return a data set with all runs in files, folders and frames; run objects are used unchanged.
 
     Parameters
     ----------
-    channels : channel map for all files; None: the map next to each file, or its headers alone
+    channels : channel map for all files; None: the map next to each file, or its headers if there is no map
     answer : answers to open questions about files, such as ``force.unit=kN``
-    flip_force : reverse the sign of the force, for load cells with positive compression
+    flip_force : True: reverse the sign of the force, for load cells with positive compression
 
     Raises
     ------
@@ -68,12 +68,13 @@ def read(
 
     Parameters
     ----------
-    runs : paths, frames, runs or several of them; a mapping names its frames; None: ``columns`` are the run
-    columns : for each quantity with its unit (``force_kN``) the name of a column, the column itself, or one
-        number for the whole run; ``rate_Hz`` if there is no time
-    channels : channel map (TOML) for files; None: the file next to each file of measurements
+    runs : path, frame or run, or several of these; a mapping of names to frames; None: ``columns`` has the
+        data of one run
+    columns : the key is a quantity with its unit (``force_kN``), the value is the name of a column, the
+        column itself, or one number for the whole run; ``rate_Hz`` is required if there is no time
+    channels : channel map (TOML) for files; None: the map next to each file of measurements
     answer : answers to questions about files, such as ``force.unit=kN``
-    flip_force : reverse the sign of the force, for load cells with positive compression
+    flip_force : True: reverse the sign of the force, for load cells with positive compression
 
     Raises
     ------
@@ -90,7 +91,7 @@ def read(
 def read_files(
     given: Runs, channels: Path | ChannelMap | None = None, *, answer: Sequence[str] | None = None
 ) -> ReadFiles:
-    """Return the content of files and folders, usable or not.
+    """Return the content of all files, including files that are not readable or have open questions.
 
     Raises
     ------
@@ -109,11 +110,11 @@ def read_files(
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:
-    """Return a model card; a user-defined law may be required to read the card.
+    """Return the model card in a file. A card with a user-defined law can be read only with this law.
 
     Parameters
     ----------
-    law : ``file.py:Class`` of the user's law, which is executed; built-in laws do not need it
+    law : ``file.py:Class`` of the user-defined law, whose file is executed; None: the card has a built-in law
 
     Raises
     ------
@@ -125,5 +126,5 @@ def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:
     own = load_python_law(law)
     try:
         return read_card(path)
-    except InputError:  # The card was identified with the user's own law.
+    except InputError:  # The card has a user-defined law.
         return read_card(path, python_law=own)

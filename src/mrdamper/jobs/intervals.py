@@ -1,7 +1,8 @@
-"""90 % intervals of forces and coefficients, from equally likely dampers (``models.card_draws``).
+"""Compute 90 % intervals of forces and coefficients from posterior samples (``models.card_draws``).
 
-The intervals describe the uncertainty of the force due to the parameters. They exclude the model error of the
-law and the sensor noise; ``models.force_band`` is the expected error of a measured force.
+A posterior sample is one of several equally likely dampers. The intervals describe the uncertainty of the
+force due to the parameters. They exclude the model error of the law and the sensor noise. The expected error
+of a measured force is ``models.force_band``.
 """
 
 from __future__ import annotations
@@ -19,32 +20,32 @@ from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.quantities import REFERENCE_K
 
 PYTHON_RATE_Hz = 200.0
-"""A law in Python is slow: what is drawn of it is simulated at this rate."""
+"""Sampling rate of simulations with a law in Python. It is low because such a law is slow."""
 
-_COMMAND_COUNT = 41  # commands on the curve of a coefficient
+_COMMAND_COUNT = 41  # number of points on the curve of a coefficient versus the command
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceInterval:
-    """Interval of the force during one cycle of a run, shape (n,), and interval of the error of the run."""
+    """90 % interval of the force in the plotted cycle of a run, shape (n,), and of the error of the run."""
 
     name: str
-    time_s: FloatArray  # time since the first shown sample
+    time_s: FloatArray  # time since the first plotted sample
     measured_N: FloatArray
-    modelled_N: FloatArray
-    low_N: FloatArray
-    high_N: FloatArray
-    rmse_N: tuple[float, float]  # RMSE of the whole scored run
+    modelled_N: FloatArray  # force of the fitted damper
+    low_N: FloatArray  # lower end of the interval
+    high_N: FloatArray  # upper end of the interval
+    rmse_N: tuple[float, float]  # interval of the RMS error of the whole scored run
 
     @property
     def width_N(self) -> float:
-        """Return the mean width of the interval during the cycle."""
+        """Return the mean width of the force interval during the plotted cycle."""
         return float(np.mean(self.high_N - self.low_N))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoefficientInterval:
-    """A coefficient versus the command, at 20 degC if it depends on temperature, shape (n,)."""
+    """A coefficient versus the command at 20 degC, with its 90 % interval; arrays have the shape (n,)."""
 
     name: str
     unit: str
@@ -55,7 +56,7 @@ class CoefficientInterval:
 
 
 def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) -> ForceInterval:
-    """Return the force of a damper along a run, and the interval from the posterior samples."""
+    """Return the force of a damper in a run, and its 90 % interval from the posterior samples ``dampers``."""
     if damper.law.kernel is None:
         run = decimate(run, PYTHON_RATE_Hz)
     drive, start = open_drive(run.trajectory), run.scored_from
@@ -79,7 +80,7 @@ def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) 
 def coefficient_intervals(
     damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
 ) -> tuple[CoefficientInterval, ...]:
-    """Return the coefficients that vary with the command, with intervals from the posterior samples."""
+    """Return all coefficients that depend on the command, with intervals from the posterior samples."""
     command = np.linspace(*commands, _COMMAND_COUNT)
     kelvin = np.full(len(command), REFERENCE_K)
     found = []

@@ -1,8 +1,8 @@
 """Inputs, options and outputs of every job: one declaration for all interfaces.
 
 Commands and their help, requests and forms of the server, Python functions and tables of the documentation
-are made from these classes. The text below a field is its help. The inputs, options and outputs of the job
-``heat`` are ``HeatInputs``, ``HeatOptions`` and ``HeatOutputs``; a missing class has no fields.
+are generated from these classes. The text below a field is its help. The classes of the job ``heat`` are
+``HeatInputs``, ``HeatOptions`` and ``HeatOutputs``. If a class does not exist, the job has no such fields.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ LoadCycle = Annotated[str, Option(_DUTY_HELP, kind="duty")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapReading:
-    """Options for reading one record."""
+    """Options for reading a single record."""
 
     channels: Annotated[
         Path | None,
@@ -97,7 +97,7 @@ class LawReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nothing:
-    """Inputs, options or outputs of a job that has none."""
+    """Empty class for a job that has no inputs, no options or no outputs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -474,7 +474,7 @@ class HeatOptions:
 
 
 def _limit(unit: str, label: str = "") -> Option:
-    """Return the option of a limit of the heat sink's size."""
+    """Return the declaration of an option that limits the size of the heat sink."""
     return Option(
         unit=unit, label=label, group=_DESIGN, above=0.0, below=1e6, default_help="the drawing's sink's"
     )
@@ -486,7 +486,7 @@ class HeatsinkInputs(DerateInputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions:
-    """Options of ``heatsink``. Default limits are the ones of the heat sink in the geometry file."""
+    """Options of ``heatsink``. Default limits are the dimensions of the heat sink in the geometry file."""
 
     span_mm: Annotated[float | None, _limit("mm", label="Length")] = None
     """Limit the length of the finned body, in mm."""
@@ -622,6 +622,6 @@ class SweepOptions:
 
 
 def class_of(job: str, part: str) -> type:
-    """Return the class of the inputs, options or outputs of a job."""
+    """Return the class that declares the inputs, options or outputs (``part``) of a job."""
     found: type = globals().get(f"{job.title().replace(' ', '')}{part}", Nothing)
     return found

@@ -1,7 +1,7 @@
-"""The job ``rig``: run a campaign on the virtual rig; store sensor signals and reference values of each run.
+"""The job ``rig``: run a campaign on the virtual rig; return sensor signals and reference values of each run.
 
-The reference values (noise-free force, true temperature, coil current, parameters of the damper) are for
-validation only. Identification never reads them.
+The reference values (noise-free force, true temperature, coil current, parameters of the damper) are used
+only for validation. Identification never reads the reference values.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RigResult(JobResult):
 
     @property
     def dataset(self) -> Dataset:
-        """Return the runs without reference values, like runs of a real rig."""
+        """Return the sensor signals of all runs without reference values, like runs of a real rig."""
         return Dataset(tuple(each.run for each in self.runs))
 
 
@@ -58,8 +58,8 @@ def rig(
 
     Parameters
     ----------
-    preset : parameters of the damper
-    campaign : None: the default campaign of the damper
+    preset : parameters of the virtual damper
+    campaign : test plan; None: the default campaign of the damper
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The job ``simulate``: the force of a card along a motion from a text description or a measurement."""
+"""The job ``simulate``: compute the force of a card for a motion from a text description or a measurement."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _USUAL = SimulateOptions()
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SimulateResult(JobResult):
-    """A motion, and the force of the card along this motion."""
+    """A motion, and the force of the card in this motion."""
 
     _job = "simulate"
     title: str  # title of the card
@@ -39,26 +39,28 @@ class SimulateResult(JobResult):
     command_unit: str
     trajectory: Trajectory
     force: FloatArray  # [N], shape (n,)
-    measured: FloatArray | None = None  # [N], shape (n,), if the motion is measured
-    scored_from: int = 0  # first sample that is included in the error
-    # 90 % interval [N] if posterior samples are evaluated
+    measured: FloatArray | None = None  # measured force [N], shape (n,); None if the motion has no force
+    scored_from: int = 0  # index of the first sample that is included in the error
+    # Lower and upper end of the 90 % interval of the force [N]; None if there are no posterior samples.
     interval: tuple[FloatArray, FloatArray] | None = None
 
 
 def simulate(
     card: ModelCard, motion: str | Path | RigRun | FrameLike | Trajectory, options: SimulateOptions = _USUAL
 ) -> SimulateResult:
-    """Return the force of a model card along a motion.
+    """Return the force of a model card in a motion.
 
     Parameters
     ----------
-    motion : MOTION:COMMAND:DURATION, such as ``sine:10mm:1Hz:1A:2s``; a file of a run, a run, or a frame,
-        which is prepared like the card's runs and needs no force; or a ``Trajectory``
+    motion : text MOTION:COMMAND:DURATION, such as ``sine:10mm:1Hz:1A:2s``; or a run as file, frame or
+        ``RigRun``, which is prepared like the runs of the card (a frame needs no force column); or a
+        ``Trajectory``
 
     Raises
     ------
     InputError
-        If the motion is not readable or has another command than the card, or posterior samples are missing.
+        If the motion is not readable, if its command has a different unit than the card, or if requested
+        posterior samples are missing.
     """
     posterior = draws_of(card, options.posterior)
     measured, scored_from = None, 0
@@ -89,7 +91,7 @@ def simulate(
 
 
 def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
-    """Return the requested run, and True if its force was measured."""
+    """Return the run that defines the motion, and True if its force was measured."""
     part = parts_of(motion)[0]
     if isinstance(part, RigRun):
         return part, True
@@ -99,7 +101,7 @@ def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
     if "force" in roles:
         return _only(part.read(ChannelMap())).checked(), True
     recording = _only(replace(part, columns={**part.columns, "force_N": 0.0}).read(ChannelMap()))
-    # A run needs a force that resists the motion. This one is not used.
+    # A valid run needs a force that resists the motion. This substitute is not used for the simulation.
     stand_in = np.gradient(recording.displacement, recording.time)
     return replace(recording, force=stand_in).checked(), False
 

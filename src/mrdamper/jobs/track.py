@@ -1,9 +1,9 @@
 """The job ``track``: test controllers made from a card on a damper that differs from the card.
 
-Every controller follows every target at every temperature, with two seeds of sensor noise. A row of the
+Every controller tracks every target force at every temperature, with two seeds of sensor noise. A row of the
 result has the larger of the two errors. The damper is a preset of the virtual rig, a damper in a TOML file,
-or the damper of another card. Controllers that ignore temperature come from a card identified at one
-temperature.
+or the damper of another card. Controllers that ignore temperature (*unaware*) are made from a card that was
+identified at one temperature.
 """
 
 from __future__ import annotations
@@ -44,27 +44,27 @@ from mrdamper.virtual_rig.plant import Plant as RigPlant
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
-_REACHED_FRACTION_MIN = 0.5  # minimum fraction of the time in which the target force is attainable
-_STROKE_RATIO_MAX = 1.05  # multiple of the card's displacement
+_REACHED_FRACTION_MIN = 0.5  # min fraction of the time with attainable target force
+_STROKE_RATIO_MAX = 1.05  # max displacement of a target, divided by the displacement of the card
 _FORCE_RATIO_MAX = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedDamper:
-    """The tracked damper: a virtual one, or the damper of a card."""
+    """The damper on which controllers are tested: a virtual damper, or the damper of a card."""
 
     name: str
     source: VirtualDamper | ModelCard
 
 
 def read_plant(name: str | Path) -> TrackedDamper:
-    """Return the damper of a preset's name, of a virtual damper's TOML, or of a card.
+    """Return the damper of a preset name, of a TOML file with a virtual damper, or of a card file.
 
     Raises
     ------
     InputError
-        If the text is not one of these or the file is not readable.
+        If ``name`` is neither a preset nor a readable file.
     """
     text = str(name)
     if text in PRESETS:
@@ -81,7 +81,7 @@ def read_plant(name: str | Path) -> TrackedDamper:
 
 
 def read_targets(names: Sequence[str | Path | Scenario]) -> list[Scenario]:
-    """Return the targets of names and of scenario files (TOML); ``Scenario`` objects are returned unchanged.
+    """Return the targets with given names or scenario files (TOML); ``Scenario`` objects stay unchanged.
 
     Raises
     ------
@@ -97,27 +97,27 @@ def _read_target(name: str | Path) -> Scenario:
 
 @dataclass(frozen=True, slots=True)
 class _Damper:
-    """The tracked damper as a plant, and the limits of its excitation."""
+    """The tracked damper as a simulated plant, and the limits of its excitation."""
 
     name: str
     plant: Plant
     resistance_20_ohm: float | None
     highest_A: float
-    stroke: tuple[float, float] | None  # [m], if known
+    stroke: tuple[float, float] | None  # range of displacement [m]; None if unknown
     resistance_per_K: float = COPPER_PER_K
-    motions: tuple[str, ...] = ()  # motions of the damper's own size
-    # True if targets have the damper's size although it can follow the targets of the rig
+    motions: tuple[str, ...] = ()  # motions that fit the stroke and speed of the damper
+    # True if targets are always scaled to the damper, even if the damper can follow the default targets.
     sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return the default targets, and True if the targets are scaled to the damper."""
+        """Return the default targets, and True if these targets are scaled to the damper, else False."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
-        """Return True if the damper can follow a target: within its stroke, and mostly within its force."""
+        """Return True if the motion is within the stroke and the target force is mostly attainable."""
         course = reference_trajectory(target, self.plant.step_s)
         if self.stroke is not None and not _is_within(course.displacement, self.stroke):
             return False
@@ -131,7 +131,7 @@ class _Damper:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A result row: the larger errors of two noise seeds."""
+    """A row of the result: the larger errors of the two noise seeds."""
 
     controller: str
     target: str
@@ -141,31 +141,31 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosteriorError:
-    """Error of a controller's currents on the posterior samples of the card."""
+    """90 % intervals of force and error if the currents of a controller drive the posterior samples."""
 
     controller: str
-    low_N: FloatArray  # lower limit of the 90 % interval of the force at the steps of the course, shape (n,)
-    high_N: FloatArray
-    rmse_N: tuple[float, float]  # RMSE of the scored samples
-    max_N: tuple[float, float]
+    low_N: FloatArray  # lower end of the force interval at each time step, shape (n,)
+    high_N: FloatArray  # upper end of the force interval
+    rmse_N: tuple[float, float]  # interval of the RMS error of the scored samples
+    max_N: tuple[float, float]  # interval of the maximum error of the scored samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traced:
-    """Curves of a target at the highest tested temperature."""
+    """Time curves of all controllers for one target at its highest temperature."""
 
     target: str
     temperature_degC: float
     course: ReferenceTrajectory
     reach: AttainableRange
     runs: tuple[LoopRun, ...]
-    # intervals of the runs without a force sensor, if posterior samples are evaluated
+    # Intervals of the controllers that use no force sensor, if posterior samples are requested.
     posterior: tuple[PosteriorError, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class TrackResult(JobResult):
-    """Errors of every controller on every target at every temperature, and their curves."""
+    """Errors of every controller for every target at every temperature, and some of the time curves."""
 
     _job = "track"
     card: ModelCard
@@ -179,7 +179,7 @@ class TrackResult(JobResult):
 
     @property
     def max_error_rows(self) -> list[Row]:
-        """Return the max errors of all temperatures by controller and target."""
+        """Return one row for each controller and target, with the maximum errors over all temperatures."""
         groups: dict[tuple[str, str], list[Row]] = {}
         for row in self.rows:
             groups.setdefault((row.target, row.controller), []).append(row)
@@ -205,13 +205,14 @@ def track(
     unaware: ModelCard | None = None,
     on_progress: Progress = silent,
 ) -> TrackResult:
-    """Run every controller on every target at every temperature.
+    """Test every controller with every target at every temperature.
 
     Parameters
     ----------
-    plant : the tracked damper
-    targets : None: targets of the virtual rig; if the damper cannot follow them, targets of its own size
-    unaware : a card identified at one temperature; adds recommended-unaware and paper-unaware
+    plant : damper on which the controllers are tested
+    targets : target forces with their motions; None: the default targets, which are scaled to the damper if
+        the damper cannot follow them
+    unaware : card identified at one temperature; adds the controllers recommended-unaware and paper-unaware
 
     Raises
     ------
@@ -259,7 +260,7 @@ def _run_all(
     pool: Pool,
     on_progress: Progress,
 ) -> tuple[list[Row], list[Traced]]:
-    """Return the rows sorted by target, and the curves of each target at its highest temperature."""
+    """Return all rows sorted by target, and for each target the time curves at its highest temperature."""
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
     rows: list[Row] = []
     traced: list[Traced] = []
@@ -290,9 +291,10 @@ def _run_all(
 
 
 def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
-    """Return the intervals of force and errors if the currents of a run drive the posterior samples.
+    """Return the intervals of force and error if the currents of a run drive the posterior samples.
 
-    Without a force sensor, a controller commands the same currents to each of these dampers.
+    The currents of a controller that uses no force sensor do not depend on the damper. Therefore all
+    posterior samples get the same currents.
     """
     course, scenario = run.course, run.scenario
     drive = open_drive(_path(course, np.clip(run.current, 0.0, scenario.highest_A), scenario))
@@ -306,7 +308,7 @@ def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
 
 
 def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) -> Trajectory:
-    """Return the trajectory of a scenario: its motion and temperature, with the given current [A]."""
+    """Return a trajectory with the motion and the temperature of a scenario and the given current [A]."""
     return Trajectory(
         course.step_s,
         course.displacement,
@@ -318,7 +320,7 @@ def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) 
 
 
 class _Tests:
-    """Runs the tests on one damper and caches their common data."""
+    """Runs the tests on one damper and caches data that several tests use."""
 
     def __init__(self, damper: _Damper, seeds: Sequence[int]) -> None:
         self._damper, self._seeds = damper, seeds
@@ -326,7 +328,10 @@ class _Tests:
         self._reaches: dict[Scenario, AttainableRange] = {}
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
-        """Return course and attainable force of a scenario; raise InputError if mostly infeasible."""
+        """Return the reference trajectory and the attainable force range of a scenario.
+
+        Raise InputError if the target force is outside this range most of the time.
+        """
         damper, degrees = self._damper, scenario.temperature_degC
         like = replace(scenario, temperature_degC=0.0)  # The motion is the same at all temperatures.
         if like not in self._courses:
@@ -350,9 +355,10 @@ class _Tests:
         return course, reach
 
     def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
-        """Return the feasible targets and notes on the others; raise InputError if no target is feasible.
+        """Return the feasible targets, and a note for each infeasible target.
 
-        This applies to default targets only, because the user has requested no target by name.
+        Raise InputError if no target is feasible. The function is used only for default targets. A target
+        that the user has requested by name must be feasible.
         """
         kept: list[Scenario] = []
         refused: dict[str, InputError] = {}  # error at the first infeasible temperature, by target
@@ -382,7 +388,7 @@ class _Tests:
         course: ReferenceTrajectory,
         reach: AttainableRange,
     ) -> tuple[list[Row], dict[str, LoopRun]]:
-        """Return a row for each controller, and each controller's run with the first seed."""
+        """Return one row for each controller, and the run of each controller with the first seed."""
         damper, degrees = self._damper, scenario.temperature_degC
         resistance = damper.resistance_ohm(degrees)
         seeded = [replace(scenario, seed=seed) for seed in self._seeds]
@@ -412,7 +418,7 @@ def _check_unit(place: str, card: ModelCard) -> None:
 
 
 def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard) -> _Damper:
-    """Return the plant of a virtual damper or of a card."""
+    """Return the plant that simulates a virtual damper or the damper of a card, with its limits."""
     if isinstance(given, VirtualDamper):
         given = TrackedDamper(given.name, given)
     elif isinstance(given, ModelCard):
@@ -448,7 +454,11 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
 def _scenarios(
     targets: Sequence[Scenario], options: TrackOptions, damper: _Damper, *, usual: bool, sized: bool
 ) -> list[Scenario]:
-    """Return every target at every temperature; ``usual``: default targets; ``sized``: of its size."""
+    """Return every target at every temperature.
+
+    ``usual`` is True for default targets, which have default temperatures. ``sized`` is True if the targets
+    are scaled to the damper. Their force is then adapted to each temperature.
+    """
     found: list[Scenario] = []
     for base in targets:
         warm = TEMPERATURES_DEGC if usual or SCENARIOS.get(base.name) is base else (base.temperature_degC,)
@@ -476,7 +486,7 @@ def _share_inside(course: ReferenceTrajectory, reach: AttainableRange) -> float:
 
 
 def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -> None:
-    """Raise InputError if a motion exceeds the displacement of the card."""
+    """Raise InputError if the motion of a scenario exceeds the range of displacement ``stroke`` [m]."""
     x = reference_trajectory(scenario, 1e-3).displacement
     if not _is_within(x, stroke):
         raise InputError(
@@ -504,7 +514,7 @@ def _check_current(place: str, card: ModelCard) -> None:
 def _controllers(
     card: ModelCard, unaware: ModelCard | None, options: TrackOptions, largest: float
 ) -> dict[str, Controller]:
-    """Return the requested controllers; the controllers that ignore temperature are last."""
+    """Return the requested controllers by name; controllers that ignore temperature are last."""
     every: dict[str, Controller] = dict(_build("card", card, options, largest))
     cards = dict.fromkeys(every, ("card", card))
     if unaware is not None:
@@ -526,7 +536,7 @@ def _controllers(
 
 
 def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) -> InputError:
-    """Return the error for a controller that does not exist or does not support the law."""
+    """Return the InputError for a controller that does not exist or does not support the law of the card."""
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
@@ -535,7 +545,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
 
 
 def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
-    """Raise InputError if a controller needs the lag of the force and its card contains no lag."""
+    """Raise InputError if a controller needs the lag between current and force and its card has no lag."""
     late: dict[str, list[str]] = {}
     for name, (place, card) in cards.items():
         no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0
@@ -559,7 +569,7 @@ def _build(place: str, card: ModelCard, options: TrackOptions, largest: float) -
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
-    """Return a note if card and damper differ much in the force at the largest current."""
+    """Return a note if the forces of card and damper differ much at the largest current."""
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A
     plant = damper.plant.copy().advance_many(course.displacement, course.velocity, largest, degrees)
@@ -575,7 +585,7 @@ def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> lis
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:
-    """Return notes on the limits of the results."""
+    """Return notes about temperatures, speeds and effects for which the results are not reliable."""
     notes = []
     beyond = card.envelope.temperature
     if not card.damper.temperature_dependent:

@@ -1,4 +1,4 @@
-"""All quantitative claims of the paper, with the calculation and the verdict of the simulated value.
+"""All quantitative claims of the paper, with the functions that compute and compare the simulated values.
 
 Rows are numbered in the order of the paper. Values that were calibrated with the paper have no verdict.
 """
@@ -142,7 +142,7 @@ def _rmse_why(found: Findings, degrees: float, name: str) -> str:
 
 
 def _error_growth(judged: Assessment) -> float | None:
-    """Return the RMS error at 120 degC divided by the RMS error at 20 degC, or None without such runs."""
+    """Return the RMS error at 120 degC divided by the RMS error at 20 degC; None if runs are missing."""
     cold, hot = rmse_at(judged, 20.0), rmse_at(judged, 120.0)
     return None if not cold or hot is None else hot / cold
 
@@ -162,7 +162,7 @@ def _fluid_over_wall_K(found: Findings) -> float:
 
 
 def _hotter_by(sweep: Sweep, first: int, second: int) -> float:
-    """Return how much hotter the fluid is with the second of two heat sinks than with the first [K]."""
+    """Return the fluid temperature with the second heat sink minus the temperature with the first [K]."""
     return sweep.effects[second].finned - sweep.effects[first].finned
 
 
@@ -170,8 +170,8 @@ def _rise_of(found: Findings, name: str) -> Rise:
     return found.warm_up.rise if name == "finned" else bare(found)
 
 
-_PLATE_ml = np.pi * 1e-4 * 1e-3 * 1e6  # Volume of a gap of 20 mm diameter and 1 mm height.
-# Values of the paper: maximum control error, and RMS error of the model at 20 degC.
+_PLATE_ml = np.pi * 1e-4 * 1e-3 * 1e6  # volume of a rheometer gap of 20 mm diameter and 1 mm height
+# Values in the paper: maximum control error, and RMS error of the model at 20 degC.
 _AWARE_N, _MODEL_RMSE_N = 62.5, 65.2
 _SCHEMES = {
     "paper": "the controller of the paper",
@@ -247,7 +247,7 @@ _TESTS_AND_FLUID = (
         claim="rheometer_shear_rate_1_s",
         statement="Rheometer: 0.314 ml, gap 1 mm, “shear rate 10 rpm”",
         paper="10 rpm",
-        ours=lambda _: 2.0 * np.pi * 10.0 / 60.0 * 10.0,  # rad/s times the ratio of radius to gap
+        ours=lambda _: 2.0 * np.pi * 10.0 / 60.0 * 10.0,  # angular speed times radius divided by gap
         unit="1/s at the rim",
         origin="follows from an input",
         contradicts=lambda _: abs(_PLATE_ml - 0.314) < 5e-4,

@@ -1,9 +1,9 @@
-"""A claim of the paper: statement, simulated value, origin of the value, and verdict.
+"""Claims of the paper: a claim has a statement, a simulated value, the origin of this value, and a verdict.
 
-Only predicted or tested values have a verdict. A value that was set, calibrated with the paper, or built
-into the virtual rig proves nothing. The verdict compares two values. It is ``within`` the stated tolerance,
-``better``, ``worse``, or ``contradicts``. Contradictions of the paper with itself or with
-physics are also computed. The module ``claim_table`` has the claims.
+Only predicted or tested values have a verdict. A value that was set by the user, calibrated with the paper,
+or built into the virtual rig cannot confirm a claim. The verdict compares the simulated value with the value
+of the paper: ``within`` the stated tolerance, ``better``, ``worse``, or ``contradicts``. Claims that
+contradict other claims or physics are also marked. The module ``claim_table`` contains all claims.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ Origin = Literal[
     "tested with the method of mrdamper",
     "not comparable",
 ]
-"""Origin of a simulated value: input of the rig, input of the model, ..."""
+"""Origin of a simulated value, which decides whether the value can confirm a claim."""
 
 JUDGED: tuple[Origin, ...] = (
     "predicted",
     "tested with the method of the paper",
     "tested with the method of mrdamper",
 )
-"""Origins whose values can be wrong and have a verdict."""
+"""Origins of values that can differ from the paper. Only these values have a verdict."""
 
 Verdict = Literal["within", "better", "worse", "contradicts"]
 
 Judge = Callable[[float, float], Verdict]
-"""Function that compares the simulated value with another value."""
+"""Function that returns the verdict for a simulated value and the value to compare with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,10 +48,12 @@ class Claim:
     Attributes
     ----------
     claim : name of the claim in JSON
-    row : number of the statement in the paper
-    compared_with : the value of the paper, or of the same dampers with another method
-    verdict : None if the value cannot be wrong, or cannot be compared
-    contradiction : True if the paper contradicts itself or physics
+    row : number of the statement, in the order of the paper
+    paper, ours : value in the paper, and simulated value
+    compared_with : value of the paper, or simulated value with a different method
+    verdict : result of the comparison; None if the origin of the value permits no verdict
+    contradiction : True if the claim contradicts another claim of the paper, or physics
+    why : explanation for the reader
     """
 
     claim: str
@@ -68,7 +70,7 @@ class Claim:
 
     @property
     def outcome(self) -> str:
-        """The verdict as text, or an empty string."""
+        """Verdict as text; empty if there is no verdict."""
         return self.verdict or ""
 
     def to_json(self) -> Json:
@@ -77,18 +79,20 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One row of the table of claims: calculation and judgement of a value.
+    """Definition of one claim: how the simulated value is computed and compared.
 
     Attributes
     ----------
-    against : returns the value to compare with, if it is not the value of the paper
-    contradicts : returns True if the paper contradicts itself or physics
-    when : returns False if there is no value
+    ours : function that returns the simulated value
+    judged : function that returns the verdict; None: the claim has no verdict
+    against : function that returns the value to compare with; None: the value of the paper
+    contradicts : function that returns True if the claim contradicts another claim of the paper, or physics
+    when : function that returns False if the demo has no such value, so that the claim is omitted
 
     Raises
     ------
     ValueError
-        If a value that cannot be wrong has a judge, or a prediction has none.
+        If ``judged`` is given although the origin permits no verdict, or is missing for a prediction.
     """
 
     row: int
@@ -111,7 +115,7 @@ class Row:
             raise ValueError(f"claim {self.claim}: origin is {self.origin}, and judged is {self.judged}")
 
     def claim_of(self, found: Findings) -> Claim:
-        """Return the claim with the simulated value."""
+        """Return the claim with its simulated value and its verdict."""
         ours = self.ours(found)
         compared = self.paper if self.against is None else self.against(found)
         return Claim(
@@ -142,9 +146,9 @@ def judge(
     less_is_better: bool = False,
     more_is_better: bool = False,
 ) -> Verdict:
-    """Return the verdict on a value: within the tolerance, better, or worse than the other value.
+    """Return the verdict for a simulated value: within the tolerance, better, or worse than the paper.
 
-    If neither larger nor smaller is better, a value outside the tolerance contradicts.
+    If neither a larger nor a smaller value is better, a value outside the tolerance is a contradiction.
     """
     if abs(ours - paper) <= within:
         return "within"
@@ -156,7 +160,7 @@ def judge(
 def tolerance_judge(
     within: float = 0.0, *, less_is_better: bool = False, more_is_better: bool = False
 ) -> Judge:
-    """Return a judge that allows a relative tolerance."""
+    """Return a function like ``judge`` with the given tolerance, for the field ``judged`` of a row."""
 
     def verdict(ours: float, paper: float) -> Verdict:
         return judge(ours, paper, within=within, less_is_better=less_is_better, more_is_better=more_is_better)
@@ -165,5 +169,5 @@ def tolerance_judge(
 
 
 def is_larger(ours: float, paper: float) -> Verdict:
-    """Return the verdict on a value which the paper states only as larger than another one."""
+    """Return the verdict for a claim that one value is larger than another, without a number."""
     return "within" if ours > paper else "contradicts"

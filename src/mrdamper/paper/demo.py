@@ -1,9 +1,10 @@
-"""The job ``demo``: all jobs on simulated runs, in the order of the paper.
+"""The job ``demo``: run all other jobs on simulated data, in the order of the paper.
 
-A campaign on the preset ``nominal`` is written as files. A model is selected, fitted, and tested on held-out
-temperatures and motions. It is compared with the law of the paper. The heating and heat sinks are simulated
-with the preset ``paper``, which loses the same force as the damper of the paper. Controllers from a card of
-``double-bouc-wen`` track forces on the virtual damper. They are exported and verified.
+A campaign on the preset ``nominal`` is simulated and written as files. A model is selected, fitted, tested on
+held-out temperatures and motions, and compared with the law of the paper. Heating and heat sinks are
+simulated with the preset ``paper``, whose force decreases with temperature like the force of the damper in
+the paper. Controllers that are made from a card with the law ``double-bouc-wen`` track forces on the virtual
+damper. Model and controller are exported as code, and the code is verified.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ _QUICKLY_WARMED = Campaign(
     currents_A=(0.0, 1.0, 2.0),
     temperatures_degC=(20.0, 60.0, 100.0, 140.0),
 )
-_QUICK = Campaign(  # 30 runs include held-out runs of a temperature and of a motion.
+_QUICK = Campaign(  # small campaign that still has a held-out temperature
     motions=("sine5mm1Hz", "nonperiodic"),
     currents_A=(0.0, 1.0, 2.0),
     temperatures_degC=(20.0, 60.0, 80.0, 120.0),
@@ -82,7 +83,7 @@ _STEPS = (
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DemoResult(JobResult):
-    """Results of all jobs, and the claims of the paper."""
+    """Results of all jobs, and the claims of the paper with their verdicts."""
 
     _job = "demo"
     options: DemoOptions
@@ -99,16 +100,16 @@ class DemoResult(JobResult):
 
 
 def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> DemoResult:
-    """Run every job on the virtual rig.
+    """Run all jobs on data of the virtual rig.
 
-    ``quick`` runs a small campaign, tracks at two temperatures, and evaluates heat sinks only with the
-    network.
+    With the option ``quick``, the campaign is small, tracking is tested at two temperatures, and heat sinks
+    are evaluated only with the thermal network.
     """
     clock = time.process_time()
     steps = _report_steps(on_progress)
     quick = options.quick
-    settings = FitSettings(random_start_count=1 if quick else 3)  # for the compared fits
-    with interrupt_ends_all():  # Claims require complete fits.
+    settings = FitSettings(random_start_count=1 if quick else 3)  # settings of all fits except the selection
+    with interrupt_ends_all():  # Claims require complete fits, so that an interrupt ends the demo.
         next(steps)
         campaign = rig(RigOptions(seed=NOISE_SEED), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
@@ -119,7 +120,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         next(steps)
         literal_options = FitOptions(temperature="paper", hold_out=hold_out)
         literal = fit(dataset, "bouc-wen", options=literal_options, settings=settings)
-        # All controllers, those of the paper included, need a model with an explicit inverse.
+        # All controllers, including the controller of the paper, need a model with an explicit inverse.
         all_runs = FitData.prepare(dataset, settings=settings, hold_out=hold_out)
         control = fit_law(all_runs, CONTROL_LAW)
         control_card = control.card(title=f"{CONTROL_LAW} for controllers", sources=(LABEL,))
@@ -166,21 +167,21 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
 
 
 def _report_steps(on_progress: Progress) -> Iterator[None]:
-    """Report the progress before each step."""
+    """Report progress at each ``next``, which is called before each step."""
     for done, text in enumerate(_STEPS):
         on_progress(ProgressUpdate(done=done, total=len(_STEPS), text=text))
         yield
 
 
 def _read_back(campaign: RigResult) -> Dataset:
-    """Write the runs as files and return the runs that are read from them."""
+    """Write the runs to files and read them again, like measured data."""
     with tempfile.TemporaryDirectory() as name:
         write_runs(campaign, Path(name))
         return read_dataset([name])
 
 
 def _paper_damper(settings: FitSettings, options: DemoOptions) -> ModelCard:
-    """Return the card of the preset that loses the same force as the damper of the paper."""
+    """Return a card of the preset ``paper``, whose loss of force with temperature is that in the paper."""
     campaign = _QUICKLY_WARMED if options.quick else _WARMED
     runs = Dataset(tuple(run for run, _ in measure(find_preset("paper"), campaign, seed=NOISE_SEED)))
     return fit_law(FitData.prepare(runs, settings=settings)).card(title="the virtual rig's preset paper")
@@ -197,7 +198,7 @@ def _tracked(card: ModelCard, cold: ModelCard, options: DemoOptions) -> TrackRes
 
 
 def _exported(card: ModelCard) -> tuple[ExportResult | None, str]:
-    """Return controller and model as C and FMU, or the reason if this is impossible (no C compiler)."""
+    """Export model and controller as C code and FMU; without a C compiler, return None and the reason."""
     try:
         return export(card, ExportOptions(what=("c", "fmu"))), ""
     except InputError as fault:

@@ -1,4 +1,4 @@
-"""Sections of the demo's report in the order of the paper, and figures that only this report has."""
+"""Sections of the demo report in the order of the paper, and the figures that only this report has."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_LOOPS = 4
-# Plotted time of a tracked force, and interval between two points.
+# Plotted duration of a tracked force, and time between two plotted points.
 _SHOWN_S, _THIN_S = 2.0, 2e-3
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
 
 
 @dataclass(frozen=True, slots=True)
 class PaperFigure:
-    """A figure with a caption, and the numbers of the figures in the paper that it reproduces."""
+    """A figure of the report; ``figures`` has the numbers of the figures in the paper that it reproduces."""
 
     figures: str
     title: str
@@ -47,7 +47,7 @@ class PaperFigure:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of the paper: rows of its claims, figures, and the report with more figures."""
+    """A section of the report: title, row numbers of the claims, figures, and a link to a detailed report."""
 
     title: str
     caption: str
@@ -57,7 +57,7 @@ class Section:
 
 
 def sections_of(found: Findings) -> list[Section]:
-    """Return the parts of the paper in their order."""
+    """Return the sections of the report in the order of the paper."""
     return [
         Section(
             "The fluid",
@@ -98,7 +98,7 @@ def sections_of(found: Findings) -> list[Section]:
 
 
 def way_figure(found: Findings) -> Figure:
-    """Return loops, heating and force tracking in one figure, one panel each."""
+    """Return one figure with three panels: loops, heating, and force tracking."""
     figure = Figure(figsize=(WIDTH_INCH, 3.3))
     loops, heating, tracking = figure.subplots(1, 3)
     _draw_loops(loops, Campaign(found.fitted, found.judged.runs))

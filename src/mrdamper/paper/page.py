@@ -1,4 +1,4 @@
-"""Page of the demo: loops, heating and control on the first screen, then the figures of the paper."""
+"""Report page of the demo: loops, heating and control on the first screen, then the figures of the paper."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _EXPORTED = ("c/README.md", "damper.fmu")
 
 
 def target_in_words(found: DemoResult) -> str:
-    """Return a sentence on the exported code and its verification."""
+    """Return a sentence about the exported code and its verification."""
     code = None if found.export is None else found.export.code
     if code is None:
         return f"C code and FMU were not written: {found.why_not_exported}"
@@ -48,7 +48,7 @@ def target_in_words(found: DemoResult) -> str:
 
 
 def _verdict(claims: Sequence[Claim]) -> str:
-    """Return the number of values with a verdict, and the verdicts."""
+    """Return a sentence with the number of values that have a verdict, and with the count of each verdict."""
     found = Counter(claim.verdict for claim in claims if claim.verdict is not None)
     verdicts = ", ".join(
         f"{found[verdict]} {words}" for verdict, words in _VERDICTS.items() if found[verdict]

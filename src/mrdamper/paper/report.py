@@ -1,4 +1,4 @@
-"""Result of ``demo`` as JSON, terminal output, page, and the files of each of its jobs."""
+"""Outputs of ``demo``: JSON, terminal output, report page, and the files of all jobs that it runs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _answer(found: DemoResult) -> Json:
 
 
 def _law_line(found: FitResult) -> Json:
-    """Return the errors of one law for the comparison."""
+    """Return the name and the errors of one law, for the comparison of laws."""
     return {
         "law": found.damper.law.name,
         "summary": summaries(found.assessment.runs),
@@ -116,7 +116,7 @@ def _summary(found: DemoResult) -> list[str]:
 
 
 def _claims_in_words(found: DemoResult) -> list[str]:
-    """Return the numbers of claims with and without a verdict."""
+    """Return sentences with the numbers of claims with a verdict, without a verdict, and in contradiction."""
     judged = [claim for claim in found.claims if claim.verdict is not None]
     verdicts = Counter(f"{claim.origin}: {claim.verdict}" for claim in judged)
     others = Counter(claim.origin for claim in found.claims if claim.verdict is None)
@@ -135,12 +135,12 @@ def _claims_in_words(found: DemoResult) -> list[str]:
 def _job_writer(
     report: Report[Any], result_of: Callable[[DemoResult], Any], card: str
 ) -> Callable[[DemoResult, Place], None]:
-    """Return a function that writes the files of one job to its own folder.
+    """Return a function that writes the files of one job of the demo into a separate folder.
 
     Parameters
     ----------
-    result_of : returns the result of the job
-    card : name of the card that the job has read
+    result_of : function that returns the result of the job from the result of the demo
+    card : file name of the card that the job used
     """
 
     def write(found: DemoResult, place: Place) -> None:

@@ -1,1 +1,1 @@
-"""Atomic outputs, interrupts, locks, progress and pools of processes."""
+"""Services for running jobs: atomic output files, interrupts, locks, progress, and pools of processes."""

@@ -1,4 +1,4 @@
-"""Locks on files and folders. The operating system releases them when the process ends for any reason."""
+"""Locks on files and folders. When a process ends for any reason, the operating system releases its locks."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ except ImportError:  # Windows
     fcntl = None
 try:
     import msvcrt
-except ImportError:  # everywhere else
+except ImportError:  # all systems except Windows
     msvcrt = None
 
 
 def lock(handle: int) -> bool | None:
-    """Take the lock of an open file or folder for this process.
+    """Lock an open file or folder for this process.
 
     Return True if this process has the lock now, False if another process has the lock, and None if the
     operating system or the disk does not support locks.
@@ -31,6 +31,6 @@ def lock(handle: int) -> bool | None:
             return None
     except BlockingIOError:
         return False
-    except OSError:  # fcntl: the disk does not support locks. msvcrt: another process has the lock.
+    except OSError:  # fcntl: the disk has no locks. msvcrt: another process has the lock.
         return None if fcntl is not None else False
     return True

@@ -1,13 +1,13 @@
-"""Output files of a job: all of them or none.
+"""Write the output files of a job atomically: either all files or no files.
 
-A job writes the files into a hidden folder next to their final path (``.mrdamper-...``). When the job is
-complete, the files are moved to the final path. If the job fails, is interrupted or killed, the existing
-files remain unchanged.
+A job writes the files into a hidden folder (``.mrdamper-...``) near their final path. When the job is
+complete, the files are moved to the final path. If the job fails or is interrupted or killed, existing files
+remain unchanged.
 
-A new folder is created in one step, by renaming. If the folder exists, the hidden folder is marked as
-complete, and the files are moved one by one. If a job is killed during this time, the next job in the same
-folder moves the remaining files (``recover_staging``). Incomplete files of killed jobs are removed; they are
-recognised because nothing holds their lock.
+If the output folder does not exist, the hidden folder is renamed, which is one step. If the output folder
+exists, the hidden folder is marked as complete, and the files are moved one by one. If a job is killed during
+this time, the next job in the same folder moves the remaining files (``recover_staging``). Incomplete hidden
+folders of killed jobs are removed. They are recognised because no process holds their lock.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ _FILES, _WHOLE, _TO = (
     "files",
     "whole",
     "to",
-)  # subfolder of unfinished files, mark of completeness, final path
+)  # names in the hidden folder: incomplete files, complete files, text file with the final path
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
-_FLUSHING = 8  # number of files that are flushed in parallel
+_FLUSHING = 8  # number of files that are flushed to disk in parallel
 _WRITTEN: list[Path] = []
 
 
 @contextmanager
 def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
-    """Provide a temporary folder for a block; if the block succeeds, move the files into ``out``.
+    """Provide a temporary folder for a ``with`` block, and move the files into ``out`` at the end.
 
-    If the block fails, the temporary folder is removed.
+    If the block raises an exception, the temporary folder is removed and ``out`` is unchanged.
 
     Parameters
     ----------
-    inputs : files that the job reads, which must not be replaced
+    inputs : input files of the job, which must not be replaced
 
     Raises
     ------
@@ -56,7 +56,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
     place = out.absolute()
     try:
         standing = next(folder for folder in (place, *place.parents) if folder.exists())
-    except OSError as fault:  # the name is invalid, or the folder is not readable
+    except OSError as fault:  # The name is invalid, or the folder is not readable.
         raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
         raise InputError(
@@ -80,7 +80,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         try:
             yield beside
         except (OSError, InputError) as fault:
-            # The error can already be an InputError with a message.
+            # The block may already have converted the OSError to an InputError.
             cause = fault if isinstance(fault, OSError) else fault.__cause__
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
@@ -92,23 +92,25 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
             _settle(hidden, place)
         except OSError as fault:
             raise _cannot(out, standing, fault, hidden) from fault
-        except BaseException:  # An interrupt while files are moved: move the others before the job ends.
+        except BaseException:  # If an interrupt occurs while files are moved, move the remaining files first.
             if (hidden / _WHOLE).exists():
                 _move(hidden / _WHOLE, place)
             raise
     finally:
-        if not (hidden / _WHOLE).exists():  # If it exists, the next job moves the remaining files.
+        if not (hidden / _WHOLE).exists():  # If complete files remain, the next job moves them.
             shutil.rmtree(hidden, ignore_errors=True)
         os.close(handle)
 
 
 def output_folders() -> Sequence[Path]:
-    """Return the folders into which this program has written the complete files of a job."""
+    """Return the folders with complete outputs that this program has written so far."""
     return tuple(_WRITTEN)
 
 
 def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Raise an error if an output file is also an input file, under any name or link.
+    """Raise InputError if an output file would replace an input file.
+
+    Files are compared by identity, so that links and different names of one file are recognised.
 
     Raises
     ------
@@ -128,16 +130,16 @@ def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> object:
-    """Return a key that is equal for two names of one file."""
+    """Return a key of a file that is equal for all its names and links."""
     try:
         found = path.stat()
-    except OSError:  # the file does not exist yet
+    except OSError:  # The file does not exist yet.
         return path.absolute()
     return found.st_dev, found.st_ino
 
 
 def recover_staging(folder: Path) -> None:
-    """Complete or remove the remains of killed jobs in a folder: move complete outputs, remove the rest."""
+    """Move the complete outputs of killed jobs to their final path, and remove their incomplete outputs."""
     for hidden in folder.glob(f"{_PREFIX}*"):
         with suppress(OSError):
             handle = os.open(hidden, os.O_RDONLY)
@@ -151,7 +153,7 @@ def recover_staging(folder: Path) -> None:
 
 
 def no_room(fault: OSError) -> str:
-    """Return the message for a full disk; empty for another fault."""
+    """Return the message if a file cannot be written (disk, size or permission); empty for other faults."""
     if fault.errno in _FULL:
         return "the disk is full"
     if fault.errno == errno.EFBIG:
@@ -162,7 +164,7 @@ def no_room(fault: OSError) -> str:
 
 
 def _hidden_in(folder: Path) -> tuple[Path, int]:
-    """Return a new hidden folder, and the open handle that holds the lock of the folder."""
+    """Create a hidden folder and lock it; return its path and the open handle that holds the lock."""
     while True:
         hidden = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=folder))
         try:
@@ -175,7 +177,7 @@ def _hidden_in(folder: Path) -> tuple[Path, int]:
 
 
 def _flush(folder: Path) -> None:
-    """Flush the files of a folder to the disk, so that a power loss leaves no names without content."""
+    """Flush the files of a folder to the disk, so that a power loss leaves no empty files."""
 
     def flush(path: Path) -> None:
         handle = os.open(path, os.O_RDONLY)
@@ -189,14 +191,14 @@ def _flush(folder: Path) -> None:
 
 
 def _settle(hidden: Path, place: Path) -> None:
-    """Move the written files to their final path."""
+    """Move the complete files from the hidden folder to their final path."""
     files = hidden / _FILES
     if not place.exists():
         place.parent.mkdir(parents=True, exist_ok=True)
         try:
             files.rename(place)
         except OSError:
-            if not place.exists():  # If it exists, another job has created it in the meantime.
+            if not place.exists():  # Another job may have created the folder at the same time.
                 raise
         else:
             _WRITTEN.append(place)
@@ -208,7 +210,7 @@ def _settle(hidden: Path, place: Path) -> None:
         if target.parent.is_dir() and not os.access(target.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     whole = files.rename(hidden / _WHOLE)
-    _WRITTEN.append(place)  # From here on the files are complete, even if moving them is interrupted.
+    _WRITTEN.append(place)  # The output is now complete, even if an interrupt occurs while files are moved.
     _move(whole, place)
 
 
@@ -224,12 +226,12 @@ def _move(whole: Path, place: Path) -> None:
 
 
 def _is_ours(fault: OSError, hidden: Path) -> bool:
-    """Return True if an error belongs to a file of the job, or has no file name, as errors of writing do."""
+    """Return True if an error concerns a file of the job. Errors of writing have no file name."""
     return fault.filename is None or Path(os.fsdecode(fault.filename)).is_relative_to(hidden)
 
 
 def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = None) -> InputError:
-    """Return the error for files that cannot be written."""
+    """Return the InputError for output files that cannot be written."""
     why = no_room(fault)
     if hidden is not None and (hidden / _WHOLE).exists():
         return InputError(
@@ -254,17 +256,17 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
 
 
 def write_json(path: Path, value: Mapping[str, object]) -> None:
-    """Write one JSON object."""
+    """Write a JSON object to a file; values that are not finite are rejected."""
     write_text(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8; bytes of a file name that are not UTF-8 are escaped."""
+    """Write a text in UTF-8; characters that are not valid in UTF-8 are escaped."""
     path.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_table(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
-    """Write rows as CSV. The keys of the first row are the header. None is an empty cell."""
+    """Write rows as a CSV file. The keys of the first row are the header. None becomes an empty cell."""
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
         writer.writeheader()

@@ -1,16 +1,17 @@
-"""Pools of processes and threads for one step of a job: the same work on many items, results in order.
+"""Run the same function on many items in parallel processes or threads; the results are in order.
 
 >>> from mrdamper.runtime.pool import Pool
 >>> list(Pool(2).map(abs, [-1, 2, -3]))
 [1, 2, 3]
 
-Processes are forks of this one: they share its memory, so that work may be a closure and nothing is sent to
-them. Only results come back, pickled. Changes of memory in a fork are lost. Work that mostly runs without
-the interpreter's lock (C kernel, linear algebra) may run in ``threads``, which start faster than processes.
-Systems other than Linux cannot fork safely and use threads for everything.
+On Linux, processes are forks of the present process and share its memory. Therefore the function can be a
+closure, and its inputs are not copied. Only the results are pickled and sent back. Changes of memory in a
+fork are lost. If the function mostly runs without the global interpreter lock (C kernel, linear algebra),
+``threads`` can be used, which start faster than processes. Other operating systems cannot fork safely and
+always use threads.
 
-Results do not depend on the number of jobs if work on an item depends on that item alone. Work inside work
-is done serially.
+The results do not depend on the number of jobs if the result for an item depends only on this item. A nested
+call of ``map`` runs serially.
 """
 
 from __future__ import annotations
@@ -40,18 +41,18 @@ Found = TypeVar("Found")
 _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
-_shared: list[Any] = []  # Work and items of a process of the pool.
+_shared: list[Any] = []  # function and items, in a process of the pool
 
 
 def usable_cores() -> int:
-    """Return the number of cores that this process may use, at least 1."""
+    """Return the number of processor cores that this process may use, at least 1."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def cpu_seconds() -> float:
-    """Return the processor time [s] of this process and of its child processes that have ended."""
+    """Return the CPU time [s] of this process and of its finished child processes."""
     spent = time.process_time()
     if resource is not None:
         ended = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -61,11 +62,11 @@ def cpu_seconds() -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """A number of jobs at a time; processes and threads live during one call of ``map`` only.
+    """A pool with a maximum number of parallel jobs. Processes and threads exist only during ``map``.
 
     Attributes
     ----------
-    jobs : 1 or more; None: the number of usable cores
+    jobs : maximum number of parallel jobs, 1 or more; None: the number of usable cores
     """
 
     jobs: int | None = None
@@ -73,18 +74,18 @@ class Pool:
     def map(
         self, work: Callable[[Item], Found], items: Sequence[Item], *, threads: bool = False
     ) -> Generator[Found, None, None]:
-        """Generate ``work(item)`` for each item, in order. Closing the generator ends all work.
+        """Generate ``work(item)`` for each item, in order. Closing the generator stops all jobs.
 
         Parameters
         ----------
-        work : any function, closures included; the result of a fork must be possible to pickle
-        threads : True: use threads. ``work`` must release the interpreter's lock, and must not change
-            shared objects
+        work : any function, also a closure; its results must be picklable if processes are used
+        threads : True: use threads instead of processes. ``work`` must not change shared objects, and should
+            release the global interpreter lock
 
         Raises
         ------
         BrokenProcessPool
-            A process died, most likely because memory was short.
+            If a process dies, most likely because the memory is full.
         """
         count = min(self.jobs or usable_cores(), len(items))
         if count <= 1 or _INSIDE.get():
@@ -93,12 +94,15 @@ class Pool:
 
 
 ONE_CORE = Pool(1)
-"""Does all work serially, in this process."""
+"""Pool that runs everything serially in the present process."""
 
 
 @contextmanager
 def process_pool(count: int, *shared: object) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes that see ``shared``; kill them if the block does not complete."""
+    """Open a pool of processes for a ``with`` block; kill the processes if the block raises an exception.
+
+    The objects ``shared`` are available in the processes as the list ``_shared``.
+    """
     executor = ProcessPoolExecutor(
         count,
         mp_context=get_context("fork" if _CAN_FORK else None),
@@ -108,7 +112,7 @@ def process_pool(count: int, *shared: object) -> Iterator[ProcessPoolExecutor]:
     try:
         yield executor
     except BaseException:
-        # Python 3.14 has a public method for this, kill_workers.
+        # Python 3.14 has the public method kill_workers instead.
         for process in list((executor._processes or {}).values()):  # noqa: SLF001
             process.kill()
         raise
@@ -117,7 +121,7 @@ def process_pool(count: int, *shared: object) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_process(*shared: object) -> None:
-    """Prepare a process of a pool: the parent alone handles signals, and it ends with the parent."""
+    """Prepare a process of a pool: ignore signals, which the parent handles, and end with the parent."""
     _INSIDE.set(True)
     _shared[:] = shared
     for each in (signal.SIGINT, signal.SIGTERM):
@@ -132,7 +136,8 @@ def _by_processes(
 ) -> Generator[Found, None, None]:
     with process_pool(count, work, items) as executor:
         with warnings.catch_warnings():
-            # Newer Pythons warn if a thread runs. A fork does not use the parent's threads or their locks.
+            # Newer Python versions warn about a fork while threads run. The warning is ignored because the
+            # forks use neither the threads of the parent nor their locks.
             warnings.simplefilter("ignore", DeprecationWarning)
             results = executor.map(_work_on, range(len(items)))
         yield from results
@@ -147,7 +152,7 @@ def _by_threads(
     work: Callable[[Item], Found], items: Sequence[Item], count: int
 ) -> Generator[Found, None, None]:
     def inside(item: Item) -> Found:
-        _INSIDE.set(True)  # A thread has a context of its own.
+        _INSIDE.set(True)  # Each thread has its own context variables.
         return work(item)
 
     executor = ThreadPoolExecutor(count)

@@ -1,7 +1,7 @@
-"""Progress of a job: one type for all jobs, which each job passes to the callback ``on_progress``.
+"""Progress of a job. All jobs pass an object of the same type to the callback function ``on_progress``.
 
-A job may report progress at any rate. The callback limits the rate at which progress is shown or stored. If
-the callback raises an exception, the job ends.
+A job may call the function at any rate. The function itself limits the rate of displaying or storing. If the
+function raises an exception, the job ends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class ProgressUpdate:
     done : finished units of work (runs, tasks, iterations, rows), at least 0
     total : total number of units of work, at least ``done``; None while the number is unknown
     text : name of the unit that was finished last, or a short sentence; may be empty
-    detail : additional state with a type of the job, such as the state of a search; usually None
+    detail : additional state of a type that depends on the job, such as the state of a search; usually None
     """
 
     done: int = 0
@@ -36,8 +36,8 @@ class ProgressUpdate:
 
 
 Progress = Callable[[ProgressUpdate], None]
-"""Receives the state of a job; ``silent`` ignores it."""
+"""Callback function that receives the state of a job."""
 
 
 def silent(_update: ProgressUpdate) -> None:
-    """Ignore progress: the default of every job's ``on_progress``."""
+    """Do nothing. This function is the default of ``on_progress`` in every job."""

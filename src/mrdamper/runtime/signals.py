@@ -1,11 +1,11 @@
-"""Interrupts: SIGTERM and SIGHUP end a command as Ctrl-C does, with a KeyboardInterrupt.
+"""Interrupts: SIGTERM and SIGHUP end a command like Ctrl-C, with a KeyboardInterrupt.
 
-SIGTERM comes from a cluster's scheduler, ``timeout`` or a stopped service, SIGHUP from a closed terminal. A
-signal that was disabled when the program started stays disabled (``nohup``). Programs that use this package
-as a library keep their own handling.
+SIGTERM is sent by the scheduler of a cluster, by ``timeout``, or when a service stops. SIGHUP is sent when a
+terminal is closed. A signal that was disabled when the program started stays disabled (``nohup``). Programs
+that use this package as a library keep their own signal handling.
 
-A fit that is interrupted returns the best result so far. This is useful for the fit of a card, but not for
-fits that only assess the card, because their results would be compared with the results of complete fits.
+An interrupted fit returns the best result so far. This is useful for the final fit of a card. It is not
+useful for the fits of a model selection, because an incomplete fit must not be compared with complete fits.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ _SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in s
 
 
 class Interrupted(BaseException):
-    """An interrupt after which no partial result is kept. Fits do not catch this exception."""
+    """An interrupt that discards partial results. Fits do not catch this exception."""
 
 
 def heed_interrupts() -> None:
-    """Raise KeyboardInterrupt at SIGTERM and SIGHUP for the rest of the program."""
+    """Raise KeyboardInterrupt at SIGTERM and SIGHUP from now on, like at Ctrl-C."""
     for each in _SIGNALS:
         if signal.getsignal(each) is signal.SIG_DFL:
             signal.signal(each, signal.default_int_handler)
 
 
 def interrupts_end_at_once() -> None:
-    """End the program silently at the next interrupt, because all work is done."""
+    """End the program silently at the next interrupt. This is called when all work is finished."""
     for each in _heeded():
         signal.signal(each, signal.SIG_DFL)
 
 
 @contextmanager
 def on_interrupt(act: Callable[[], None]) -> Iterator[None]:
-    """Call ``act`` at an interrupt inside the block (in the main thread only)."""
+    """Call ``act`` if an interrupt occurs during the ``with`` block; no effect outside the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -56,7 +56,7 @@ def on_interrupt(act: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def interrupt_ends_all() -> Iterator[None]:
-    """Raise ``Interrupted`` at an interrupt inside the block."""
+    """Raise ``Interrupted`` if an interrupt occurs during the ``with`` block."""
 
     def stop() -> None:
         raise Interrupted
@@ -66,5 +66,5 @@ def interrupt_ends_all() -> Iterator[None]:
 
 
 def _heeded() -> list[signal.Signals]:
-    """Return the signals that Python handles."""
+    """Return the signals that have a Python handler; disabled signals are omitted."""
     return [each for each in _SIGNALS if callable(signal.getsignal(each))]

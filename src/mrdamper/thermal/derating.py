@@ -1,14 +1,14 @@
-"""Derating: the largest current, stroke or duty cycle at which no part exceeds its limit.
+"""Derating: compute the largest current, stroke or duty ratio at which no part exceeds its temperature limit.
 
-The map has the axes ambient temperature, air speed and duration. One reduced model serves the whole map: its
-basis contains the responses at the corners of the map. Only heat-transfer coefficients and ambient differ
-between cells. For each cell, some fractions of the requested quantity are simulated, and the temperatures of
-the hottest points are interpolated monotonically. The result is the fraction at which the first part reaches
-its limit.
+The map has the axes ambient temperature, air speed and duration. A single reduced model is used for the whole
+map, because only heat-transfer coefficients and ambient temperature differ between the points of the map. The
+basis of the model contains the responses at the corners of the map. For each point of the map, some fractions
+of the requested quantity are simulated. The temperatures of the hottest points are interpolated by piecewise
+cubic Hermite interpolation. The result is the fraction at which the first part reaches its limit.
 
 The 90 % interval follows from the uncertainty of geometry and card (``ModelUncertainty``). For every air
-speed and duration, the temperature rise is multiplied by the factors for the two ends of its interval. With
-each factor, the limit is reached at another fraction.
+speed and duration, the temperature rise is multiplied by the factors for the two ends of its interval. The
+fractions at which the limit is then reached are the ends of the interval.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.temperature_rise import loads_of, works_of
 
 Quantity = Literal["current", "stroke", "duty"]
-"""Reduced quantity: the command, the motion, or the duty cycle."""
+"""Quantity that is reduced: the command, the stroke, or the fraction of time in operation."""
 
-FRACTIONS = np.linspace(0.0, 1.0, 5)
+FRACTIONS = np.linspace(0.0, 1.0, 5)  # simulated fractions of the quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Conditions:
 
     ambient: FloatArray  # [K], shape (a,)
     air: FloatArray  # [m/s], shape (w,)
-    duration: FloatArray  # [s], infinity for steady, shape (d,)
+    duration: FloatArray  # [s], infinity for the steady state, shape (d,)
 
     def __post_init__(self) -> None:
         for name in ("ambient", "air", "duration"):
@@ -62,23 +62,27 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Derating:
-    """The largest permissible fraction of a quantity, shape (d, w, a). NaN: even zero exceeds a limit."""
+    """Maps of the largest permissible fraction of a quantity, shape (d, w, a).
+
+    The axes are duration, air speed and ambient temperature. NaN means that even the fraction 0 exceeds a
+    limit.
+    """
 
     quantity: Quantity
     conditions: Conditions
     limits: tuple[Limit, ...]
-    share: FloatArray
-    low: FloatArray  # ends of the 90 % interval
-    high: FloatArray
-    part: FloatArray  # index of the limit that is reached first; -1: none
+    share: FloatArray  # largest permissible fraction
+    low: FloatArray  # lower end of the 90 % interval
+    high: FloatArray  # upper end of the 90 % interval
+    part: FloatArray  # index of the limit that is reached first; -1: no limit is reached
 
 
 def derate_damper(
     damper: Damper, drawing: DamperDrawing, duty: Duty, conditions: Conditions, quantity: Quantity
 ) -> Derating:
-    """Return the permissible fraction of the current, the stroke or the duty cycle of a load cycle.
+    """Return the permissible fraction of the current, the stroke or the duty ratio of a load cycle.
 
-    Several segments are replaced by one segment with their mean power.
+    Several segments are replaced by a single segment with the mean power.
 
     Raises
     ------
@@ -139,7 +143,7 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return a reduced model whose basis contains the responses at the corners of the map."""
+    """Return a reduced model for the whole map, with a basis of the responses at its corners."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
@@ -150,7 +154,7 @@ def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel
 
 
 def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, air: float) -> HeatEquation:
-    """Return the reduced equation for other surroundings."""
+    """Return the reduced heat equation for an ambient temperature [K] and an air speed [m/s]."""
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     growth = 1.0 + COPPER_PER_K * (ambient - REFERENCE_K)
     cooling = cooling_in(model.full, around, reference=ambient)
@@ -158,7 +162,10 @@ def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, ai
 
 
 def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Sequence[Part]) -> FloatArray:
-    """Return the rise of parts above ambient at each duration [K]; infinity for thermal runaway."""
+    """Return the rise of the hottest points above ambient [K], shape (parts, durations).
+
+    The rise is infinite if the temperature leaves the range of the model or if there is no steady state.
+    """
     found = np.full((len(parts), len(duration)), np.inf)
     finite = np.isfinite(duration)
     try:
@@ -173,13 +180,13 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
             state = steady_field(equation, load)
             for k, part in enumerate(parts):
                 found[k, ~finite] = float((getattr(equation.spots, part) @ state).max())
-    except (EnvelopeError, ConvergenceError):  # The temperature is above all limits.
+    except (EnvelopeError, ConvergenceError):  # The model has no valid temperature. The rise stays infinite.
         pass
     return found
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the factors on the temperature rise for the ends of its 90 % interval, shape (d, 2)."""
+    """Return the two ends of the 90 % interval of the rise divided by the rise, shape (durations, 2)."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, SETTINGS.map_steady_time_s)
@@ -194,8 +201,8 @@ def _largest(
 
     Parameters
     ----------
-    rise : rise of the hottest points at all fractions [K], shape (k, limits)
-    factors : factors on the rise for the low and the high end of its interval
+    rise : temperature rise of the hottest points for all ``FRACTIONS`` [K], shape (fractions, limits)
+    factors : ends of the 90 % interval of the rise divided by the rise, shape (2,)
     """
     known = np.isfinite(rise).all(axis=1)
     shares = FRACTIONS[known]
@@ -212,7 +219,7 @@ def _largest(
             return (float(fine[-1]), -1.0)
         k = int(over.argmax())
         part = int(beyond[k].argmax())
-        if k == 0:  # Even zero exceeds a limit.
+        if k == 0:  # A limit is exceeded even for the fraction 0.
             return math.nan, float(part)
         low, high = beyond[k - 1 : k + 1, part]
         return float(fine[k - 1] + (fine[k] - fine[k - 1]) * low / (low - high)), float(part)

@@ -1,9 +1,9 @@
-"""Mechanical power of a damper as a function of temperature, from loops simulated with the card.
+"""Mechanical power of a damper as a function of temperature, from force loops simulated with the card.
 
-Force-displacement loops are simulated at some temperatures and their work is averaged over whole cycles.
-Between these temperatures, power and peak force are interpolated monotonically (Fritsch and Carlson). The
-thermal model then needs no simulation of the damper. Averaging is valid because the fluid temperature changes
-by less than 0.1 K in a cycle.
+Force-displacement loops are simulated at some temperatures, and the mean power over whole cycles is computed.
+Between these temperatures, power and peak force are interpolated by monotone piecewise cubic Hermite
+interpolation (Fritsch and Carlson). The thermal simulation then needs no simulation of the damper. Averaging
+is valid because the fluid temperature changes by less than 0.1 K in a cycle.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from mrdamper.thermal.settings import SETTINGS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopWork:
-    """Mean power and peak force of a motion at one command versus temperature; constant beyond the ends."""
+    """Mean power and peak force of a motion at one command versus temperature.
+
+    Outside the range of temperatures, power and peak force are constant.
+    """
 
     temperature: FloatArray  # [K], shape (k,), rising
     power: FloatArray  # mean mechanical power [W], shape (k,)
@@ -37,7 +40,7 @@ class LoopWork:
 
     @property
     def constant(self) -> bool:
-        """Return True if the work is known at one temperature only."""
+        """Return True if power and peak force are known at only one temperature."""
         return len(self.temperature) == 1
 
     def power_at(self, temperature_K: ArrayLike) -> FloatArray:
@@ -61,8 +64,8 @@ def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray
 
     Parameters
     ----------
-    temperature_K : temperatures to simulate; None: 11 in the damper's range within 0 to 150 degC, including
-            20 degC; only one for a damper that does not depend on temperature
+    temperature_K : temperatures to simulate; None: 11 temperatures in the range of the damper within 0 to
+            150 degC, and 20 degC; a single temperature if the damper does not depend on temperature
     """
     at = _temperatures(damper) if temperature_K is None else np.asarray(temperature_K, dtype=np.float64)
     if segment.path is None:

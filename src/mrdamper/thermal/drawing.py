@@ -1,9 +1,10 @@
 """Geometry of a damper for heating: lengths, materials, fluid, coil, mounting, surroundings.
 
-Users write it as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are in metres
-and kelvin. The damper is axisymmetric: a tube with a flat cap at each end, a piston in the middle of the bore
-with a coil in its outer surface, a rod, and annular fins around the middle of the body. ``network`` and
-``finite_element`` compute the heat flow, ``surfaces`` the heat-transfer coefficients.
+Users write the geometry as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are
+in metres and kelvin. The damper is axisymmetric: a tube with a flat cap at each end, a piston in the middle
+of the bore with a coil in its outer surface, a rod, and annular fins around the middle of the body.
+``network`` and ``finite_element`` compute the heat flow. ``surfaces`` computes the heat-transfer
+coefficients.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ AIR_MAX_M_S = 50.0
 """Maximum air speed across the axis [m/s]."""
 
 DISC_GAP = 0.010
-"""Minimum gap of the fins of a vertical damper [m], above which each fin is a single disc."""
+"""Minimum gap between the fins of a vertical damper [m]. The correlation for single discs requires it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Piston:
-    """The piston in the middle of the bore, which is its mean position; lengths in metres."""
+    """The piston in its mean position in the middle of the bore; lengths in metres."""
 
     diameter: Annotated[float, length_option("diameter_mm")]
     """Diameter of the piston."""
@@ -93,7 +94,7 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """The winding: a ring in the middle of the piston's outer surface; lengths in metres."""
+    """The winding, which is a ring in the middle of the outer surface of the piston; lengths in metres."""
 
     resistance: Annotated[float, Option(key="resistance_ohm", unit="ohm", least=0.0)]
     """Resistance at 20 degC."""
@@ -144,12 +145,13 @@ class Filling:
     heat_capacity: float  # [J/(kg K)]
     conductivity: float  # fluid at rest [W/(m K)]
     valid_K: tuple[float, float]
-    stirring: float | None = None  # conductivity in motion divided by ``conductivity``; None: computed
-    exchange: float | None = None  # heat exchange of gap and each chamber [W/K]; None: computed
+    stirring: float | None = None  # conductivity in motion, divided by ``conductivity``; None: computed
+    # Thermal conductance between the gap and each chamber by the pumped fluid [W/K]; None: computed.
+    exchange: float | None = None
 
     @property
     def volumetric_heat(self) -> float:
-        """Return the heat capacity of a cubic metre [J/(m^3 K)]."""
+        """Return the volumetric heat capacity [J/(m^3 K)]."""
         return self.density * self.heat_capacity
 
 
@@ -174,7 +176,7 @@ Multiplier = Annotated[float, Option("Factor of the value in the geometry file."
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Multipliers of the heat capacity without fins, and of the convection of the bare body."""
+    """Calibration factors for the heat capacity without fins and for the convection of the bare body."""
 
     heat_capacity: Multiplier = 1.0
     film: Multiplier = 1.0
@@ -185,7 +187,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """Geometry of a damper for heating. The constructor checks that all parts fit together."""
+    """Geometry of a damper for heating. The constructor raises InputError for parts that do not fit."""
 
     name: str = "drawing"
     body: Body
@@ -198,9 +200,9 @@ class DamperDrawing:
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
-    stroke: Stroke = PAPER_STROKE  # stroke that stirs the fluid
-    heat_capacity: PolynomialHeatCapacity | None = None  # of parts; None: material constants
-    text: str = field(default="", repr=False, compare=False)  # text of the file
+    stroke: Stroke = PAPER_STROKE  # mean stroke of the piston, which stirs the fluid
+    heat_capacity: PolynomialHeatCapacity | None = None  # polynomials; None: constant heat capacities
+    text: str = field(default="", repr=False, compare=False)  # text of the geometry file
 
     def __post_init__(self) -> None:
         _check_body(self)
@@ -213,7 +215,10 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Return the factor of the heat capacity without fins: calibration times stated heat capacity."""
+        """Return the factor on the geometric heat capacity without fins [-].
+
+        The factor includes the calibration and, if it is stated, the heat capacity of the whole damper.
+        """
         measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
         share = 1.0 if measured is None else measured.mean / self._geometric_capacity
         return share * self.calibration.heat_capacity
@@ -237,7 +242,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return a part's heat capacity divided by its mean, versus temperature; None: constant."""
+        """Return the heat capacity of a part versus temperature, divided by its mean; None: constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -245,17 +250,17 @@ class DamperDrawing:
         return None if found is None else found.over_mean()
 
     def with_sink(self, sink: HeatSink | None) -> DamperDrawing:
-        """Return the same damper with another heat sink, or without one."""
+        """Return the same damper with the given heat sink; None: without heat sink."""
         return replace(self, sink=sink)
 
     @property
     def gap(self) -> float:
-        """Return the annular gap between piston and bore [m]."""
+        """Return the radial width of the annular gap between piston and bore [m]."""
         return 0.5 * (self.body.bore - self.piston.diameter)
 
     @property
     def piston_area(self) -> float:
-        """Return the area of the ring between rod and piston, on which the pressure acts [m^2]."""
+        """Return the annular area of the piston around the rod [m^2]. The pressure acts on this area."""
         return _ring(self.rod.diameter, self.piston.diameter)
 
     @property
@@ -265,7 +270,10 @@ class DamperDrawing:
 
     @property
     def fluid_heat(self) -> FluidHeat:
-        """Return the effective conductivities of the fluid: from the filling, otherwise from the stroke."""
+        """Return the effective conductivities of the moving fluid, and the conductance gap to chamber.
+
+        Values that the geometry file does not state are computed from the stroke.
+        """
         body, piston, rod, filling = self.body, self.piston, self.rod, self.filling
         channel = Channel(
             gap=self.gap,
@@ -285,19 +293,19 @@ class DamperDrawing:
 
     @property
     def exchange_conductivity(self) -> float:
-        """Return the axial conductivity times area of the fluid [W m/K] that is equivalent to the exchange.
+        """Return the axial conductivity times area [W m/K] that has the same effect as the pumped fluid.
 
-        The length is the distance between the middles of gap and chamber. Divide by the area of the annulus
-        for an effective axial conductivity.
+        The length of this conductor is the distance between the middles of gap and chamber. Dividing the
+        result by the area of an annulus gives an effective axial conductivity.
         """
         return 0.5 * self.fluid_heat.exchange * (self.piston.length + self.chamber_length)
 
 
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
-    """Return the filling of a fluid of ``models.fluid``; ``given`` overrides its properties.
+    """Return the thermal properties of a fluid of ``models.fluid``; ``given`` overrides its properties.
 
-    Without a stated conductivity, the fluid counts as well-conducting spheres in an oil of 0.14 W/(m K)
-    (formula of Maxwell).
+    If the fluid states no conductivity, it is computed by the formula of Maxwell for well-conducting spheres
+    in an oil with 0.14 W/(m K).
     """
     share = fluid.particle_fraction
     stated: dict[str, float | None] = {
@@ -321,7 +329,7 @@ def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
 
 
 def find_filling(preset: str, given: Mapping[str, float] = _NOTHING) -> Filling:
-    """Return the filling of a fluid preset, or of a fluid's TOML file."""
+    """Return the thermal properties of a fluid preset or of a fluid file (TOML)."""
     return filling_of(find_fluid(preset), given)
 
 
@@ -437,13 +445,13 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
 
 
 def _require(drawing: DamperDrawing, holds: bool, found: str, expected: str) -> None:  # noqa: FBT001
-    """Raise InputError unless a condition holds."""
+    """Raise InputError if ``holds`` is False."""
     if not holds:
         raise InputError(place=drawing.name, found=found, expected=expected)
 
 
 def _take_means(drawing: DamperDrawing) -> None:
-    """Set the materials' heat capacities of parts with a polynomial to the polynomial's mean."""
+    """Set the heat capacity of each part that has a polynomial to the mean of the polynomial."""
     if drawing.heat_capacity is None:
         return
     means = {name: part.mean for name, part in drawing.heat_capacity.parts.items()}

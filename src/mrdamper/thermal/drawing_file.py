@@ -1,6 +1,6 @@
-"""Geometry files: the damper as TOML in millimetres and degC.
+"""Read and write geometry files, which describe a damper as TOML in millimetres and degC.
 
-The keys are the fields of the parts in ``drawing`` and of ``HeatSink``; docs/thermal.md describes them.
+The keys are declared by the classes in ``drawing`` and by ``HeatSink``. docs/thermal.md describes them.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from mrdamper.thermal.heat_capacity import PolynomialHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture
 
 DRAWINGS = ("paper",)
-"""Names of the supplied geometry files."""
+"""Names of the geometry files that are installed with the package (presets)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FluidTable:
-    """The fluid of a geometry file: a preset with optional changes."""
+    """The table [fluid] of a geometry file: a fluid preset with optional changes."""
 
     preset: Annotated[str, Option(offers="fluids")]
     """Name of a fluid, or its file."""
@@ -55,7 +55,7 @@ class FluidTable:
     """Limit of the hottest point of the fluid."""
 
     def filling(self) -> Filling:
-        """Return the filling of the preset with the changes."""
+        """Return the thermal properties of the fluid preset with the changes of this table."""
         given = {each.name: getattr(self, each.name) for each in fields(self)[1:]}
         limit = given.pop("limit")
         found = find_filling(self.preset, {name: x for name, x in given.items() if x is not None})
@@ -87,7 +87,7 @@ class _SinkTable:
 
 
 def read_drawing(path: str | Path) -> DamperDrawing:
-    """Read a geometry from a TOML file, or return the preset ``paper``.
+    """Return the geometry in a TOML file, or a preset such as ``paper``.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def read_drawing(path: str | Path) -> DamperDrawing:
 
 
 def read_sink(path: str | Path) -> HeatSink:
-    """Read a heat sink from a TOML file with a table [sink]; a geometry file is also accepted."""
+    """Return the heat sink in the table [sink] of a TOML file, which can also be a geometry file."""
     return sink_of(text_of(path), Path(path).name)
 
 
@@ -163,14 +163,14 @@ def calibrated_text(
     *,
     sink: HeatSink | None = None,
 ) -> str:
-    """Return the TOML text of a geometry with changed entries.
+    """Return the TOML text of a geometry with changed values.
 
     Parameters
     ----------
-    text : text of a valid geometry file
-    entries : values by table and key, written with six digits
-    title : comment at the top; comments of the text are removed
-    sink : replaces the table [sink] if it is different
+    text : text of a valid geometry file; its comments are removed
+    entries : new values by table and key, which are written with six digits
+    title : comment at the top of the new text
+    sink : heat sink that replaces the table [sink] if it is different
     """
     document = _parse(text, title)
     if sink is not None and sink != _sink_of(document, title):
@@ -189,13 +189,13 @@ def _parse(text: str, place: str) -> Json:
 
 
 def _sink_of(document: Json, place: str) -> HeatSink | None:
-    """Return the heat sink of a document; None if the document has no sink or a sink without fins."""
+    """Return the heat sink of a document; None if there is no heat sink or its number of fins is 0."""
     table = _without_empty_sink(document).get("sink")
     return None if table is None else read_record(_SinkTable, {"sink": table}, place).sink
 
 
 def _without_empty_sink(document: Json) -> Json:
-    """Return the document without a sink that has no fins."""
+    """Return the document; its table [sink] is removed if the number of fins is 0."""
     sink = document.get("sink")
     if isinstance(sink, dict) and sink.get("fins") == 0:
         return {key: table for key, table in document.items() if key != "sink"}

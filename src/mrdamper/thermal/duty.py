@@ -1,11 +1,12 @@
-"""Load cycles: motion and current of a damper while it heats, segment by segment.
+"""Load cycles: motion and current of a damper versus time, as segments with a mean power.
 
-``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration. A CSV table can have:
+The text ``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration. A CSV table
+can have the columns:
 
-    time_s, amplitude_mm, frequency_Hz, current_A       a sine from the time of a row to the time of the next
-    time_s, displacement_mm, current_A                  the motion itself, on a uniform time step
+    time_s, amplitude_mm, frequency_Hz, current_A       each row is a sine that lasts until the next row
+    time_s, displacement_mm, current_A                  the measured motion, with a uniform time step
 
-Module ``dissipation`` computes the power.
+The module ``dissipation`` computes the power.
 """
 
 from __future__ import annotations
@@ -37,15 +38,16 @@ _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """A part of a load cycle in which the power is averaged.
+    """A part of a load cycle with constant mean power.
 
-    ``path`` is a sample of the motion (None: at rest). The average begins at sample ``counted_from``.
+    ``path`` is a part of the motion that represents the segment (None: at rest). The mean power is computed
+    from sample ``counted_from`` on.
     """
 
     duration: float  # [s]
     path: Trajectory | None
     counted_from: int
-    command: float  # root mean square [A or V]
+    command: float  # root mean square of the command [A or V]
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
@@ -56,7 +58,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Duty:
-    """Consecutive segments. ``command_unit`` is the unit of the commands, ``text`` a description."""
+    """A load cycle: consecutive segments, the unit of their commands, and a description (``text``)."""
 
     segments: tuple[Segment, ...]
     command_unit: str  # "A" or "V"
@@ -81,12 +83,12 @@ class Duty:
 
     @property
     def duration(self) -> float:
-        """Return the duration of the load cycle [s]."""
+        """Return the total duration of the load cycle [s]."""
         return math.fsum(segment.duration for segment in self.segments)
 
 
 def read_duty(text: str | Path) -> Duty:
-    """Return the load cycle that a text describes, or read it from a CSV file.
+    """Return the load cycle that a text describes, or the load cycle in a CSV file.
 
     Raises
     ------
@@ -101,12 +103,14 @@ def read_duty(text: str | Path) -> Duty:
 
 
 def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
-    """Return motion, command, its unit (A or V) and duration [s] of ``MOTION:COMMAND:DURATION``.
+    """Return motion, command, unit of the command (A or V) and duration [s] of a text.
+
+    The format of the text is ``MOTION:COMMAND:DURATION``.
 
     Raises
     ------
     InputError
-        If the text has another form or an unknown motion.
+        If the text has a different format or an unknown motion.
     """
     words = text.split(":")
     try:
@@ -127,10 +131,10 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
 
 
 def stroke_of(duty: Duty) -> Stroke:
-    """Return the stroke that moves as much fluid as a load cycle on average, including rests.
+    """Return the equivalent sine stroke, which moves as much fluid per time as a load cycle including rests.
 
-    A segment counts as the sine with its root mean squares of displacement and velocity. Amplitudes are
-    weighted by the travelled path.
+    Each segment is replaced by a sine with the same root mean squares of displacement and velocity. The mean
+    amplitude is weighted by the travelled path.
     """
     path, gone = 0.0, 0.0
     for each in duty.segments:
@@ -147,10 +151,10 @@ def stroke_of(duty: Duty) -> Stroke:
 
 
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:
-    """Return a segment of a motion at a constant command [A or V], for a duration [s].
+    """Return a segment with a motion at a constant command [A or V] for a duration [s].
 
-    A periodic motion is represented by its third period with 1000 samples or more, any other motion by its
-    first two minutes without the first 5 %.
+    The power of a periodic motion is computed from its third period with at least 1000 samples. The power of
+    any other motion is computed from its first two minutes, without the first 5 %.
     """
     period = getattr(motion, "period", None)
     if period is None:
@@ -163,7 +167,7 @@ def segment_of(motion: Motion, command: float, duration: float) -> Segment:
 
 
 def _command(text: str) -> tuple[float, str]:
-    """Return a command and its unit, A or V."""
+    """Return the value and the unit (A or V) of a command that is given as text."""
     for role, unit in (("current", "A"), ("voltage", "V")):
         try:
             return _number(text, role), unit
@@ -183,9 +187,9 @@ def _is_command(text: str) -> bool:
 
 
 def _number(text: str, role: str) -> float:
-    """Return a number with a unit, converted to the SI unit of a role."""
+    """Return the value of a text with number and unit, converted to the SI unit of the quantity ``role``."""
     digits = len(text) - len(text.lstrip("0123456789.+-eE"))
-    # The letter of an exponent can belong to the unit instead.
+    # A letter e after the digits can be part of an exponent or of the unit. Therefore several cuts are tried.
     for cut in range(digits, 0, -1):
         try:
             value = float(text[:cut])
@@ -229,7 +233,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
 
 
 def _columns(table: Table, place: str) -> dict[str, FloatArray]:
-    """Return the columns of a load cycle in SI units, by role (also ``amplitude`` and ``frequency``)."""
+    """Return the columns of a load cycle in SI units, by quantity (including amplitude and frequency)."""
     found: dict[str, FloatArray] = {}
     for name, values in table.columns.items():
         word, _, unit = name.strip().partition("_")
@@ -262,7 +266,7 @@ def _columns(table: Table, place: str) -> dict[str, FloatArray]:
 
 
 def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple[Segment, ...]:
-    """Split a measured motion into segments of about 20 s."""
+    """Divide a measured motion into segments of about 20 s."""
     velocity = differentiate(displacement, step)
     acceleration = differentiate(velocity, step)
     count = max(1, round((len(displacement) - 1) * step / SETTINGS.measured_motion_time_s))

@@ -1,7 +1,8 @@
-"""Heat capacity as a polynomial in temperature: the table ``[heat_capacity]`` of a geometry file.
+"""Heat capacities as polynomials in temperature: the table ``[heat_capacity]`` of a geometry file.
 
-Finite elements and reduced model evaluate a part's polynomial at the part's mean temperature. Models with
-constant heat capacities (networks, the six states of a target) use its mean over the range.
+The finite-element model and the reduced model evaluate the polynomial of a part at the mean temperature of
+the part. Models with constant heat capacities (networks, compact model) use the mean of the polynomial over
+its temperature range.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ Coefficients = tuple[float, ...] | None
 
 @dataclass(frozen=True, slots=True)
 class CapacityCurve:
-    """A polynomial in temperature between two ends, constant beyond them. Equal curves compare equal."""
+    """A polynomial in temperature, which is constant outside the range from ``low`` to ``high``."""
 
     low: float  # [K]
     high: float  # [K]
-    coefficients: tuple[float, ...]  # of powers of T - low, lowest first
+    coefficients: tuple[float, ...]  # coefficients of the powers of T - low, lowest power first
 
     def evaluate(self, kelvin: float) -> float:
-        """Return the curve at a temperature [K]."""
+        """Return the value of the curve at a temperature [K]."""
         x = min(max(kelvin, self.low), self.high) - self.low
         return float(polynomial.polyval(x, self.coefficients))
 
     def integral(self, kelvin: FloatArray) -> FloatArray:
-        """Return the integral from the low end to temperatures [K] of any shape, with the same shape."""
+        """Return the integral of the curve from ``low`` to temperatures [K]; the shape is unchanged."""
         x, width = np.asarray(kelvin, dtype=np.float64) - self.low, self.high - self.low
         inside = polynomial.polyval(np.clip(x, 0.0, width), polynomial.polyint(self.coefficients))
         below, above = (
@@ -48,7 +49,7 @@ class CapacityCurve:
 
     @property
     def mean(self) -> float:
-        """Return the mean between the ends."""
+        """Return the mean of the curve from ``low`` to ``high``."""
         return float(self.integral(np.array(self.high))) / (self.high - self.low)
 
     def over_mean(self) -> CapacityCurve:
@@ -63,7 +64,10 @@ def _polynomial(part: str, unit: str = "J/(kg K)") -> Option:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolynomialHeatCapacity:
-    """Heat capacities c(T) = c0 + c1 T + c2 T^2 + ... of parts, T in degC; constant outside the range."""
+    """Heat capacities c(T) = c0 + c1 T + c2 T^2 + ... of parts, with T in degC.
+
+    Outside ``range_degC``, the heat capacities are constant.
+    """
 
     range_degC: Annotated[tuple[Annotated[float, Option(least=-100.0, most=500.0)], ...], Option(unit="degC")]
     """Lowest and highest temperature of the polynomials."""
@@ -88,8 +92,8 @@ class PolynomialHeatCapacity:
             count, most = len(coefficients), SETTINGS.heat_capacity_coefficients_max
             if not 1 <= count <= most:
                 raise _fault(f"{name} has {count} coefficients", f"1 to {most}")
-            degC = np.linspace(*self.range_degC, SETTINGS.heat_capacity_point_count)
-            least = float(Polynomial(coefficients)(degC).min())
+            celsius = np.linspace(*self.range_degC, SETTINGS.heat_capacity_point_count)
+            least = float(Polynomial(coefficients)(celsius).min())
             if not 0.0 < least < np.inf:
                 raise _fault(f"{name} falls to {least:.4g} in its range", "finite heat capacities above zero")
 
@@ -100,7 +104,7 @@ class PolynomialHeatCapacity:
 
     @property
     def parts(self) -> Mapping[str, CapacityCurve]:
-        """Return the curve of each part by name [J/(kg K)], for the whole damper [J/K]."""
+        """Return the curve of each part by name [J/(kg K)]; the curve of the whole damper is in [J/K]."""
         low, high = (each + ZERO_CELSIUS_K for each in self.range_degC)
         shifted = Polynomial([self.range_degC[0], 1.0])
         return MappingProxyType(

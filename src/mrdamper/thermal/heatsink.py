@@ -1,8 +1,8 @@
-"""A heat sink: equal annular fins at equal pitch on the body of a damper, with geometry, mass and radiation.
+"""A heat sink: equal annular fins at equal distances on the body of a damper; geometry, mass and radiation.
 
-The sink does not depend on temperature; ``surfaces`` computes its heat flow. "Width" is the radial width of a
-fin: the "outer diameter 23 mm" of damper and fin in the paper can only be the radius of the body and the
-width of the fin.
+The properties in this module do not depend on temperature. ``surfaces`` computes the heat transfer. "Width"
+is the radial width of a fin. The paper states an "outer diameter of 23 mm" for damper and fin. This can only
+mean the radius of the body and the width of the fin.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mrdamper.thermal.settings import SETTINGS
 
 
 def length_option(key: str, default_help: str = "") -> Option:
-    """Return the option for a length [m] that a file states in millimetres under ``key``."""
+    """Return the declaration of a length [m] that a file states in millimetres with the given key."""
     return Option(key=key, unit="mm", above=0.0, most=SETTINGS.sink_length_max_mm, default_help=default_help)
 
 
@@ -50,7 +50,7 @@ class Manufacture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatSink:
-    """Annular fins on a body; lengths in metres."""
+    """A heat sink: annular fins on the body of a damper; lengths in metres."""
 
     fins: Annotated[int, Option(least=1, most=10_000)]
     """Number of fins."""
@@ -91,7 +91,7 @@ class HeatSink:
         return (self.fins - 1) * self.pitch + self.thickness
 
     def centres(self, body_length: float) -> FloatArray:
-        """Return the axial positions of the fins on a body that starts at 0 [m], shape (fins,)."""
+        """Return the axial positions of the centres of the fins [m], shape (fins,); the body begins at 0."""
         numbers = np.arange(self.fins, dtype=np.float64)
         return 0.5 * body_length + self.pitch * (numbers - 0.5 * (self.fins - 1))
 
@@ -99,11 +99,14 @@ class HeatSink:
         return 0.5 * body_diameter + self.width
 
     def corrected_radius(self, body_diameter: float) -> float:
-        """Return the corrected radius r2 + t/2 [m]: both sides then have the area of sides and tip."""
+        """Return the corrected radius [m]: tip radius plus half the thickness.
+
+        With this radius, the area of the two sides includes the area of the tip.
+        """
         return self.tip_radius(body_diameter) + 0.5 * self.thickness
 
     def fin_area(self, body_diameter: float) -> float:
-        """Return the area of one fin [m^2]: both sides and the tip (corrected radius)."""
+        """Return the area of one fin [m^2], which is the area of the two sides with the corrected radius."""
         return 2.0 * math.pi * (self.corrected_radius(body_diameter) ** 2 - 0.25 * body_diameter**2)
 
     def fin_volume(self, body_diameter: float) -> float:
@@ -115,17 +118,18 @@ class HeatSink:
         return self.fins * self.fin_volume(body_diameter) * self.material.density
 
     def groove_share(self, body_diameter: float, body_emissivity: float) -> float:
-        """Return the radiation of a groove divided by the area of its walls, as an emissivity [-].
+        """Return the effective emissivity of the walls of a groove between two fins [-].
 
-        It is the apparent emissivity of the opening times the ratio of opening to walls. The walls are the
-        sides of two fins and the body between them. Their emissivity is the area mean of fins and body.
+        The effective emissivity is the apparent emissivity of the opening times the ratio of opening area to
+        wall area. The walls are the sides of two fins and the body between them. Their emissivity is the area
+        mean of fins and body.
         """
         root, tip = 0.5 * body_diameter, self.tip_radius(body_diameter)
         faces, floor = 2.0 * math.pi * (tip**2 - root**2), 2.0 * math.pi * root * self.gap
         opening = 2.0 * math.pi * tip * self.gap
         walls = faces + floor
         mean = (self.emissivity * faces + body_emissivity * floor) / walls
-        if opening >= walls:  # In a groove wider than deep, the walls radiate to the surroundings.
+        if opening >= walls:  # The groove is so wide that its walls radiate directly to the surroundings.
             return mean
         return groove_emissivity(mean, opening, walls) * opening / walls
 

@@ -1,8 +1,8 @@
-"""Temperature limits of the parts: fluid at the hottest point of the gap, coil insulation, rod seals.
+"""Temperature limits of fluid, coil and rod seals.
 
-Each limit applies to the hottest point of its part, not to the mean. The limit of the fluid is the upper end
-of the valid range of its record, or the value of the geometry file. The limits of coil and seals follow from
-the class and the material.
+Each limit applies to the hottest point of the part, not to the mean temperature. The limit of the fluid is
+the upper end of its valid temperature range, or a value in the geometry file. The limits of coil and seals
+follow from the insulation class and from the seal material, unless the geometry file has its own values.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ PART_WORDS: Mapping[Part, str] = MappingProxyType({"gap": "fluid", "coil": "coil
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """The maximum temperature of a part at its hottest point."""
+    """The maximum permissible temperature of a part at its hottest point."""
 
     part: Part
     kelvin: float
-    source: str  # description
+    source: str  # description of the origin of the limit
 
     @property
     def celsius(self) -> float:
@@ -43,15 +43,15 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class LimitReached:
-    """A limit, the maximum temperature of the part, and the time at which it reached the limit."""
+    """A limit of a part, its highest simulated temperature, and the time at which the limit is reached."""
 
     limit: Limit
-    hottest: float  # [K]
-    time_s: float | None  # None: not reached
+    hottest: float  # highest temperature in the simulation [K]
+    time_s: float | None  # None: the limit is not reached
 
 
 def limits_of(drawing: DamperDrawing) -> tuple[Limit, ...]:
-    """Return the limits of fluid, coil and seals of a geometry."""
+    """Return the limits of fluid, coil and seals of a geometry, in this order."""
     coil, seals = drawing.coil, drawing.seals
     by_class, by_material = INSULATION_DEGC[coil.insulation], SEALS_DEGC[seals.material]
     return (
@@ -68,7 +68,10 @@ def _limit(part: Part, stated: float | None, usual_degC: float, source: str) -> 
 
 
 def first_time(time: FloatArray, temperature: FloatArray, limit_K: float) -> float | None:
-    """Return the first time at which a curve reaches a limit [s], by monotone cubics; None: never."""
+    """Return the first time [s] at which a temperature curve reaches a limit; None if it never does.
+
+    The curve is interpolated by piecewise cubic Hermite interpolation (PCHIP).
+    """
     above = np.flatnonzero(temperature >= limit_K)
     if not above.size:
         return None

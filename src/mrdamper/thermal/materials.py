@@ -1,7 +1,7 @@
-"""Materials of a damper's body, piston, coil and fins: conductivity, density, heat capacity, with sources.
+"""Solid materials of a damper: conductivity, density, heat capacity, and the source of these values.
 
-Values apply near 20 to 100 degC and are constant. The heat capacity of steel rises by about 5 % in this
-range, which is less than the uncertainty of a geometry file. Module ``models.fluid`` has the MR fluid.
+The values are constants for about 20 to 100 degC. The heat capacity of steel increases by about 5 % in this
+range, which is less than the uncertainty of a geometry file. The MR fluid is defined in ``models.fluid``.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 from mrdamper.schema import Positive, check_ranges, unknown_name
 
 COPPER_PER_K = 0.00393
-"""Relative rise of copper's resistance per kelvin, from its value at 20 degC [1/K] (standard copper)."""
+"""Temperature coefficient of the resistance of copper, relative to 20 degC [1/K] (standard copper)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """A solid that conducts and stores heat."""
+    """A solid material with its thermal properties."""
 
     name: str
     conductivity: Positive  # [W/(m K)]
@@ -35,14 +35,14 @@ class Material:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, _source: object, _handler: object) -> Any:  # noqa: ANN401
-        """Return the form of a material in a file: its name (``mrdamper.schema``)."""
+        """Return the pydantic schema of a material, which is written as its name (``mrdamper.schema``)."""
         from pydantic_core import core_schema
 
         return core_schema.no_info_after_validator_function(find_material, core_schema.str_schema())
 
     @property
     def volumetric_heat(self) -> float:
-        """Return the heat capacity of a cubic metre [J/(m^3 K)]."""
+        """Return the volumetric heat capacity [J/(m^3 K)]."""
         return self.density * self.heat_capacity
 
 
@@ -64,25 +64,27 @@ _TABLE = (
 )
 
 MATERIALS: Mapping[str, Material] = MappingProxyType({material.name: material for material in _TABLE})
-"""Materials of a geometry file by name."""
+"""Materials that a geometry file can use, by name."""
 
 
 INSULATION_DEGC: Mapping[str, float] = MappingProxyType(
     {"Y": 90.0, "A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0}
 )
-"""Maximum temperature of a winding by insulation class [degC]: classes of IEC 60085, as
-https://croylek.com/pages/temperature-classes-of-electrical-insulation and other makers list them."""
+"""Maximum temperature of a winding by insulation class of IEC 60085 [degC].
+
+Source: https://croylek.com/pages/temperature-classes-of-electrical-insulation and other manufacturers."""
 
 SEALS_DEGC: Mapping[str, float] = MappingProxyType(
     {"NBR": 100.0, "PU": 100.0, "HNBR": 150.0, "EPDM": 150.0, "FKM": 200.0}
 )
-"""Maximum continuous temperature of elastomers [degC], for the standard compounds of
-https://www.bodeseal.com/technical-support;
-others give 20 K more for NBR and 20 K less for PU."""
+"""Maximum continuous temperature of elastomers [degC].
+
+Source: standard compounds of https://www.bodeseal.com/technical-support. Other sources
+state 20 K more for NBR and 20 K less for PU."""
 
 
 def find_material(name: str, place: str = "") -> Material:
-    """Return a material by name. An error for an unknown name suggests the nearest name."""
+    """Return the material with a name; raise InputError with a similar name if the name is unknown."""
     if name not in MATERIALS:
         raise unknown_name(f"there is no material {name!r}", name, MATERIALS, place)
     return MATERIALS[name]

@@ -7,105 +7,111 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalSettings:
-    """Settings of the load cycles, the compact network, the calibration and the fin design."""
+    """Settings of the load cycles, the compact model, the calibration and the design of fins.
+
+    In comments, ``a / b`` is the ratio of a to b.
+    """
 
     # Geometry and materials
-    coil_depth_ratio: float = 0.4  # default depth of the coil / depth of the piston around the rod
+    coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
     carrier_conductivity_W_mK: float = 0.14  # default of the carrier oil
-    sink_length_max_mm: float = 10_000.0  # A longer length has probably another unit.
+    sink_length_max_mm: float = 10_000.0  # A larger number is probably not in millimetres.
     heat_capacity_coefficients_max: int = 6
     heat_capacity_point_count: int = 101  # temperatures at which a polynomial has to be positive
     mixed_fraction: float = 0.5  # fraction of the displaced volume that mixes before it returns
 
     # Load cycles and their power
-    motion_time_s: float = 120.0  # averaging time of a motion that is not periodic
-    measured_motion_time_s: float = 20.0  # averaging time of a measured motion
-    step_deviation_ratio_max: float = 1e-3  # deviation of the time steps of a table
+    motion_time_s: float = 120.0  # simulated time of a motion that is not periodic, for the mean power
+    measured_motion_time_s: float = 20.0  # duration of the segments of a measured motion
+    step_deviation_ratio_max: float = 1e-3  # deviation of a time step from the mean step
     duration_max_s: float = 1e6
-    # Loops are simulated where the card covers this range.
+    # Loops are simulated in the part of this range that the card covers.
     loss_temperature_range_K: tuple[float, float] = (273.15, 423.15)
     loss_temperature_count: int = 11
     piston_pressure_max_Pa: float = 50e6  # Above, card and geometry probably belong to different dampers.
 
     # Map of the permissible load
-    map_model_order: int = 24  # unknowns of the reduced model of the map
-    map_steady_time_s: float = 4.0 * 3600.0  # The interval of the steady state is taken after this time.
+    map_model_order: int = 24  # number of unknowns of the reduced model
+    map_steady_time_s: float = 4.0 * 3600.0  # time whose uncertainty interval represents the steady state
     map_step_max_s: float = 120.0
     map_first_step_s: float = 5.0
 
-    # Compact model: grid of the heat-transfer coefficients
-    compact_state_count: int = 6
-    film_ambient_K: tuple[float, ...] = (253.15, 288.15, 323.15)  # knots of the parabola
+    # Breakpoints of the convection table of the compact model
+    film_ambient_K: tuple[float, ...] = (253.15, 288.15, 323.15)  # three equidistant values
     film_air_speeds_m_s: tuple[float, ...] = (0.0, 0.25, 0.4, 0.6, 0.9, 1.35, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0)
-    # rise of the surface above ambient
+    # Surface minus ambient
     film_rises_K: tuple[float, ...] = (-20.0, -5.0, 0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 115.0, 150.0)
 
-    # Compact model: reduction
-    basis_air_speeds_m_s: tuple[float, ...] = (0.0, 3.0)  # air speeds for which the basis is computed
-    source_model_order: int = 40  # order of the reduced model from which the compact model is made
-    typical_rise_K: float = 60.0  # rise above ambient of the basis, and of the linearisation for the gains
-    spot_rates_1_s: tuple[float, ...] = (
-        0.0,
-        3e-3,
-        3e-2,
-    )  # rates of the responses that select the hottest points
+    # Reduction to the compact model
+    compact_state_count: int = 6
+    source_model_order: int = 40  # order of the reduced model that is truncated
+    basis_air_speeds_m_s: tuple[float, ...] = (0.0, 3.0)  # air speeds for which the Gramian is computed
+    typical_rise_K: float = 60.0  # rise above ambient at which heat transfer is linearised
+    # Frequencies of the responses that select the candidate points of the hottest point
+    spot_rates_1_s: tuple[float, ...] = (0.0, 3e-3, 3e-2)
     # Weights of the inputs and outputs in the Gramian
     mechanical_weight_W: float = 100.0
     coil_weight_W: float = 20.0
     surface_weight_W: float = 20.0
     output_weight_W: float = 100.0
 
-    # Compact model: Kalman filter
-    # The typical power causes this temperature rise in this time, without losses.
+    # Kalman filter of the compact model
+    # The typical power of a damper causes this rise in this time if there are no heat losses.
     typical_power_rise_K: float = 100.0
     typical_power_time_s: float = 1800.0
-    # Standard deviations and correlation times of the relative power error and of the relative missing heat
+    # Standard deviations, relative to the typical power, and correlation times of the error of the power and
+    # of the missing heat
     power_error_ratio: float = 0.15
     power_error_time_s: float = 60.0
     missing_heat_ratio: float = 0.15
     missing_heat_time_s: float = 1800.0
-    # Standard deviations of the fluid and coil readings, and their correlation time
+    # Standard deviations of the readings of fluid and coil, and their correlation time
     fluid_noise_K: float = 0.5
     coil_noise_K: float = 3.0
     sensor_noise_time_s: float = 10.0
 
     # Measured heating curve
-    bad_readings_ratio_max: float = 0.2  # More bad readings mean a broken sensor.
     readings_min: int = 8
-    spike_deviations_min: float = 8.0  # deviation of a spike / standard deviation of the noise
+    bad_readings_ratio_max: float = 0.2  # A larger fraction of bad readings indicates a broken sensor.
+    # A spike deviates from its neighbours by more than these three limits.
+    spike_deviations_min: float = 8.0  # multiple of the noise
     spike_min_K: float = 0.5
-    spike_ranges_min: float = 4.0  # deviation of a spike / range of its neighbours
-    spike_neighbours: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)
+    spike_ranges_min: float = 4.0  # multiple of the range of the neighbours
+    spike_neighbours: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)  # positions relative to the sample
 
-    # Calibration by a heating curve
+    # Calibration with a heating curve
     calibration_step_max_s: float = 20.0
-    # A factor outside means that curve and load cycle do not match.
+    # A factor at these bounds means that curve and load cycle do not match.
     calibration_factor_range: tuple[float, float] = (0.05, 20.0)
-    start_range_K: float = 50.0  # The start is searched within this distance of the first readings.
+    start_range_K: float = 50.0  # max distance of the initial temperature from the first readings
     reading_noise_min_K: float = 0.02
     reading_noise_max_K: float = 2.0
-    residual_ratio_max: float = 0.03  # A larger residual / range indicates the curve of another damper.
+    residual_ratio_max: float = 0.03  # residual / temperature range of the curve
     neighbour_correlation_max: float = 0.999
-    reference_excess_K: float = 40.0  # Losses are compared at this excess over ambient.
-    trial_margin_K: float = 100.0  # A trial stops this far below the end of the tables of losses.
+    reference_excess_K: float = 40.0  # temperature above ambient at which heat losses are compared
+    trial_margin_K: float = (
+        100.0  # A simulation in the search ends this far below the end of the loss tables.
+    )
 
-    # Interval of the temperature
-    interval_deviations: float = 1.645  # standard deviations of a 90 % interval of a normal distribution
-    stop_excess_K: float = 50.0  # Runs end this far above all limits because later values are not needed.
-    run_margin_K: float = 20.0
-    misfit_ratio: float = 0.004  # remaining error of a calibrated network / rise
+    # Interval of a predicted heating curve
+    interval_deviations: float = 1.645  # half width of 90 % of a normal distribution / standard deviation
+    stop_excess_K: float = 50.0  # Simulations end this far above all limits; later values are not needed.
+    run_margin_K: float = 20.0  # Simulations end this far below the end of the loss tables.
+    misfit_ratio: float = 0.004  # standard deviation of the error of a calibrated network / rise
 
-    # Fin design
-    sink_step_max_s: float = 120.0  # The error of about 10 mK after half an hour is equal for all sinks.
-    sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # fractions of the largest width
-    fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # multiples of the smallest thickness
-    sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # fractions of the span
+    # Design of fins
+    sink_step_max_s: float = (
+        120.0  # The error is about 10 mK after half an hour and equal for all heat sinks.
+    )
+    sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # tried width / largest width
+    fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # tried thickness / smallest thickness
+    sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # tried pitch / largest pitch
     sink_grid_m: float = 1e-4  # Pitches and widths are whole tenths of a millimetre.
-    fin_gap_max_widths: float = 2.0  # For wider gaps the body between two fins is not a groove.
-    # Half widths of 90 % intervals, relative except for the exponent
-    gap_exponent_error: float = 0.12  # A correlation can be wrong by this power of the ratio of two gaps.
-    body_film_error: float = 0.15
-    sink_power_error: float = 0.165  # 1.645 standard deviations of 10 %
+    fin_gap_max_widths: float = 2.0  # gap between two fins / width of the fins
+    # Half widths of 90 % intervals
+    gap_exponent_error: float = 0.12  # exponent of the gap in the heat-transfer coefficient of fins
+    body_film_error: float = 0.15  # relative error of the heat-transfer coefficient of the body
+    sink_power_error: float = 0.165  # relative error of the power, 1.645 standard deviations of 10 %
 
 
 SETTINGS = ThermalSettings()

@@ -1,7 +1,8 @@
-r"""Heat transfer by the moving fluid: conduction in gap and chambers, exchange by the piston.
+r"""Heat transfer by the moving fluid: effective conductivities in gap and chambers, and transport by pumping.
 
-The three equations use amplitude A and frequency f of the stroke, the piston area A_p (without the rod), gap
-width g and gap area A_g, the lengths L_p of the piston and L_c of a chamber, and k and rho c of the fluid.
+The three equations use the amplitude A and the frequency f of the stroke, the piston area A_p (without the
+rod), the gap width g and the gap area A_g, the lengths L_p of the piston and L_c of a chamber, and the
+conductivity k and the volumetric heat capacity rho c of the fluid.
 
 .. math::
     k_g / k &= Nu / 12, \quad Nu = 7.55 + \frac{0.024 x^{-1.14}}{1 + 0.0358 Pr^{0.17} x^{-0.64}},
@@ -10,12 +11,13 @@ width g and gap area A_g, the lengths L_p of the piston and L_c of a chamber, an
         \quad \varphi = \min(1, 2 A / L_c) \\
     G &= m\,\rho c\,f\,2 A A_p \min(1, 2 A A_p / (A_g L_p)), \quad m = 0.5
 
-The first equation describes a slit with uniform heat generation and developing laminar flow (Stephan's
-Nusselt number for parallel plates). The second describes a fluid that is renewed at the wall with every
-stroke (penetration theory); w is the width of the chamber. In the third, the fraction m of the displaced
-volume mixes before it returns. It vanishes if the stroke is too short to empty the gap. The equations are
-estimates without measurement: m is within 0.25 to 1, the factor 2 of the renewal within 1 to 4. This matters
-only for short strokes.
+The first equation gives the conductivity k_g in the gap. It describes a slit with uniform heat generation and
+developing laminar flow (Stephan's Nusselt number for parallel plates). The second equation gives the
+conductivity k_c in a chamber of width w. It describes fluid at the wall that is renewed with every stroke
+(penetration theory). The third equation gives the thermal conductance G between the gap and a chamber. The
+fraction m of the displaced volume mixes before it returns. G approaches zero for strokes that are too short
+to empty the gap. The equations are estimates that were not measured. The uncertain range is 0.25 to 1 for m,
+and 1 to 4 for the factor 2 in h. It has an effect only for short strokes.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from dataclasses import dataclass
 
 from mrdamper.thermal.settings import SETTINGS
 
-MR_FLUID_PRANDTL = 300.0  # 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); the result hardly depends on it.
+MR_FLUID_PRANDTL = 300.0  # 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); the value has hardly any effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,36 +39,36 @@ class Stroke:
 
 
 PAPER_STROKE = Stroke(0.015, 1.0)
-"""Stroke of the default load cycle, used until a load cycle is known."""
+"""Stroke of the load cycle in the paper, which is the default of a geometry."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """Dimensions and fluid properties for the equations; lengths in metres."""
+    """Dimensions and fluid properties for the equations of this module; lengths in metres."""
 
-    gap: float
-    gap_area: float  # [m^2]
-    piston_area: float  # area that displaces fluid [m^2]
+    gap: float  # radial width of the gap
+    gap_area: float  # cross-section of the gap [m^2]
+    piston_area: float  # area of the piston that displaces fluid [m^2]
     piston_length: float
     chamber_length: float
-    chamber_width: float  # from rod to bore
-    conductivity: float  # fluid at rest [W/(m K)]
-    volumetric_heat: float  # fluid [J/(m^3 K)]
+    chamber_width: float  # radial distance from rod to bore
+    conductivity: float  # conductivity of the fluid at rest [W/(m K)]
+    volumetric_heat: float  # volumetric heat capacity of the fluid [J/(m^3 K)]
 
 
 @dataclass(frozen=True, slots=True)
 class FluidHeat:
-    """Effective conductivities of gap and chambers [W/(m K)]; exchange of gap and each chamber [W/K]."""
+    """Effective heat transfer of the moving fluid."""
 
-    gap: float
-    chamber: float
-    exchange: float
+    gap: float  # effective conductivity in the gap [W/(m K)]
+    chamber: float  # effective conductivity in the chambers [W/(m K)]
+    exchange: float  # thermal conductance between the gap and each chamber [W/K]
 
 
 def conduct_fluid(channel: Channel, stroke: Stroke) -> FluidHeat:
-    """Return the effective conductivities and the heat exchange of the moving fluid for a stroke."""
+    """Return effective conductivities of the moving fluid, and the conductance between gap and chamber."""
     k, heat = channel.conductivity, channel.volumetric_heat
-    swept = 2.0 * stroke.amplitude * channel.piston_area  # [m^3]
+    swept = 2.0 * stroke.amplitude * channel.piston_area  # volume that a stroke displaces [m^3]
     speed = 2.0 * stroke.frequency * swept / channel.gap_area
     gap = k
     if speed > 0.0:

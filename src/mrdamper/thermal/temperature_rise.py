@@ -1,11 +1,11 @@
-"""Temperature rise: temperatures, loss of force, heat paths and energy balance from card, geometry and load.
+"""Simulate the temperature rise of a damper in a load cycle, from its card and its geometry.
 
-The mechanical power is computed from the loops of the card at the present fluid temperature
-(``dissipation``). The coil heat grows with the coil resistance. The thermal model (``reduced``, ``network``
-or ``lumped``) distributes mechanical power and coil heat. A card without temperature model has a constant
-force, and the result states that. Limits apply to the hottest point
-of each part. The curve ends when the mean fluid temperature reaches its limit because the force is known up
-to there.
+The result contains temperatures, loss of force, heat flow per path, and the energy balance. The mechanical
+power is computed from the force loops of the card at the present fluid temperature (``dissipation``). The
+coil heat increases with the coil resistance. The thermal model (``reduced``, ``network`` or ``lumped``)
+distributes mechanical power and coil heat. If the card does not depend on temperature, the force is constant
+and a note reports this. Limits apply to the hottest point of each part. The simulation ends when the mean
+fluid temperature reaches its limit, because the force is not known above the limit.
 """
 
 from __future__ import annotations
@@ -39,47 +39,47 @@ from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.settings import SETTINGS
 
 Model = Literal["reduced", "network", "lumped"]
-"""Reduced finite elements, three axial zones, or one node (Eq. (8) of the paper)."""
+"""Thermal model: reduced-order finite elements, three axial zones, or one node (Eq. (8) of the paper)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rise:
-    """Temperatures and heat flows of a damper in a load cycle, at the ends of the steps, shape (k,)."""
+    """Temperatures and heat flows of a damper in a load cycle, at each time step, shape (k,)."""
 
     time: FloatArray  # [s]
-    fluid: FloatArray  # mean of the fluid [K]
-    coil: FloatArray  # [K]
-    wall: FloatArray  # mean of the wall [K]
+    fluid: FloatArray  # mean fluid temperature [K]
+    coil: FloatArray  # mean coil temperature [K]
+    wall: FloatArray  # mean temperature of tube and caps [K]
     mechanical_W: FloatArray  # mechanical power
-    coil_W: FloatArray
-    paths_W: Mapping[str, FloatArray]  # losses by path
-    energy_J: Mapping[str, float]  # at the end: in, out, stored, and each path
-    energy_closure: float  # largest error of the energy balance divided by the energy [-]
-    peak_force_N: FloatArray  # in a cycle; NaN at rest
+    coil_W: FloatArray  # coil heat
+    paths_W: Mapping[str, FloatArray]  # heat loss of each path
+    energy_J: Mapping[str, float]  # energies of the simulation: mechanical, coil, out, stored, each path
+    energy_closure: float  # largest error of the energy balance, divided by the largest energy [-]
+    peak_force_N: FloatArray  # peak force of a cycle; NaN at rest
     force_loss_percent: (
         float | None
-    )  # loss of peak force at the end compared with 20 degC; None: at rest, or unknown
-    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil, seals [K]; in a network the node mean
+    )  # loss of peak force at the end, compared with 20 degC; None: at rest, or unknown
+    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil, seals [K]; in a network the mean of a node
     limits: tuple[LimitReached, ...]  # limits of fluid, coil and seals
     model: Model
-    correlations: Mapping[str, str]  # by surface
+    correlations: Mapping[str, str]  # names of the heat-transfer correlations by surface
     notes: tuple[str, ...]
-    heating: Heating | FieldHeating
-    field: ReducedModel | None  # model that converts the unknowns to temperatures
+    heating: Heating | FieldHeating  # complete result of the thermal model
+    field: ReducedModel | None  # model that converts the unknowns to a temperature field
 
     @property
     def input_J(self) -> float:
-        """Return the energy that motion and coil supply."""
+        """Return the total energy from motion and coil."""
         return self.energy_J["mechanical"] + self.energy_J["coil"]
 
     @property
     def limit_K(self) -> float:
-        """Return the limit of the hottest point of the fluid."""
+        """Return the temperature limit of the hottest point of the fluid."""
         return self.limits[0].limit.kelvin
 
     @property
     def first_limit(self) -> LimitReached:
-        """Return the limit that is reached first, otherwise the limit with the smallest margin."""
+        """Return the limit that is reached first; otherwise the limit with the smallest margin."""
         return min(
             self.limits,
             key=lambda each: (
@@ -90,7 +90,7 @@ class Rise:
 
     @property
     def time_to_limit_s(self) -> float | None:
-        """Return the time at which the hottest point of the fluid reaches the limit; None: never."""
+        """Return the time at which the hottest point of the fluid reaches its limit; None: not reached."""
         return self.limits[0].time_s
 
     @property
@@ -106,7 +106,7 @@ class Rise:
         return self.wall - ZERO_CELSIUS_K
 
     def fluid_at(self, time_s: float) -> float:
-        """Return the mean fluid temperature at a time [K], interpolated by monotone cubics.
+        """Return the mean fluid temperature at a time [K], by piecewise cubic Hermite interpolation (PCHIP).
 
         Raises
         ------
@@ -138,7 +138,8 @@ def simulate_rise(
     model : ``reduced`` (reduced-order finite-element model with 22 unknowns), ``network`` (three axial zones,
             no hot spots), ``lumped`` (Eq. (8) of the paper)
     start_K : uniform temperature at the start; None: ambient
-    stop_at_limit : True: end the curve when the mean fluid temperature reaches its limit; False: only note it
+    stop_at_limit : True: end the simulation when the mean fluid temperature reaches its limit; False:
+            continue, and report the limit in a note
     longest_step : maximum time step [s]
     """
     drawing = replace(drawing, stroke=stroke_of(duty))
@@ -188,7 +189,10 @@ def simulate_rise(
 def _simulator(
     drawing: DamperDrawing, model: Model, loads: Sequence[Load], start_K: float | None, longest_step: float
 ) -> tuple[ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
-    """Return the reduced model (None for networks) and its simulation up to a fluid temperature [K]."""
+    """Return the reduced model (None for networks), and a function that simulates the heating.
+
+    The argument of the function is the mean fluid temperature [K] at which the simulation ends.
+    """
     if model == "reduced":
         reduced = reduce_field(build_field(drawing))
         return reduced, lambda stop_at: simulate_field(
@@ -214,7 +218,7 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
             found=f"its command is in {duty.command_unit}, the card's in {damper.command_unit}",
             expected=f"the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s",
         )
-    known: dict[tuple[int, float], LoopWork] = {}  # pieces of a segment have the same path
+    known: dict[tuple[int, float], LoopWork] = {}  # cache, because several segments can have the same path
     try:
         for segment in duty.segments:
             if (id(segment.path), segment.command) not in known:
@@ -229,7 +233,7 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
 
 
 def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
-    """Return the loads of a damper, segment by segment: mechanical power and coil heat.
+    """Return the load (mechanical power and coil heat) of a damper for each segment of a load cycle.
 
     Raises
     ------
@@ -253,7 +257,7 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
 
 
 def build_network(drawing: DamperDrawing, model: Model = "network") -> ThermalNetwork:
-    """Return the network of a geometry; for ``reduced``, this is the zone network."""
+    """Return the lumped network for ``lumped``, otherwise the zone network of a geometry."""
     return lumped_network(drawing) if model == "lumped" else zone_network(drawing)
 
 
@@ -274,7 +278,7 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
 def _fade(
     works: Sequence[LoopWork], duty: Duty, fluid: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, float | None]:
-    """Return the peak force against time [N], and its loss at the end compared with 20 degC [%]."""
+    """Return the peak force versus time [N], and its loss at the end compared with 20 degC [%] or None."""
     ends = np.cumsum([segment.duration for segment in duty.segments])
     which = np.minimum(np.searchsorted(ends - 1e-9, time), len(works) - 1)
     peak = np.full(len(fluid), np.nan)
@@ -286,14 +290,14 @@ def _fade(
     if not moving.size:
         return peak, None
     last = works[which[moving[-1]]]
-    if np.ptp(last.peak) == 0.0:  # the card has no temperature model
+    if np.ptp(last.peak) == 0.0:  # The force of the card does not depend on temperature.
         return peak, None
     cold = float(last.peak_at(REFERENCE_K))
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 
 def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
-    """Return notes on the validity of the card for a load cycle."""
+    """Return notes about a constant force, an assumed temperature dependence, and extrapolation."""
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
     if not damper.temperature_dependent:
@@ -308,7 +312,10 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
 
 
 def card_range_notes(card: ModelCard, duty: Duty) -> dict[str, str]:
-    """Return a sentence for each quantity of the load cycle that leaves the range of the card's runs."""
+    """Return a sentence for each quantity of the load cycle outside the range of the runs of the card.
+
+    The keys are the names of the quantities.
+    """
     found = {}
     paths = [segment.path for segment in duty.segments if segment.path is not None]
     for name, unit, scale in (("displacement", "mm", 1e3), ("velocity", "mm/s", 1e3), ("command", "", 1.0)):

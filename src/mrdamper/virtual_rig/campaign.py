@@ -1,6 +1,6 @@
-"""Campaigns on the virtual rig: motions, currents and temperatures, and which runs are held out.
+"""Test campaigns of the virtual rig: motions, currents, temperatures, and the choice of held-out runs.
 
-The temperature is constant in a run, as in the paper. ``measurement`` runs a campaign.
+The temperature is constant during a run, as in the paper. The module ``measurement`` runs a campaign.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from mrdamper.virtual_rig.damper import HydraulicDamper, VirtualDamper, find_pre
 from mrdamper.virtual_rig.sensors import Sensors
 
 _HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
-LOG_RATE_HZ = 500.0  # default of a campaign
-RUN_IN_MIN_S = 1.0  # Minimum run-in before the log; rounded up to whole periods of a periodic motion.
+LOG_RATE_HZ = 500.0  # default sampling rate of a campaign
+RUN_IN_MIN_S = 1.0  # Minimum run-in before the log. Periodic motions have a run-in of whole periods.
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class PlannedRun:
     name: str
     label: str  # name of the motion
     motion: Motion
-    current: float | CurrentSteps | RandomCurrent  # commanded [A]
+    current: float | CurrentSteps | RandomCurrent  # current command [A]
     temperature_degC: float
     duration_s: float
     run_in_s: float
@@ -54,11 +54,12 @@ class PlannedRun:
 class Campaign:
     """Test plan: each motion at each current and temperature, and changing currents at each temperature.
 
-    Motions have the format of ``motion_from_text``. A motion with a period is logged for whole
-    periods, a chirp to its end, any other motion for ``duration_s``. Held-out temperatures and motions that
-    are not run are dropped. The lag from current steps applies to the speed of their motion
-    (``identify.actuation``). A run with random current and random motion is logged for twice ``duration_s``;
-    current and motion have a different seed at every temperature.
+    Motions have the format of ``motion_from_text``. A periodic motion is logged for whole periods, a chirp to
+    its end, and any other motion for ``duration_s``. Held-out temperatures and motions that are not part of
+    the campaign are removed from the lists. Current steps are made during the motion ``steps_motion``; the
+    lags that are identified from them are valid near its speed (``identify.actuation``). The run with random
+    current and random motion is logged for twice ``duration_s``. Random current and random motion have a
+    different seed at every temperature.
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
@@ -117,7 +118,7 @@ class Campaign:
         )
 
     def runs(self, damper: str = "nominal") -> tuple[PlannedRun, ...]:
-        """Return the runs on a damper of this name, coldest first."""
+        """Return the plans of all runs, coldest first; the names of the runs begin with ``damper``."""
         planned = []
         for degrees in self.temperatures_degC:
             apart = degrees in self.held_out_temperatures_degC
@@ -139,8 +140,8 @@ class Campaign:
         return tuple(planned)
 
     def _random_run(self, name: str, current: RandomCurrent, degrees: float, *, held_out: bool) -> PlannedRun:
-        """Return the run with random current; its seeds depend on the temperature."""
-        more = round(10.0 * degrees) + 10_000  # an integer, positive down to -1000 degC
+        """Return the plan of the run with random current; the seeds depend on the temperature."""
+        more = round(10.0 * degrees) + 10_000  # increment of the seeds; positive down to -1000 degC
         motion = motion_from_text(self.random_motion)
         if isinstance(motion, RandomMotion):
             motion = replace(motion, seed=motion.seed + more)
@@ -154,7 +155,7 @@ class Campaign:
         return {text: motion_from_text(text) for text in self.motions}
 
     def _times(self, motion: Motion) -> tuple[float, float]:
-        """Return the durations of the log and of the run-in before the log [s]."""
+        """Return two durations for a motion [s]: the log, and the run-in before the log."""
         if isinstance(motion, Sine | Triangle):
             period = motion.period
             logged, run_in = (
@@ -165,10 +166,10 @@ class Campaign:
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
-        """Return the campaign of a TOML document.
+        """Return the campaign in a TOML document.
 
-        Missing values are taken from the campaign of the document's ``preset``. Without a preset, they have
-        the defaults of this class.
+        If the document has the key ``preset``, missing values are taken from the default campaign of this
+        damper. Otherwise missing values have the defaults of this class.
         """
         try:
             usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
@@ -199,13 +200,13 @@ class Campaign:
         return cls.from_mapping(read_toml(path, "campaign"), Path(path).name)
 
     def to_toml(self) -> str:
-        """Return the campaign as TOML, which ``from_toml`` reads back as an equal campaign."""
+        """Return the campaign as TOML text. ``from_toml`` reads an equal campaign from this text."""
         none = {"steps": False} if self.steps is None else {}
         return toml_text({**none, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
 
 
 CAMPAIGNS: Mapping[str, Mapping[str, Any]] = {
-    "short": {  # three temperatures, four currents, two motions and current steps: enough for a first card
+    "short": {  # small campaign that is sufficient for a first card
         "motions": ["sine5mm1Hz", "sine3mm2Hz"],
         "currents_A": [0.0, 0.5, 1.0, 2.0],
         "temperatures_degC": [20.0, 60.0, 100.0],
@@ -214,11 +215,11 @@ CAMPAIGNS: Mapping[str, Mapping[str, Any]] = {
         "held_out_motions": [],
     },
 }
-"""Campaigns by name: what differs from the usual one."""
+"""Named campaigns: the values that differ from the default campaign, by name of the campaign."""
 
 
 def find_campaign(name: str | Path) -> Campaign:
-    """Return the campaign with a name, or the campaign in a TOML file."""
+    """Return the campaign with this name, or the campaign in the TOML file with this path."""
     if str(name) in CAMPAIGNS:
         return Campaign.from_mapping(CAMPAIGNS[str(name)], str(name))
     return Campaign.from_toml(name)
@@ -231,7 +232,7 @@ def _degrees(temperature_degC: float) -> str:
 
 
 def _label(motion: str) -> str:
-    """Return the text of a motion in a form that is valid in a file name."""
+    """Return the text of a motion with only characters that are valid in a file name."""
     return motion.replace(":", "").replace("/", "p")
 
 
@@ -259,7 +260,7 @@ _CAR = replace(
 
 
 def default_campaign(damper: VirtualDamper) -> Campaign:
-    """Return the default campaign of a damper."""
+    """Return the default campaign of a virtual damper, which suits its stroke and its speeds."""
     if not isinstance(damper, HydraulicDamper):
         return _LUMPED
     return _BENCH if damper.through_rod else _CAR

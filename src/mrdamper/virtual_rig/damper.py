@@ -1,4 +1,4 @@
-"""Virtual dampers (lumped or hydraulic): presets, TOML files, and random variants."""
+"""Virtual dampers of both kinds (lumped and hydraulic): presets, TOML files, and random variants."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 VirtualDamper = LumpedDamper | HydraulicDamper
-"""Parameters of a virtual damper, in SI and kelvin."""
+"""Parameters of a virtual damper of either kind, in SI units and kelvin."""
 
 PRESETS: Mapping[str, VirtualDamper] = MappingProxyType({**LUMPED, **HYDRAULIC})
 
@@ -38,7 +38,7 @@ _VARIANT_SPREAD = 0.3
 
 
 def find_preset(name: object) -> VirtualDamper:
-    """Return a preset. For an unknown name, raise InputError with the most similar names."""
+    """Return the preset with a name; raise InputError with similar names if the name is unknown."""
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown_name(f"{name!r} is not a preset of the virtual rig", str(name), PRESETS)
     return PRESETS[name]
@@ -47,9 +47,8 @@ def find_preset(name: object) -> VirtualDamper:
 def draw_variant(damper: VirtualDamper, seed: int) -> VirtualDamper:
     """Return a random variant of a damper, with parameters changed by up to 30 %.
 
-    The name of the variant ends with the seed.
-
-    By convention, even seeds are used to develop laws and choose constants, odd seeds to report errors.
+    The name of the variant ends with the seed. By convention, even seeds are used to develop laws and to
+    choose constants, and odd seeds are used to report errors.
     """
     drawn = damper.draw(np.random.default_rng(seed), _VARIANT_SPREAD)
     return replace(drawn, name=f"{damper.name}-{seed}")
@@ -58,9 +57,8 @@ def draw_variant(damper: VirtualDamper, seed: int) -> VirtualDamper:
 def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper") -> VirtualDamper:
     """Return a preset with changed parameters.
 
-    The keys are ``preset`` (default nominal), ``name`` and names of parameters.
-
-    The default name is that of the preset if nothing is changed, else ``<preset>-own``.
+    The keys of ``given`` are ``preset`` (default: nominal), ``name`` and names of parameters. The default
+    name of the damper is ``<preset>-own``, or the name of the preset if no parameter is changed.
     """
     try:
         base = find_preset(given.get("preset", "nominal"))
@@ -72,18 +70,19 @@ def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper")
 
 
 def read_damper(path: str | Path) -> VirtualDamper:
-    """Return the damper in a TOML file: ``preset = "nominal"`` and changed parameters."""
+    """Return the damper in a TOML file, which contains a ``preset`` and changed parameters."""
     return damper_from_mapping(read_toml(path, "virtual damper"), Path(path).name)
 
 
 def find_damper(name: str | Path) -> VirtualDamper:
-    """Return the preset with a name, or the damper in a TOML file."""
+    """Return the preset with this name, or the damper in the TOML file with this path."""
     return read_damper(name) if Path(name).suffix else find_preset(str(name))
 
 
 def damper_to_toml(damper: VirtualDamper) -> str:
-    """Return all parameters as TOML, which ``read_damper`` reads back as an equal damper."""
-    preset = next(iter(LUMPED if isinstance(damper, LumpedDamper) else HYDRAULIC))  # any of its kind
+    """Return all parameters as TOML text. ``read_damper`` reads an equal damper from this text."""
+    # The preset only states the kind of damper, because all parameters are written.
+    preset = next(iter(LUMPED if isinstance(damper, LumpedDamper) else HYDRAULIC))
     return toml_text(
         {"preset": preset, **write_record(damper, defaults=True)}, "a virtual damper, in SI and kelvin"
     )

@@ -1,7 +1,7 @@
 """Parameters of the lumped virtual damper: meaning, ranges and presets.
 
-``plant`` contains the equations. The parameters are not coefficients of an identified law and were not
-measured. The presets are chosen so that a fitted law has a model error.
+The module ``plant`` contains the equations. The parameters were not measured. They differ from the
+coefficients of the identified laws, so that a law fitted to a preset has a realistic model error.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import NotNegative, Option, Positive, check_ranges, fields_of
 
-_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # valid beginning of a file name
-_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # parameters that are equal for all variants
+_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # pattern of a name that is valid in a file name
+_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # parameters that random variants do not change
 
 
 def check_parameters(damper: object, name: str) -> None:
-    """Raise InputError if the name cannot begin a file name or a parameter is outside its range."""
+    """Raise InputError if the name is not valid in a file name or a parameter is outside its range."""
     if not _SAFE.fullmatch(name):
         raise InputError(
             f"name is {name!r}",
@@ -35,71 +35,72 @@ def check_parameters(damper: object, name: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class LumpedDamper:
-    """Parameters of the lumped damper, in SI and kelvin; the defaults are the preset ``nominal``.
+    """Parameters of the lumped damper in SI units and kelvin; the defaults are the preset ``nominal``.
 
-    Forces and lags apply at 20 C. T is temperature, m the effective current behind all lags, and
-    g = (tanh(m / field_current) / tanh(full_current / field_current))^field_exponent the field's shape.
+    Forces and lags apply at 20 degC. In the comments, T is the temperature, and m is the effective current
+    after all lags. The dependence of the force on m is
+    g = (tanh(m / field_current) / tanh(full_current / field_current))^field_exponent.
 
     Raises
     ------
     InputError
-        If a parameter is not finite or outside its range, or the name cannot begin a file name.
+        If a parameter is not finite or outside its range, or the name is not valid in a file name.
     """
 
     kind: ClassVar[str] = "lumped"  # kind of the native plant
 
     name: str = "nominal"  # prefix of the run names
     # driver and coil
-    coil_ohm: Positive = 5.0  # R0
-    copper_per_K: NotNegative = 0.00393  # R = R0 (1 + this (T - 20 C))
-    coil_henry: Positive = 0.04  # L0, at zero current
-    inductance_fall: NotNegative = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
-    supply_V: Positive = 24.0  # the driver's limit
+    coil_ohm: Positive = 5.0  # R0: resistance of the coil at 20 degC
+    copper_per_K: NotNegative = 0.00393  # coefficient a of the resistance R0 (1 + a (T - 20 degC))
+    coil_henry: Positive = 0.04  # L0: inductance at zero current
+    inductance_fall: NotNegative = 0.25  # coefficient b [1/A^2] of the inductance L0 / (1 + b i^2)
+    supply_V: Positive = 24.0  # Vmax: voltage limit of the driver
     driver_V_A: NotNegative = 20.0  # proportional gain Kp
     driver_V_A_s: NotNegative = 2000.0  # integral gain Ki
     # field
     eddy_rise_s: Positive = 0.0045  # lag of the flux behind a rising current
     eddy_fall_s: Positive = 0.006  # lag of the flux behind a falling current
-    eddy_per_K: NotNegative = 0.002  # both lags are divided by 1 + this (T - 20 C)
-    fluid_lag_s: Positive = 0.0015  # lag of the fluid's structure behind the flux
+    eddy_per_K: NotNegative = 0.002  # coefficient c: the two eddy lags are divided by 1 + c (T - 20 degC)
+    fluid_lag_s: Positive = 0.0015  # lag of the fluid structure behind the flux
     play_share: Annotated[float, Option(least=0.0, most=1.0)] = (
-        0.4  # wp: fraction of the field with magnetic hysteresis (play)
+        0.4  # wp: fraction of the field with magnetic hysteresis (play operator)
     )
-    play_A: NotNegative = 0.04  # r: half width of the play
+    play_A: NotNegative = 0.04  # r: half width of the play operator
     full_current_A: Positive = 2.0  # current at which g = 1
     field_current_A: Positive = 1.5  # Is: saturation current
-    field_exponent: Positive = 1.2  # p
+    field_exponent: Positive = 1.2  # p: exponent of g
     # yield force and pre-yield stiffness
-    yield_N: Positive = 12.0  # Fy0, without field
-    yield_field_N: NotNegative = 1300.0  # Fym, at g = 1
-    yield_loss_per_K: NotNegative = 0.0014  # kT: loss of the field-dependent force and stiffness
-    low_field_loss: NotNegative = 0.3  # kx: the loss is kT (1 + kx (1 - g))
-    stiffness_N_m: Positive = 1.2e6  # s0, without field
-    stiffness_field_N_m: NotNegative = 5e6  # s1, at g = 1
+    yield_N: Positive = 12.0  # Fy0: yield force without field
+    yield_field_N: NotNegative = 1300.0  # Fym: additional yield force at g = 1
+    yield_loss_per_K: NotNegative = 0.0014  # kT: relative loss of yield force and stiffness due to the field
+    low_field_loss: NotNegative = 0.3  # kx: at low field, the loss increases to kT (1 + kx (1 - g))
+    stiffness_N_m: Positive = 1.2e6  # s0: stiffness without field
+    stiffness_field_N_m: NotNegative = 5e6  # s1: additional stiffness at g = 1
     spread: Annotated[float, Option(least=0.0, most=0.5)] = (
         0.15  # weights of the bristles with 1/4 and 4 times the stiffness
     )
     asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
-        0.015  # yield (1 + this) in extension, (1 - this) in compression
+        0.015  # relative increase of the yield force in extension, and decrease in compression
     )
-    position: NotNegative = 0.0  # yield (1 + this (x / 5 mm)^2)
+    position: NotNegative = 0.0  # relative increase of the yield force at x = 5 mm; proportional to x^2
     # viscous force
-    viscous_N: NotNegative = 250.0  # Fv0, at the reference speed
-    viscous_m_s: Positive = 0.0314  # the reference speed
-    viscous_exponent: Positive = 0.88  # nv
-    viscous_field: NotNegative = 0.15  # kvb: viscous force (1 + kvb g)
-    viscosity_K: NotNegative = 404.0  # B: factor exp(B / (T - T0))
+    viscous_N: NotNegative = 250.0  # Fv0: viscous force at the reference speed
+    viscous_m_s: Positive = 0.0314  # reference speed
+    viscous_exponent: Positive = 0.88  # nv: exponent of the speed
+    viscous_field: NotNegative = 0.15  # kvb: the field increases the viscous force by the factor 1 + kvb g
+    viscosity_K: NotNegative = 404.0  # B of the temperature factor exp(B / (T - T0))
     viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero: Arrhenius law
     # friction
-    friction_N: NotNegative = 40.0  # Fc, sliding
+    friction_N: NotNegative = 40.0  # Fc: sliding friction
     friction_static: NotNegative = 1.5  # static divided by sliding friction
-    stribeck_m_s: Positive = 0.003  # vs
+    stribeck_m_s: Positive = 0.003  # vs: Stribeck velocity
     friction_N_m: Positive = 4e5  # sf: stiffness before sliding
-    friction_loss_per_K: NotNegative = 0.002  # fT
+    friction_loss_per_K: NotNegative = 0.002  # fT: relative loss of friction per kelvin
     # spring, offset and compliance
-    spring_N_m: NotNegative = 1500.0  # k1
-    offset_N: float = 6.0  # f0
-    leak_N_s_m: Positive = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
+    spring_N_m: NotNegative = 1500.0  # k1: stiffness of a parallel spring
+    offset_N: float = 6.0  # f0: constant force
+    leak_N_s_m: Positive = 1.5e6  # c1: dashpot (leak) in series with yield and viscous force; oil compliance
 
     def __post_init__(self) -> None:
         check_parameters(self, self.name)
@@ -110,13 +111,14 @@ class LumpedDamper:
         return self.full_current_A
 
     def coil_resistance_ohm(self, temperature_degC: float) -> float:
-        """Return the coil's resistance [ohm] at a temperature."""
+        """Return the resistance of the coil [ohm] at a temperature."""
         return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - REFERENCE_K))
 
     def draw(self, rng: np.random.Generator, spread: float) -> LumpedDamper:
-        """Return a random variant: uniform factors from 1 - spread to 1 + spread, with spread 0 to 0.3.
+        """Return a variant with random factors, which are uniform from 1 - spread to 1 + spread.
 
-        The name, the current ``full_current_A`` and the temperature coefficient of copper are not varied.
+        ``spread`` is 0 to 0.3. The name, ``full_current_A`` and the temperature coefficient of copper are not
+        varied.
         """
         drawn = [each for each in fields_of(LumpedDamper) if each.name not in _OF_THE_KIND]
         factors = rng.uniform(1.0 - spread, 1.0 + spread, len(drawn)).tolist()
@@ -130,7 +132,8 @@ class LumpedDamper:
 _NOMINAL = LumpedDamper()
 
 _PRESETS = (
-    # This preset is only for the thermal claims; paper.solve_thermal_claims() computes the last three values.
+    # This preset is used only for the thermal claims of the paper. paper.solve_thermal_claims() computes the
+    # last three values.
     replace(
         _NOMINAL, name="paper", coil_ohm=4.2, viscous_exponent=1.0, viscous_field=0.0, low_field_loss=0.0,
         viscosity_K=1435.5, viscosity_pole_K=0.0,
@@ -147,7 +150,7 @@ _PRESETS = (
         _NOMINAL, name="stiff", play_A=0.01, stiffness_N_m=1e7, stiffness_field_N_m=6e7, friction_N=10.0,
         leak_N_s_m=1e8, spread=0.0, asymmetry=0.0,
     ),
-    # Damper of a quarter car.
+    # This preset is a damper for a quarter-car model.
     replace(
         _NOMINAL, name="vehicle", viscous_m_s=0.30, stiffness_N_m=4e5, stiffness_field_N_m=1.7e6,
         stribeck_m_s=0.02, friction_N_m=1e5, spring_N_m=0.0,

@@ -1,7 +1,7 @@
-"""Measurement on the virtual rig: the sensor logs of a campaign, and the reference values of each run.
+"""Measurement on the virtual rig: compute the sensor signals and the reference values of each run.
 
-A log begins in full motion, after a run-in of the damper. The reference values (noise-free) are used only for
-validation and never for identification.
+The log of a run begins in full motion, after a run-in of the damper. The reference values contain no noise.
+They are used only for validation and never for identification.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mrdamper.virtual_rig.sensors import Sensors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Reference values (ground truth) of a run at the logged samples, arrays of shape (n,)."""
+    """Noise-free reference values (ground truth) of a run at the logged samples, arrays of shape (n,)."""
 
     time: FloatArray  # [s]
     displacement: FloatArray  # [m]
@@ -36,10 +36,10 @@ class Truth:
 def measure(
     damper: VirtualDamper, campaign: Campaign, sensors: Sensors | None = None, *, seed: int = 0
 ) -> Iterator[tuple[RigRun, Truth]]:
-    """Run a campaign; generate each run as measured by the sensors, with its reference values.
+    """Generate pairs of sensor signals and reference values, one pair for each run of a campaign.
 
-    The noise of a run depends only on the seed and the name of the run. Therefore a part of a campaign gives
-    the same samples as the whole campaign. ``sensors`` replaces the sensors of the campaign.
+    The noise of a run depends only on the seed and the name of the run. Therefore a run has the same samples
+    in any campaign. ``sensors`` replaces the sensors of the campaign.
     """
     if seed < 0:
         raise InputError(found=f"seed is {seed}", expected="zero or more")
@@ -55,7 +55,7 @@ def measure_run(
     *,
     seed: int = 0,
 ) -> tuple[RigRun, Truth]:
-    """Return one run of a campaign with its reference values. The damper is run in before the log starts."""
+    """Return the sensor signals and the reference values of one run. The log starts after the run-in."""
     chosen = sensors or campaign.sensors
     every = chosen.steps_per_sample
     before = round(run.run_in_s / STEP_S)

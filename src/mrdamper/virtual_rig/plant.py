@@ -1,22 +1,25 @@
-"""Physics of the virtual damper, step by step (closed loops) or for whole runs.
+"""Simulate a virtual damper, step by step (in closed loops) or for whole runs.
 
-It shares no code with the identified laws. The arithmetic is in ``native/``, a separate extension. The
-hydraulic damper is described in ``docs/hydraulic_rig.md``. The lumped damper (``native/plant.c``) has a
-time step of 0.1 ms; the inputs are the values at the end of the step:
+The virtual dampers share no code with the identified laws. They are implemented in C in ``native/``, a
+separate extension. The hydraulic damper is described in ``docs/hydraulic_rig.md``. The following equations
+describe the lumped damper (``native/plant.c``). The time step is 0.1 ms, and the inputs are the values at
+the end of the step:
 
-*Driver and coil.* V = R0 I + Kp (I - i) + q within +-Vmax, q' = Ki (I - i) while not limited;
-R = R0 (1 + 0.00393 (T - 20 C)), L = L0 / (1 + 0.25 i^2); i relaxes to V / R at the rate R / L.
+*Driver and coil.* I is the current command and i the coil current. The voltage is V = R0 I + Kp (I - i) + q,
+limited to +-Vmax. The integral q' = Ki (I - i) stops while the voltage is limited. With
+R = R0 (1 + 0.00393 (T - 20 degC)) and L = L0 / (1 + 0.25 i^2), i relaxes to V / R at the rate R / L.
 
-*Field.* Eddy currents: i1 lags i (more when it falls); the fluid's structure: i2 lags i1; magnetic hysteresis
-(play operator of half width r): ip. Effective current m = |(1 - wp) i2 + wp ip|, field shape g(m).
+*Field.* Because of eddy currents, i1 lags behind i (more if i decreases). The fluid structure i2 lags behind
+i1. A play operator of half width r, applied to i2, gives ip and describes the magnetic hysteresis. The
+effective current is m = |(1 - wp) i2 + wp ip|, and g(m) is the dependence of the force on m.
 
-*Force.* The oil compliance is modelled as a leak c1 in series with the yield and viscous elements. Their
-speed is w = v - (yield + viscous)/c1, with the forces of the previous step. Friction and spring act on the
-rod. Yield force: three bristles relax towards sgn(w) Fy. Viscous force: a power of |w|. Friction: a bristle
-with Stribeck effect, also driven by w. F = yield + viscous + friction + k1 x + f0.
+*Force.* The oil compliance is modelled as a leak c1 in series with the yield and viscous elements. The speed
+of these elements is w = v - (yield + viscous) / c1, with the forces of the previous step. The yield force has
+three bristles that relax towards sgn(w) Fy. The viscous force is a power of |w|. Friction is a bristle with
+Stribeck effect, also driven by w. The total is F = yield + viscous + friction + k1 x + f0.
 
 Each relaxation is solved exactly over a step for constant inputs. Every closed cycle dissipates energy. Sign
-convention: extension positive, force resisting extension positive.
+convention: extension is positive, and a force that resists extension is positive.
 """
 
 from __future__ import annotations
@@ -47,24 +50,24 @@ STEP_S = 1e-4
 """Time step of the plant [s]."""
 
 SOLVER_STEP_S = 2e-5
-"""Time step in which the hydraulic damper's equations are solved within the plant's [s]."""
+"""Internal time step for the equations of the hydraulic damper, a part of the time step of the plant [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantResponse:
-    """Response of the damper in a run, one sample per step, shape (n,)."""
+    """Response of the damper in a run, one sample per time step, shape (n,)."""
 
     force: FloatArray  # [N]
-    coil_current: FloatArray  # i [A]
-    field: FloatArray  # effective field: m [A] (lumped) or flux density [T] (hydraulic)
+    coil_current: FloatArray  # [A]
+    field: FloatArray  # effective current m [A] (lumped damper), or flux density [T] (hydraulic damper)
 
 
 class Plant:
-    """A virtual damper with state, for closed loops. The initial force and current are zero.
+    """A virtual damper with an internal state, for closed loops. The initial force and current are zero.
 
-    The lumped damper makes a step at the first sample. The hydraulic damper is in equilibrium at the
-    first sample and makes its first step at the second sample. The object is mutable: use ``copy``, or store
-    and restore ``state``, to compare continuations.
+    The lumped damper makes its first step at the first sample. The hydraulic damper is in equilibrium at the
+    first sample and makes its first step at the second sample. Methods change the state of the object. To
+    simulate several continuations from one state, use ``copy``, or store and restore ``state``.
 
     Parameters
     ----------
@@ -75,7 +78,8 @@ class Plant:
     Raises
     ------
     InputError
-        If a step is outside its range. Methods raise it for samples beyond the damper's range.
+        If a time step is outside its range. Methods raise InputError for samples outside the range of the
+        damper.
     """
 
     __slots__ = ("_native", "damper", "step_s")
@@ -100,7 +104,7 @@ class Plant:
 
     @property
     def state(self) -> tuple[float, ...]:
-        """The internal state of the damper; a stored state can be assigned."""
+        """Internal state of the damper, which can be stored and assigned again."""
         return self._native.state
 
     @state.setter
@@ -113,18 +117,21 @@ class Plant:
         return self._native.state[0]
 
     def copy(self) -> Plant:
-        """Return an independent damper in the same state."""
+        """Return an independent copy of the damper in the same state."""
         other = Plant.__new__(Plant)
         other.damper, other.step_s = self.damper, self.step_s
         other._native = self._native.copy()  # noqa: SLF001 - its own class
         return other
 
     def hold(self, temperature_degC: float, count: int) -> object:
-        """Return a capsule with ``count`` (max 64) copies at one temperature, for closed loops in C."""
+        """Return a capsule with ``count`` (max 64) copies of the damper for closed loops in C.
+
+        All copies have the constant temperature ``temperature_degC``.
+        """
         return self._native.hold(temperature_degC + ZERO_CELSIUS_K, count)
 
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
-        """Advance by one step; return the force [N] at its end. The inputs are the values at the end."""
+        """Advance by one time step; return the force [N]. Inputs and force apply at the end of the step."""
         try:
             return self._native.advance(displacement, velocity, current, temperature_degC + ZERO_CELSIUS_K)
         except ValueError as error:
@@ -137,10 +144,10 @@ class Plant:
         current: ArrayLike,
         temperature_degC: ArrayLike,
     ) -> FloatArray:
-        """Advance by one step per sample; return the force [N] at the end of each step, shape (n,).
+        """Advance by one time step per sample; return the force [N] at the end of each step, shape (n,).
 
-        The result is bit-identical to ``advance`` for each sample. ``current`` and ``temperature_degC`` may
-        be constant numbers. If a sample is rejected, the state remains as it was before the call.
+        The result is bit-identical to calling ``advance`` for each sample. ``current`` and
+        ``temperature_degC`` can be constant numbers. If a sample is invalid, the state does not change.
         """
         force: FloatArray = self._run(displacement, velocity, current, temperature_degC, whole=False)[0]
         return force
@@ -165,7 +172,10 @@ class Plant:
         *,
         whole: bool,
     ) -> FloatArray:
-        """Return the force, shape (1, n), or force, coil current and effective field, shape (3, n)."""
+        """Advance by one step per sample; return the force, shape (1, n).
+
+        With ``whole``, return force, coil current and effective field, shape (3, n).
+        """
         x = np.ascontiguousarray(displacement, dtype=np.float64)
         v = np.ascontiguousarray(velocity, dtype=np.float64)
         out = np.empty((3 if whole else 1, x.size))
@@ -197,19 +207,21 @@ def simulate(
     step_s: float = STEP_S,
     solver_step_s: float = SOLVER_STEP_S,
 ) -> PlantResponse:
-    """Return the response of a damper that starts without force and current. The GIL is released.
+    """Return the response of a damper in a run that starts with zero force and zero current.
+
+    The global interpreter lock (GIL) is released during the simulation.
 
     Parameters
     ----------
-    displacement : extension positive [m], shape (n,), one sample per ``step_s``
+    displacement : displacement [m], extension positive, shape (n,), one sample per ``step_s``
     velocity : rate of the displacement [m/s], shape (n,)
-    current : commanded [A], a number or shape (n,)
-    temperature_degC : of fluid and coil [degC], a number or shape (n,)
+    current : current command [A], a number or shape (n,)
+    temperature_degC : temperature of fluid and coil [degC], a number or shape (n,)
 
     Raises
     ------
     InputError
-        If a sample is not finite or beyond the range of any damper, or shapes differ.
+        If a sample is not finite or outside the range of all dampers, or if shapes differ.
     """
     plant = Plant(damper, step_s=step_s, solver_step_s=solver_step_s)
     return plant.respond(displacement, velocity, current, temperature_degC)

@@ -1,7 +1,7 @@
-"""Sensors of the virtual rig: sampling, noise, quantisation, and offsets.
+"""Sensors of the virtual rig: sampling, noise, quantisation and offsets.
 
-Displacement, force and temperature are measured; velocity and coil current are not. Noise is white. The
-caller passes the random number generator, so that seeds are part of a scenario.
+Displacement, force and temperature are measured. Velocity and coil current are not measured. Noise is white.
+The caller passes the random number generator, so that the seed is part of a scenario.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from mrdamper.virtual_rig.plant import STEP_S
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """Logged samples, arrays of shape (n,)."""
+    """Sensor signals of a run, arrays of shape (n,)."""
 
-    time: FloatArray  # [s], from zero
+    time: FloatArray  # time since the first sample [s]
     displacement: FloatArray  # [m]
     force: FloatArray  # [N]
     temperature_degC: FloatArray
@@ -29,7 +29,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """Errors of the sensors: standard deviations of noise, offsets, and quantisation steps (0: none)."""
+    """Sampling rate and errors of the sensors: noise (standard deviation), quantisation step and offset."""
 
     rate_Hz: Annotated[float, Option(unit="Hz", above=0.0)] = 1000.0
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
@@ -65,9 +65,10 @@ class Sensors:
         noise: np.random.Generator,
         acceleration: FloatArray | None = None,
     ) -> Readings:
-        """Return the sensor log of a run that is given at the rate of the plant, from its first sample on.
+        """Return the sensor signals for reference signals at the time step of the plant.
 
-        ``acceleration`` [m/s^2] of the rod adds the inertia force of the mass at the force cell.
+        The first logged sample is the first sample of the reference signals. If the ``acceleration`` of the
+        rod [m/s^2] is given, the inertia force of the mass at the force cell is added to the force.
         """
         every = self.steps_per_sample
         x, f, true = displacement[::every], force[::every], temperature_degC[::every]
@@ -81,17 +82,17 @@ class Sensors:
         )
 
     def displacement(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the measured displacement [m] of the true displacement, shape (n,)."""
+        """Return the measured displacement [m] for the true displacement, shape (n,)."""
         read = true + self.displacement_noise_m * noise.standard_normal(len(true))
         return _quantised(read, self.displacement_step_m)
 
     def force(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the measured force [N] of the true force, shape (n,)."""
+        """Return the measured force [N] for the true force, shape (n,)."""
         read = true + self.force_offset_N + self.force_noise_N * noise.standard_normal(len(true))
         return _quantised(read, self.force_step_N)
 
     def temperature(self, true_degC: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the measured temperature [degC] of the true temperature, shape (n,)."""
+        """Return the measured temperature [degC] for the true temperature, shape (n,)."""
         white = self.thermocouple_noise_K * noise.standard_normal(len(true_degC))
         return true_degC + self.thermocouple_offset_K + white
 

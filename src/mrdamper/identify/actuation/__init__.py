@@ -1,9 +1,11 @@
-"""Identification of the actuation: delay and lags between command and force, from runs whose command changes.
+"""Identify the actuation, which is the delay, lags and hysteresis between command and force.
 
-The law is fitted to runs at constant command first and does not change here. The entry points are
+Runs with a changing command are required.
+The hysteresis law of the damper is fitted to runs with constant command before, and does not change here. The
+entry points are
 
 1. ``fit_actuation``: delay, rise, fall and second lag (``least_squares``), from step responses if the command
-   is held between its steps (``step_responses``), else from whole runs; then the magnetic hysteresis
+   is held between its steps (``step_responses``), otherwise from whole runs; then the magnetic hysteresis
    (``hysteresis``).
 2. ``refine_actuation``: core saturation, a second hysteresis loop and free-wheeling (``selection``).
 
@@ -11,8 +13,8 @@ In all modules ``still`` is the damper without actuation. The command is a curre
 
 The lags are valid only near the speed v of these runs, because the force F also builds up against the
 stiffness s of the damper, with the time constant F / (s v). A law with the coefficient ``follow_share``
-models this effect. The fraction of the force that follows the command at once is then fitted together with
-the lags, over all runs.
+models this effect: it is the fraction of the force that follows the command immediately. This fraction is
+then fitted together with the lags, over all runs.
 """
 
 from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation

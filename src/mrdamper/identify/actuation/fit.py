@@ -1,4 +1,8 @@
-"""Fit of an actuation, and of the fraction of the force that follows the command at once."""
+"""Fit the actuation: delay, lags and magnetic hysteresis between command and force.
+
+The fraction of the force that follows the command without delay (``follow_share``) is fitted too, if the law
+has this coefficient.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +37,8 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
 
-_FOLLOW_SHARE = "follow_share"  # Coefficient of the laws that divide their force.
+# Coefficient of some laws: the fraction of the force that follows the effective command immediately.
+_FOLLOW_SHARE = "follow_share"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,18 +46,18 @@ class ActuationFit:
     """An identified actuation with standard errors, response times and force errors."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # Keys are fields of the actuation; NaN if not determined.
+    standard_errors: dict[str, float]  # key: field of the actuation; NaN if not determined by the runs
     t63_s: float  # time to 63 % of the change of force after an upward step of the command
-    t90_s: float  # time to 90 % of the change behind the lags, after an upward step
-    rmse_N: float
-    unlagged_rmse_N: float  # error without an actuation
-    t63_fall_s: float  # time to 63 % after a downward step; NaN if no run has such a step
-    t63_error_s: float  # standard errors of the two response times
-    t63_fall_error_s: float
-    driver_quadrants: int | None  # 1: the driver cannot pull the current down; None: unknown
+    t90_s: float  # time to 90 % of the change of the effective command (after the lags), for an upward step
+    rmse_N: float  # RMS force error with the actuation
+    unlagged_rmse_N: float  # RMS force error without an actuation
+    t63_fall_s: float  # time to 63 % of the change of force after a downward step; NaN without such a step
+    t63_error_s: float  # standard error of t63_s
+    t63_fall_error_s: float  # standard error of t63_fall_s
+    driver_quadrants: int | None  # 1: the driver cannot pull the current down; 2: it can; None: unknown
 
     def to_dict(self) -> dict[str, float | None]:
-        """Return the times and the errors as JSON values."""
+        """Return response times, force errors and driver quadrants as JSON values; None instead of NaN."""
         names = (
             "t63_s",
             "t63_fall_s",
@@ -68,7 +73,7 @@ class ActuationFit:
 
 
 class _Candidate(NamedTuple):
-    squared_error: float  # mean over runs [%^2]
+    squared_error: float  # squared error, averaged over runs [%^2]
     damper: Damper
     fit: ActuationFit
     share: float
@@ -81,12 +86,21 @@ def fit_actuation(
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Return a damper with the actuation that is fitted to runs with a changing command.
+    """Fit an actuation to runs with a changing command; return the damper with it, and the fit.
 
-    If only a part of the law's force follows the command at once, a pattern search fits this fraction, and
-    the lags are fitted for each trial fraction. The search starts from ``start`` (a damper with another law
-    or other terms and a fitted actuation), or from the better of the fractions 0 and 1. Raise InputError if
-    no change of the command changes the force.
+    If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force, and the
+    lags are fitted for each trial value of the fraction.
+
+    Parameters
+    ----------
+    damper : damper fitted to runs with constant command; its law does not change
+    start : damper with a fitted actuation, for example with other terms, as the start of the search; None:
+        the search starts from the better of the fractions 0 and 1
+
+    Raises
+    ------
+    InputError
+        If no change of the command changes the force.
     """
 
     def fit_at(share: float | None, lags: Actuation | None) -> _Candidate:
@@ -121,7 +135,7 @@ def fit_actuation(
 def force_rmse_N(
     still: Damper, lags: Actuation | None, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> float:
-    """Return the RMS force error [N] over runs of a damper with an actuation (None: without)."""
+    """Return the RMS force error [N] of a damper with the actuation ``lags`` over all scored samples."""
     forces = LaggedForces(still, runs, settings.oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
     scored = zip(runs, forces, strict=True)
     return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))
@@ -130,11 +144,12 @@ def force_rmse_N(
 def _fit_at_fixed_share(
     damper: Damper, runs: Sequence[PreparedRun], start: Actuation | None, settings: ActuationSettings
 ) -> ActuationFit:
-    """Fit delay, lags and hysteresis for a given fraction of the force that follows the command at once.
+    """Fit delay, lags and hysteresis of a damper with a given value of ``follow_share``.
 
     The lags are fitted to step responses if some runs hold their command between steps, otherwise to the
-    force over whole runs. The hysteresis is estimated at held and at changing commands. The larger value is
-    used because overshoot and lags hide a part of the hysteresis.
+    force over whole runs. The hysteresis is estimated twice: from runs with held commands, and from runs with
+    continuously changing commands. The larger estimate is used because overshoot and lags hide a part of the
+    hysteresis.
     """
     still = damper.on_limits()
     measured = [measure_step_responses(still, run, settings) for run in runs]
@@ -155,7 +170,8 @@ def _fit_at_fixed_share(
         for run, responses in zip(runs, measured, strict=True)
         if responses is None and np.ptp(run.trajectory.command) > 0.0
     ]
-    if stepped and changing and times.driver_quadrants != 1:  # Free-wheeling looks like hysteresis.
+    # Free-wheeling of a driver with one quadrant has a similar effect as hysteresis.
+    if stepped and changing and times.driver_quadrants != 1:
         wider, wider_error = fit_hysteresis_over_runs(
             still, replace(lags, hysteresis_width_A=play), changing, settings
         )
@@ -178,7 +194,7 @@ def _fit_at_fixed_share(
 def _runs_with_moved_force(
     still: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> list[PreparedRun]:
-    """Return the runs in which the command changes the force; raise InputError if there is no such run."""
+    """Return the runs whose force changes with the command; raise InputError if there are no such runs."""
     moving, force_max_N = [], max(float(np.abs(run.force).max()) for run in runs)
     for run in runs:
         path = run.trajectory
@@ -200,5 +216,5 @@ def _with_follow_share(damper: Damper, share: float) -> Damper:
 
 
 def _squared_error(damper: Damper, runs: Sequence[PreparedRun]) -> float:
-    """Return the mean over runs of the squared error [%^2]."""
+    """Return the squared error of a damper [%^2], averaged over runs."""
     return float(np.mean([score_run(damper, run).nrmse_percent ** 2 for run in runs]))

@@ -1,8 +1,8 @@
-"""Magnetic hysteresis: a command that is reached from above has a larger effect than from below.
+"""Estimate the magnetic hysteresis: a command that is reached from above causes more force than from below.
 
-At commands that are held, the half width of the loop follows from a linear regression of the force error. If
-a command keeps changing, the half width follows from the force over whole runs. In both cases, overshoot of
-the driver can hide hysteresis but never increases the estimate.
+If commands are held, the half width of the hysteresis loop follows from a linear regression of the force
+error. If the command changes continuously, the half width is fitted to the force over whole runs. In both
+cases, overshoot of the driver can hide hysteresis but never increases the estimate.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from mrdamper.models.simulate import simulate
 def fit_hysteresis_at_levels(
     damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] and its standard error; 0 and NaN if no run shows a loop.
+    """Return the half width of the loop [A or V] and its standard error, from runs with held commands.
 
-    The mean is taken only over the runs that agree with the most certain large half width, because overshoot
-    hides a part of the hysteresis in the other runs.
+    Return 0 and NaN if no run has suitable samples. Overshoot hides a part of the hysteresis in some runs.
+    Therefore only runs are averaged that agree with the run that has the largest lower confidence limit.
     """
     sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
     if not sums:
@@ -51,7 +51,7 @@ def _half_width(
 def fit_hysteresis_over_runs(
     still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width [A or V] with the smallest force error over runs, and its standard error."""
+    """Fit the half width of the loop to whole runs; return the half width and its error [A or V]."""
     largest = largest_command(runs)
     start = replace(lags, hysteresis_width_A=min(max(lags.hysteresis_width_A, 1e-3 * largest), 0.5 * largest))
     fit = fit_over_runs(still, runs, start, ("hysteresis_width_A",), settings)
@@ -59,13 +59,12 @@ def fit_hysteresis_over_runs(
 
 
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
-    """Return the sums of the regression over the settled samples of a run; None for too few samples.
+    """Return the four arguments of ``_half_width`` for one run; None if the run has too few settled samples.
 
-    These are the squared effects, the products of effect and force error, the squared force errors, and the
-    number of samples minus the number of offsets.
-
-    For each level and direction of motion, the force error is an offset plus, if the level was reached from
-    above, the width of the loop times the derivative of the force with respect to the command.
+    Model of the regression, for each held command and direction of motion: the force error is an offset. If
+    the command was reached from above, the width of the loop times the derivative of the force with respect
+    to the command (*effect*) is added. The four sums are the squared effects, the products of effect and
+    force error, the squared force errors, and the number of samples minus the number of offsets.
     """
     path = run.trajectory
     span = float(np.ptp(path.command))
@@ -74,7 +73,7 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
     step = 0.01 * span
     force = simulate(damper, path)
     slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
-    slope *= 2.0 * HYSTERESIS_WEIGHT  # The hysteresis acts on a part of the field.
+    slope *= 2.0 * HYSTERESIS_WEIGHT  # Only a part of the magnetic field has hysteresis.
     last_change, since_s = _last_change(path.command, path.step)
     settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
     parts = []
@@ -96,7 +95,7 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
 
 
 def _last_change(command: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the sign of the last change of a command (0: no change yet) and the time since then [s]."""
+    """Return the sign of the last command change (0 before the first change), and the time since then [s]."""
     change, samples = np.diff(command, prepend=command[0]), np.arange(len(command))
     last = np.maximum.accumulate(np.where(change != 0.0, samples, -1))
     sign = np.where(last >= 0, np.sign(change[np.maximum(last, 0)]), 0.0)

@@ -1,4 +1,4 @@
-"""Least-squares fits of an actuation: lags to step responses, and parameters to the force over whole runs."""
+"""Fit an actuation by least squares: its lags to step responses, or any of its parameters to whole runs."""
 
 from __future__ import annotations
 
@@ -24,16 +24,22 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 
-COMMAND_STEP_RATIO = 0.01  # Step of the derivative of the force by the command [largest command].
-DIFFERENCE_RATIO = 0.01  # Step of the derivatives by the parameters [scale of the parameter].
+# Steps of the difference quotients: command step divided by the largest command, and step of a parameter
+# divided by the scale of the parameter.
+COMMAND_STEP_RATIO = 0.01
+DIFFERENCE_RATIO = 0.01
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
 
 Residual = Callable[[Sequence[FloatArray]], FloatArray]
-"""The residual of a fit as a function of the simulated forces."""
+"""Function that returns the residual vector of a fit for the simulated forces of all runs."""
 
 
 class SearchParameter(NamedTuple):
-    """A search parameter of an actuation; with ``is_log``, ``scale`` and ``margin`` are logarithmic."""
+    """Bounds, scale and start margin of a parameter in the search.
+
+    If ``is_log`` is True, the search varies the logarithm. ``scale`` and ``margin`` then refer to the
+    logarithm.
+    """
 
     lower: float
     upper: float
@@ -43,15 +49,15 @@ class SearchParameter(NamedTuple):
 
 
 class ParameterFit(NamedTuple):
-    """The fitted actuation, the standard errors of its fitted parameters, and half the sum of squares."""
+    """Result of a least-squares fit of an actuation."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]
-    cost: float
+    standard_errors: dict[str, float]  # key: name of the fitted parameter; NaN on a bound
+    cost: float  # half the sum of the squared residuals
 
 
 class LaggedForces:
-    """Forces of a damper with an actuation for several runs. Commands are constant between samples."""
+    """Simulates the forces of several runs for trial actuations. Commands are constant between samples."""
 
     def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
         self._still, self._oversampling = still, oversampling
@@ -59,13 +65,13 @@ class LaggedForces:
         self.command_max = largest_command(runs)
 
     def lag_commands(self, lags: Actuation) -> list[FloatArray]:
-        """Return the effective command of the law [A or V] for each run."""
+        """Return the effective command after the lags [A or V] for each run."""
         count = self._oversampling
         paths = [drive.trajectory for drive in self._drives]
         return [lags.apply(np.repeat(path.command, count), path.step / count)[::count] for path in paths]
 
     def forces_at_commands(self, applied: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the forces [N] of each run for given effective commands."""
+        """Return the force [N] of each run for given effective commands [A or V]."""
         return [
             simulate(
                 self._still, replace(drive, trajectory=replace(drive.trajectory, command=at), constant=None)
@@ -74,17 +80,17 @@ class LaggedForces:
         ]
 
     def forces_at_lags(self, lags: Actuation) -> list[FloatArray]:
-        """Return the forces [N] of each run with an actuation."""
+        """Return the force [N] of each run with the given actuation."""
         return self.forces_at_commands(self.lag_commands(lags))
 
 
 def largest_command(runs: Sequence[PreparedRun]) -> float:
-    """Return the largest magnitude of the command [A or V] over runs."""
+    """Return the largest magnitude of the command [A or V] of all runs."""
     return max(float(np.abs(run.trajectory.command).max()) for run in runs)
 
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return the search parameter with a name: its bounds, scale and margin."""
+    """Return bounds, scale and start margin of the actuation parameter ``name``."""
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":
@@ -105,7 +111,7 @@ def fit_parameters(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit parameters of an actuation by nonlinear least squares. The others keep their values.
+    """Fit some parameters of an actuation by nonlinear least squares; the remaining ones stay constant.
 
     The force of the law follows the effective command almost at once. Therefore the derivative of the force
     with respect to a parameter is approximated by the chain rule: the derivative with respect to the
@@ -114,7 +120,7 @@ def fit_parameters(
 
     Standard errors assume independent residuals. They are NaN for parameters on a bound.
     """
-    from scipy.optimize import least_squares  # It takes a quarter of a second to load.
+    from scipy.optimize import least_squares  # Loading this module takes a quarter of a second.
 
     parameters = [search_parameter(name, lagged.command_max, settings) for name in parameter_names]
     lower, upper, scales, logs, margins = map(np.array, zip(*parameters, strict=True))
@@ -169,7 +175,10 @@ def fit_parameters(
 
 
 def run_residual(runs: Sequence[PreparedRun]) -> Residual:
-    """Return a function for the force errors at the scored samples, relative to the force of each run."""
+    """Return the residual function: force error at the scored samples, divided by the rms force of the run.
+
+    The division also includes the square root of the number of samples, so that all runs have equal weight.
+    """
     sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
 
     def residual(forces: Sequence[FloatArray]) -> FloatArray:
@@ -189,7 +198,7 @@ def fit_over_runs(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit parameters to the force over whole runs."""
+    """Fit some parameters of an actuation to the force over whole runs."""
     lagged = LaggedForces(still, runs, settings.run_oversampling)
     residual = run_residual(runs)
     return fit_parameters(lagged, residual, start, parameter_names, settings, evaluation_count_max)
@@ -198,7 +207,7 @@ def fit_over_runs(
 def fit_lags(
     lagged: LaggedForces, residual: Residual, start: Actuation | None, settings: ActuationSettings
 ) -> ParameterFit:
-    """Fit delay and lags, starting from ``start`` or from several default values if ``start`` is None."""
+    """Fit delay and lags from ``start``. With None, the fit starts from several default values."""
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
         starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
@@ -209,11 +218,11 @@ def fit_lags(
 def fit_lags_to_responses(
     still: Damper, runs: Sequence[SteppedRun], start: Actuation | None, settings: ActuationSettings
 ) -> tuple[ParameterFit, ResponseTimes]:
-    """Fit the lags to measured step responses, and return the measured response times.
+    """Fit delay and lags to measured step responses; return the fit and the measured response times.
 
-    Rise and fall are then corrected so that the mean times to 63 % of the model equal the measured times. The
-    standard errors of rise and fall include the scatter of repeated steps. The search begins at ``start``, if
-    given.
+    After the fit, the time constants of rise and fall are corrected until the mean time to 63 % of the model
+    equals the measured time. The standard errors of rise and fall include the scatter of repeated steps. The
+    search begins at ``start`` if it is given.
     """
     lagged = LaggedForces(still, [run.run for run in runs], settings.oversampling)
 
@@ -244,7 +253,7 @@ def fit_lags_to_responses(
 
 
 def _lengthen(lag_s: float, by_s: float, settings: ActuationSettings) -> float:
-    """Return a lag [s] plus ``by_s``, changed by a factor of at most about three.
+    """Return the sum of ``lag_s`` and ``by_s``, limited to 0.3 to 3 times the lag and to the search bounds.
 
     If ``by_s`` is NaN, the lag is unchanged.
     """

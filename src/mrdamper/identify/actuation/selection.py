@@ -1,8 +1,8 @@
-"""Core saturation, a second hysteresis loop and free-wheeling, selected by cross-validation over runs.
+"""Choose by cross-validation whether the actuation needs saturation, a second loop or free-wheeling.
 
 The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot pull the
-current down, so that the current free-wheels through the coil. How fast it falls depends on the saturation,
-because the flux decays. Therefore the parameters of a form are fitted together.
+current down, so that the current free-wheels through the coil. The speed of this decay depends on the
+saturation. Therefore all parameters of a form are fitted together. A *form* is a set of fitted parameters.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
 Form = tuple[str, ...]
-"""Names of the fitted parameters; ``saturation``, the wide hysteresis and free-wheeling are else zero."""
+"""Form of an actuation: names of the fitted parameters. An effect without a fitted parameter is disabled."""
 
 SIMPLE: Form = (*LAGS, "hysteresis_width_A")
 FREE_WHEELING: Form = ("rise_s", "fall_s", "freewheel_time_s", "hysteresis_width_A")
@@ -43,12 +43,13 @@ def refine_actuation(
     runs: Sequence[PreparedRun],
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Return a damper and its actuation, with core saturation or free-wheeling if the runs show them.
+    """Add core saturation, a second loop or free-wheeling if the runs show them; return damper and fit.
 
-    The forms are compared if the step responses show a driver with one quadrant, or if a short fit to two
-    random currents has a much smaller error with all parameters than in the simple form. The form with the
-    smallest cross-validation error is then fitted to the force over all runs. Cross-validation uses the runs
-    with random current, or all runs if there are fewer than two.
+    Without evidence of these effects, damper and fit are returned unchanged. There is evidence if the step
+    responses indicate a driver with one quadrant, or if a short fit with all parameters to two runs with
+    random current has a clearly smaller error than the simple form. The form with the smallest
+    cross-validation error is then fitted to the force of all runs. Cross-validation uses the runs with random
+    current, or all runs if there are fewer than two such runs.
     """
     has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
     still = replace(damper, actuation=None).on_limits()

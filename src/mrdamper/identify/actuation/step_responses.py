@@ -1,9 +1,9 @@
-"""Response of the force to steps of the command that are held.
+"""Measure step responses: how the force changes after a step of a command that is then held.
 
-The force depends on position, speed and direction as well as on the command. Therefore the force at each
-level is mapped first, from the settled samples: the force of the law at that level plus a parabola over
-position for each direction of motion. A step response is the fraction of the distance between the maps of two
-levels: 0 at the level before the step, 1 at the level after the step.
+The force depends on position, speed and direction as well as on the command. Therefore the settled force at
+each *level* (held command) is mapped first: the force of the law at this command plus a parabola over
+position, for each direction of motion. The step response is the normalised force between the maps of two
+levels: 0 on the map before the step, 1 on the map after the step.
 """
 
 from __future__ import annotations
@@ -31,33 +31,33 @@ STEP_FRACTION = 1.0 - math.exp(-1.0)
 class StepResponse:
     """Response to one step of the command. Arrays have one value per sample of the window after the step."""
 
-    window: slice
-    fraction: FloatArray  # measured
-    size_N: FloatArray  # distance between the maps of the two levels
-    law_before_N: FloatArray  # force of the law at the level before the step
-    law_after_N: FloatArray
-    levels: tuple[int, int]  # numbers of the level before and after; 0 is a command of zero
+    window: slice  # samples after the step
+    fraction: FloatArray  # measured step response [-]
+    size_N: FloatArray  # force difference between the maps of the two levels
+    law_before_N: FloatArray  # force of the law at the command before the step
+    law_after_N: FloatArray  # force of the law at the command after the step
+    levels: tuple[int, int]  # numbers of the levels before and after the step; 0 is a command of zero
     upwards: bool  # the magnitude of the command increases
-    time_s: float  # measured time to 63 %; NaN if it is not reached
+    time_s: float  # measured time to 63 % of the step; NaN if 63 % is not reached
 
     def model_fraction(self, force_N: FloatArray) -> FloatArray:
-        """Return the step response of a simulated force, given over the whole run."""
+        """Return the step response [-] of a simulated force of the whole run."""
         return (force_N[self.window] - self.law_before_N) / (self.law_after_N - self.law_before_N)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteppedRun:
-    """A run with the responses to its steps."""
+    """A run and the responses to its command steps."""
 
     run: PreparedRun
     responses: tuple[StepResponse, ...]
 
 
 def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
-    """Return a run with the responses to its steps; None if the run has no usable step.
+    """Return a run with the responses to its command steps; None if the run has no usable step.
 
-    A step is usable if both levels have settled samples in the direction of the motion, the motion goes on in
-    this direction, and the step changes the force.
+    A step is usable if both levels have enough settled samples in the present direction of motion, the motion
+    continues in this direction after the step, and the step changes the force.
     """
     path, step_s = run.trajectory, run.trajectory.step
     span = float(np.ptp(path.command))
@@ -110,10 +110,10 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
 def crossing_time(
     fraction: FloatArray, step_s: float, settings: ActuationSettings = DEFAULT_SETTINGS
 ) -> float:
-    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it stays below.
+    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it stays below 63 %.
 
-    The time follows from a straight line through the rising samples near 63 %, because single samples have
-    noise.
+    Because single samples have noise, the time is taken from a straight line fitted to the rising samples
+    near 63 %.
     """
     reached = np.flatnonzero(fraction >= STEP_FRACTION)
     if not len(reached) or reached[0] == 0:
@@ -131,7 +131,10 @@ def crossing_time(
 def model_times(
     runs: Sequence[SteppedRun], forces_N: Sequence[FloatArray], settings: ActuationSettings
 ) -> list[tuple[StepResponse, float]]:
-    """Return the steps whose model and measured responses reach 63 %, with the time of the model [s]."""
+    """Return pairs of a step and the time [s] at which the simulated response to the step reaches 63 %.
+
+    Steps whose measured or simulated response stays below 63 % are omitted.
+    """
     times = []
     for stepped, force_N in zip(runs, forces_N, strict=True):
         for response in stepped.responses:
@@ -145,9 +148,10 @@ def model_times(
 def _map_force(
     run: PreparedRun, law_force: FloatArray, samples: BoolArray, from_above: BoolArray, weight: float
 ) -> FloatArray:
-    """Return the force [N] at one level and direction for every sample of a run.
+    """Return the settled force [N] at one level and one direction of motion, for every sample of a run.
 
-    A level that was reached from above (``weight`` 1) gets an offset, because the core has hysteresis.
+    ``samples`` selects the settled samples for the regression. A level that was reached from above
+    (``weight`` 1) gets an additional offset, because the core has hysteresis.
     """
     x = run.trajectory.displacement / np.abs(run.trajectory.displacement).max()
     columns = [np.ones_like(x), x, x**2]
@@ -160,7 +164,7 @@ def _map_force(
 
 
 def _is_sliding(run: PreparedRun, settings: ActuationSettings) -> BoolArray:
-    """Return True for scored samples that are far enough from both reversals of their stroke."""
+    """Return a mask of the scored samples that are far enough from both reversals of the stroke."""
     x = run.trajectory.displacement
     reversals = np.flatnonzero(np.diff(np.sign(run.trajectory.velocity)) != 0.0) + 1
     ends = np.concatenate([[0], reversals, [len(x) - 1]])
@@ -174,7 +178,7 @@ def _is_sliding(run: PreparedRun, settings: ActuationSettings) -> BoolArray:
 
 
 class MeanTime(NamedTuple):
-    """Mean time to 63 % of a step [s] with its standard error [s]."""
+    """Mean time to 63 % of a step, and standard errors of this mean [s]."""
 
     mean_s: float
     error_s: float = math.nan
@@ -182,7 +186,7 @@ class MeanTime(NamedTuple):
 
 
 class ResponseTimes(NamedTuple):
-    """Times to 63 % of a step of the command, and the quadrants of the driver (None: unknown)."""
+    """Mean times to 63 % of upward and downward command steps, and the number of driver quadrants."""
 
     up: MeanTime
     down: MeanTime
@@ -190,7 +194,7 @@ class ResponseTimes(NamedTuple):
 
 
 def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettings) -> ResponseTimes:
-    """Return the mean measured times of steps."""
+    """Return the mean measured times to 63 % of upward and downward steps, and the driver quadrants."""
     up, down = (
         mean_time(
             [(step.levels, step.time_s) for step in steps if step.upwards == upwards], settings.map_error
@@ -201,10 +205,12 @@ def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettin
 
 
 def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: float = 0.0) -> MeanTime:
-    """Return the mean of pairs of levels and times [s]. Each pair of levels has the same weight.
+    """Return the mean response time [s] of steps with its standard error.
 
-    The standard error has a random and a systematic part. The random part is the scatter of the pairs of
-    levels, but at least the scatter of repeated steps. The systematic part is ``relative_error``.
+    ``times`` has the levels and the response time of each step. Each combination of levels has the same
+    weight. The standard error has a random and a systematic part. The random part is the scatter between
+    combinations of levels, but at least the scatter of repeated steps. The systematic part is
+    ``relative_error`` times the mean.
     """
     if not times:
         return MeanTime(math.nan)
@@ -222,10 +228,11 @@ def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: fl
 
 
 def driver_quadrants(steps: Sequence[StepResponse], up_s: float, ratio: float) -> int | None:
-    """Return 1 if falls to zero take much longer than other steps, otherwise 2; None if unknown.
+    """Return the number of driver quadrants: 1 if steps to zero take much longer than other steps, else 2.
 
-    A driver with one quadrant cannot pull the current down. The current free-wheels with the time constant of
-    the coil. A fall to a level above zero needs only a part of this time.
+    Return None if the runs lack steps up, steps to zero, or steps down to another value. A driver with one
+    quadrant cannot pull the current down. The current free-wheels with the time constant of the coil. A step
+    down to a current above zero needs only a part of this time.
     """
     to_zero, to_level = (
         [step.time_s for step in steps if not step.upwards and (step.levels[1] == 0) == is_zero]

@@ -1,8 +1,9 @@
-"""Cross-validation over motions: a force band, and standard errors that are valid for other motions.
+"""Cross-validation over motions: compute a force band, and standard errors that are valid for new motions.
 
-Standard errors from the residuals are valid for more runs of the same motions. If the model equations are
-not exact, another motion requires other parameters. Refits that each omit one motion show how much the
-parameters change. Each refit starts at the fit to all runs and takes a few steps.
+Standard errors from the residuals are valid only for repetitions of the same motions. Because the model
+equations are not exact, a new motion would be fitted with different parameters. Refits that each omit one
+fold (a group of motions) show how much the parameters change. Each refit starts at the fit to all runs and
+makes a few steps.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ NORMAL_95_PERCENT_POINT = 1.644854
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOutError:
-    """Simulated force and error [N] of one run at the scored samples."""
+    """Simulated force of one run and its error [N], at the scored samples."""
 
     force: FloatArray
-    error: FloatArray
+    error: FloatArray  # measured minus simulated force
 
     @property
     def nrmse_percent(self) -> float:
@@ -47,25 +48,25 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Dampers that were each fitted without one fold, and the errors of each damper on that fold."""
+    """Refitted dampers, each fitted without one fold, and the errors of each damper on the omitted fold."""
 
-    kind: LeftOut  # content of a fold
-    dampers: tuple[Damper, ...]  # one for each fold
-    errors: tuple[tuple[HeldOutError, ...], ...]  # errors of the held-out runs of each fold
+    kind: LeftOut  # what each fold holds out: motions, currents or time blocks
+    dampers: tuple[Damper, ...]  # one damper for each fold
+    errors: tuple[tuple[HeldOutError, ...], ...]  # errors of the held-out runs, for each fold
     expected_ratio: float  # expected error of the fit to all runs, divided by the held-out error [-]
-    motions: tuple[MotionSize, ...] = ()  # all motions of the runs, if motions were held out
+    motions: tuple[MotionSize, ...] = ()  # sizes of all motions of the runs, if motions were held out
     distance: float = 0.0  # mean distance of a held-out run to the nearest fitted motion [-]
 
 
 def refit_without_folds(
     problem: FitProblem, result: SearchResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
 ) -> RefittedFolds | None:
-    """Refit without each fold of the runs in turn. Return None if fewer than two refits succeed.
+    """Refit the damper once for each fold, without the data of this fold. Return None if most refits fail.
 
-    The fit to all runs uses more data than each refit. Therefore its expected mean squared error on new runs
-    is smaller than the held-out error. It is the held-out error, minus the mean error of the refits on all
-    runs, plus the error of the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989)
-    503).
+    At least two refits must succeed. The fit to all runs uses more data than each refit. Therefore its
+    expected mean squared error on new runs is smaller than the mean squared held-out error of the refits. The
+    expected error is the held-out error, minus the mean error of the refits on all runs, plus the error of
+    the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989) 503).
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
@@ -91,11 +92,11 @@ def refit_without_folds(
 
 
 def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETTINGS) -> ForceBand:
-    """Return the band that contains 90 % of the samples of a held-out motion.
+    """Return the force band, which is expected to contain 90 % of the samples of a held-out motion.
 
-    For each fold, the errors are divided by the half width of a band with factor one. The factor of the band
-    is the mean over the folds of the 90 % quantile of these ratios, plus a multiple of the standard deviation
-    of the quantiles.
+    For each fold, the errors are divided by the half width of a band with factor one, and the 90 % quantile
+    of these ratios is computed. The factor of the band is the mean of the quantiles over the folds, plus a
+    multiple of their standard deviation.
     """
     runs = [run for fold in folds.errors for run in fold]
     base = settings.band_base_ratio * float(np.median([rms(run.force) for run in runs]))
@@ -129,11 +130,11 @@ def with_changing_current(
     runs: Sequence[PreparedRun],
     settings: ConfidenceSettings = DEFAULT_SETTINGS,
 ) -> ForceBand:
-    """Return the band, widened for runs with changing current to contain 90 % of their samples.
+    """Return the force band with an additional factor for runs with changing current.
 
-    In these runs, errors of the response to the current increase the errors of the model. For each run, take
-    the factor by which the band must be widened to contain 90 % of the samples. The common factor is the mean
-    over the runs, plus a multiple of the standard deviation.
+    In these runs, errors of the response to the current increase the errors of the model. For each run, the
+    function computes the widening factor with which the band contains 90 % of the samples. The common factor
+    is the mean over the runs plus a multiple of the standard deviation, and at least 1.
     """
     ratios = []
     for run, force in zip(runs, simulate_each(damper, [run.trajectory for run in runs]), strict=True):
@@ -149,15 +150,16 @@ def with_changing_current(
 def with_errors_between_motions(
     problem: FitProblem, result: SearchResult, folds: RefittedFolds
 ) -> SearchResult:
-    """Return the fit with standard errors and a covariance that are also valid for other motions.
+    """Return the fit with standard errors and a covariance that are also valid for new motions.
 
-    Each standard error is the largest of three estimates: the residuals of the runs, the sandwich estimator
-    with motions as clusters, and the jackknife over the folds. The last two are multiplied by Student's t
-    factor for 90 % because there are few motions.
+    Each standard error is the largest of three estimates: from the residuals of the runs, from the sandwich
+    estimator with motions as clusters, and from the jackknife over the folds. The last two estimates are
+    multiplied by a Student's t factor because there are few motions.
 
-    The covariance is the sum of the three estimates, scaled so that its diagonal agrees with the standard
-    errors. The sum is used because the last two estimates are singular: their rank is below the number of
-    motions or folds. The largest estimate dominates the correlations. Parameters on a bound keep NaN.
+    The covariance matrix is the sum of the three estimated matrices, scaled so that its diagonal agrees with
+    the standard errors. The sum is used because the last two matrices are singular: their rank is below the
+    number of motions or folds. The largest matrix dominates the correlations. The standard errors of
+    parameters on a bound stay NaN.
     """
     estimates = result.estimates
     moving = [k for k, estimate in enumerate(estimates) if not math.isnan(estimate.standard_error)]
@@ -189,7 +191,7 @@ def with_errors_between_motions(
 def _motion_distances(
     runs: Sequence[PreparedRun], folds: Sequence[Fold]
 ) -> tuple[tuple[MotionSize, ...], float]:
-    """Return each motion once, and the mean distance of a run to the nearest run of another fold."""
+    """Return the sizes of all motions, and the mean distance of a run to the nearest run in other folds."""
     sizes = [MotionSize.from_motion(run.trajectory) for run in runs]
     distances = [
         sizes[k].distance([size for j, size in enumerate(sizes) if j not in fold.runs])
@@ -200,7 +202,7 @@ def _motion_distances(
 
 
 def _mean_square(errors: Sequence[HeldOutError]) -> float:
-    """Return the mean over the runs of the squared error [%^2]."""
+    """Return the squared error [%^2], averaged over runs."""
     return float(np.mean([run.nrmse_percent**2 for run in errors]))
 
 
@@ -213,15 +215,15 @@ def _errors_on(damper: Damper, windows: Sequence[FitWindow]) -> tuple[HeldOutErr
 
 
 def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> FloatArray:
-    """Return the jackknife covariance of parameters from the dampers of the refits."""
+    """Return the jackknife covariance matrix of parameters, computed from the refitted dampers."""
     values = np.array([[damper.parameters_and_lag[name] for name in names] for damper in dampers])
     deviations = values - values.mean(axis=0)
     return np.asarray((len(values) - 1) / len(values) * deviations.T @ deviations)
 
 
 def _t_factor(groups: int) -> float:
-    """Return the 95 % point of Student's t distribution divided by that of the normal distribution.
+    """Return the ratio of the 95 % points of Student's t distribution and the normal distribution.
 
-    The degrees of freedom are ``groups`` - 1.
+    The t distribution has ``groups`` - 1 degrees of freedom.
     """
     return float(stdtrit(groups - 1, 0.95)) / NORMAL_95_PERCENT_POINT

@@ -1,10 +1,11 @@
-"""Posterior samples of the parameters: normal approximation around the fit, inside the search bounds.
+"""Draw posterior samples of the parameters from a normal approximation around the fit.
 
-The mean is the fit in search coordinates, which are logarithms for parameters on a log scale. The covariance
-contains the reported standard errors. The prior is a normal distribution with the variance of the
-uniform distribution between the bounds, because the standard error of a parameter may exceed its bounds. The
-prior does not change a parameter that is known much better than its bounds. Samples outside the bounds or
-outside the admissible range of the model are rejected and drawn again. Parameters on a bound stay there.
+The mean is the fitted parameter set in search coordinates, which are logarithms for parameters on a log
+scale. The covariance contains the reported standard errors. The standard error of a poorly determined
+parameter may be larger than its search range. Therefore a normal prior with the variance of the uniform
+distribution between the bounds is included. The prior has no effect on a parameter with a small standard
+error. Posterior samples outside the bounds or outside the valid range of the model are rejected and drawn
+again. Parameters on a bound stay on the bound.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from mrdamper.identify.search.objective import Box
 from mrdamper.models.card_draws import CardDraws
 
 BATCH_COUNT = 4096
-BATCHES_MAX_COUNT = 500  # An acceptance below 1 in 2000 for 1000 samples takes longer than the fit.
+BATCHES_MAX_COUNT = 500  # If fewer than 1 in 2000 samples are accepted, sampling takes longer than the fit.
 
 
 def sample_posterior(
     problem: FitProblem, result: SearchResult, *, draws: int = 1000, seed: int = 0
 ) -> CardDraws:
-    """Return equally likely parameter sets, at least 2. The same seed gives the same samples.
+    """Return ``draws`` equally likely parameter sets (at least 2). The same seed gives the same samples.
 
     Raises
     ------
@@ -45,7 +46,8 @@ def sample_posterior(
     if covariance is None:
         errors = np.array([estimate.standard_error for estimate in result.estimates])
         covariance = result.correlation * np.outer(errors, errors)
-    # The variance c of a direction, in units of the prior, becomes 1 / (1 / c + 1).
+    # Divide the covariance by the prior variance. A variance c along an eigenvector then becomes
+    # 1 / (1 / c + 1) in the posterior.
     spread = ((high - low) / np.sqrt(12.0))[moving]
     unit = np.where(log, values, 1.0)[moving] * spread
     variances, directions = np.linalg.eigh(covariance[np.ix_(moving, moving)] / np.outer(unit, unit))

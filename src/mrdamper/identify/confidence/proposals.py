@@ -1,8 +1,9 @@
-"""Proposed tests: the sines that reduce the uncertainty of the force most (I-optimal design).
+"""Propose further tests: the sines that reduce the uncertainty of the force most (I-optimal design).
 
-The candidates are sines inside the envelope of the runs. The covariance of the parameters causes a variance
-of the force in every candidate. The best test reduces the mean of these variances most. This reduction
-follows from the tangents of the model without a measurement. The tests are selected one after the other.
+The candidates are sines inside the envelope of the runs. The uncertainty of the parameters causes a variance
+of the force in every candidate. The best test minimises the mean of these variances. The effect of a test is
+computed from the derivatives of the model, so that no measurement is needed. The tests are selected one after
+the other.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ from mrdamper.models.simulate import open_drive
 from mrdamper.models.tangents import Tangents
 from mrdamper.quantities import to_degC
 
-AMPLITUDE_RATIOS = (1.0, 0.5, 0.2)  # [half stroke]
+AMPLITUDE_RATIOS = (1.0, 0.5, 0.2)  # amplitudes of the candidates, divided by half the stroke
 FREQUENCY_COUNT = 3
 COMMAND_COUNT = 3
 PERIOD_COUNT = 2
 SAMPLES_PER_PERIOD = 200
-VELOCITY_MIN_RATIO = 0.03  # Noise dominates in slower runs [maximum velocity].
-PRIOR_INFORMATION_RATIO = 1e-7  # Keeps the information matrix regular [information of the runs].
+VELOCITY_MIN_RATIO = 0.03  # min peak velocity, divided by the maximum velocity of the runs
+PRIOR_INFORMATION_RATIO = 1e-7  # added to the diagonal of the scaled information matrix to keep it regular
 
 
 def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[str, ...]:
-    """Return texts on the tests to run next, best first; empty if all parameters are on a bound.
+    """Return one sentence for each proposed test, best test first; empty if all parameters are on a bound.
 
-    Each text states how much the standard deviation of the force that is caused by the parameters decreases
-    after this test and the tests before.
+    A sentence states by how many percent the standard deviation of the force due to the parameters decreases
+    after this test and the previous tests.
     """
     names = [estimate.name for estimate in result.estimates if not estimate.at_bound]
     if not names:
@@ -52,7 +53,7 @@ def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) 
     information = _information(result.damper, names, [path for _, path in candidates])
     information *= np.outer(scale, scale)
     target = information.mean(axis=0)
-    # The residuals of runs of one motion are correlated. Therefore they count as one run.
+    # The residuals of runs with the same motion are correlated. Therefore all runs of a motion count as one.
     weight = runs / len(motion_groups(problem.runs))
     tests: list[str] = []
     before = float(np.trace(np.linalg.solve(known, target)))
@@ -91,7 +92,7 @@ def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Traject
 
 
 def _information(damper: Damper, names: Sequence[str], paths: Sequence[Trajectory]) -> FloatArray:
-    """Return the information matrix of each candidate in the unit of the cost, shape (k, n, n)."""
+    """Return the information matrix of each path, shape (paths, parameters, parameters) [%^2]."""
     tangents, information = Tangents(damper, names, [open_drive(path) for path in paths]), []
     for k in range(len(paths)):
         along = tangents.evaluate_run(k)

@@ -7,20 +7,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfidenceSettings:
-    """Thresholds that decide how uncertain a fit is reported to be.
+    """Settings of the reported uncertainty of a fit.
 
-    The values of the band were chosen on one family of measured runs and on the virtual dampers with even
-    seeds. The table in ``docs/uncertainty.md`` shows the coverage on other runs.
+    The settings of the force band were tuned on one family of measured runs and on the virtual dampers with
+    even seeds. The table in ``docs/uncertainty.md`` shows the coverage on other runs.
     """
 
     refit_steps: int = 2  # steps of a refit without a fold; four steps change the band by 2 %
     band_coverage: float = 0.9  # fraction of the samples inside the band
+    # The following two ratios define the shape of a band with factor one.
     band_run_ratio: float = 0.15  # half width at zero force, divided by the rms force of the run
     band_base_ratio: float = 0.1  # half width of a run with a small force, divided by the median rms force
-    band_spread: float = 0.4  # standard deviations over the folds that are added to their mean quantile
-    band_widening: float = 1.5  # factor for each e-fold of additional distance from the fitted motions
+    band_spread: float = 0.4  # standard deviations over the folds that are added to the mean quantile
+    band_widening: float = 1.5  # increase of the width per e-fold of additional distance from fitted motions
     correlation_min: float = 0.95  # Correlations of a larger magnitude are reported.
-    correlations_max_count: int = 4  # reported by name
+    correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
     energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
 
 

@@ -1,6 +1,6 @@
-"""Consistency of a campaign: runs and groups of runs that deviate from the fitted model, with the cause.
+"""Consistency test of a campaign: find runs and groups of runs that deviate from a model fitted to all runs.
 
 ``causes`` lists possible causes. ``effects`` estimates the size of each cause from the residuals of a fit.
-``runs`` finds single runs and ``groups`` finds groups of runs that deviate. ``joint`` fits a model for the
-test without a card. ``errors`` compares the errors of one result.
+``runs`` finds deviating single runs, and ``groups`` finds deviating groups of runs. ``joint`` fits the model
+if there is no card yet. ``errors`` compares training, held-out and cross-validation errors of one fit.
 """

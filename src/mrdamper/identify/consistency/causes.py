@@ -1,4 +1,4 @@
-"""Possible causes of the deviation of one run, with their thresholds and messages."""
+"""Possible causes of the deviation of one run from the fitted model, with their thresholds and messages."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from types import MappingProxyType
 class Cause:
     """One possible cause of a deviation, with its thresholds.
 
-    The *size* of a cause (for example a delay) is estimated for each run. The deviation of a run is the
-    difference between its size and the size in comparable runs. It is expressed as the rms force that this
-    difference explains, divided by the typical residual. A run must exceed all thresholds.
+    The *size* of a cause (for example a delay in seconds) is estimated for each run and compared with the
+    size in comparable runs. The *deviation* of the run is the rms force that this difference explains,
+    divided by the typical residual. The cause is reported only if the run exceeds all thresholds.
     """
 
     unit: str
-    size_min: float  # unit of the cause; per ampere of the command range for a command
-    scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
+    size_min: float  # [unit]; for a wrong command label multiplied by the command range, if that exceeds 1
+    scatter_ratio_min: float  # min deviation, divided by the scatter of the deviations of all runs
     deviation_min: float
-    words: str  # format string with the fields ``size`` and ``unit``
+    words: str  # message, a format string with the fields ``size`` and ``unit``
     effect: str
     remedy: str
     weight: float = 1.0  # weight in the comparison of causes; below 1 for a less common cause
 
 
-# The causes are sorted; the simplest cause is the first.
+# The causes are sorted from simple to complex.
 CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "force_delay": Cause(

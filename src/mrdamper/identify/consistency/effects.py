@@ -1,9 +1,10 @@
-"""Size of each possible cause of the residual, estimated for one run or for all runs.
+"""Estimate the size of each possible cause of the residual (gain, delay, ...), for one run or for all runs.
 
-The residual of each run is compared with the change of the model force per unit of a cause (sensitivity).
-The part that the model parameters can reproduce is projected out of both. To first order, the size is
-therefore the estimate of a fit with this additional parameter. A run that distorts the fit keeps its full
-size. A run that is not fitted does not distort the fit. Therefore its residual is used without projection.
+The *sensitivity* to a cause is the change of the model force per unit of the cause. The size follows from a
+linear regression of the residual on the sensitivity. The model parameters have partly adapted to a wrong run.
+Therefore the part that the parameters can reproduce is first projected out of residual and sensitivity. To
+first order, the size equals the estimate of a fit with the cause as an additional parameter. The parameters
+have not adapted to a run that was not fitted. Therefore this run is used without projection.
 """
 
 from __future__ import annotations
@@ -23,23 +24,25 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate, simulate_each
 from mrdamper.models.tangents import Tangents
 
-# A delay of some milliseconds is several samples at this rate, also if the motion is slow.
+# The rate is high enough that a delay of some milliseconds is several samples even for slow motions.
 WINDOW_SETTINGS = FitSettings(rate_Hz=400.0, samples_per_period=math.inf)
-COMMAND_STEP = 0.02  # Step of the difference quotient [A or V].
-TIME_CONSTANT_s = 0.02  # A force channel with a bandwidth of 8 Hz.
+COMMAND_STEP = 0.02  # Step of the difference quotient with respect to the command [A or V].
+TIME_CONSTANT_s = 0.02  # Time constant of the assumed filter, which is a bandwidth of 8 Hz.
 SINGULAR_VALUE_RATIO_MIN = 1e-9
-POWER_RATIO_MIN = 1e-9  # A direction with less power is a combination of parameters.
-CORRELATED_SAMPLES = 10.0  # The residual is correlated over about half a cycle.
+# The parameters reproduce a cause completely if the projection leaves less than this fraction of its power.
+POWER_RATIO_MIN = 1e-9
+# Number of samples that count as one independent sample, because the residual is correlated in time.
+CORRELATED_SAMPLES = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
     """Estimated size of one cause, and the part of the residual that the cause explains."""
 
-    size: float
-    standard_error: float  # estimated from the remaining residual
-    level: float  # rms of the explained residual divided by the spread of the force
-    fraction: float  # explained fraction of the mean square of the residual
+    size: float  # [unit of the cause]
+    standard_error: float  # [unit of the cause], estimated from the unexplained residual
+    level: float  # rms of the explained residual, divided by the standard deviation of the force
+    fraction: float  # explained fraction of the mean squared residual
 
 
 NO_EFFECT = Effect(0.0, 0.0, 0.0, 0.0)
@@ -47,13 +50,13 @@ NO_EFFECT = Effect(0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunResidual:
-    """Residual and sensitivities of one run at its scored samples, at the sampling rate of all runs."""
+    """Residual of one run and its sensitivities to parameters and causes, at the scored samples."""
 
-    model: FloatArray  # [N]
-    residual: FloatArray  # [N]
+    model: FloatArray  # simulated force [N]
+    residual: FloatArray  # measured minus simulated force [N]
     columns: FloatArray  # d force / d parameter, shape (parameters, n); zero if the run is not fitted
-    directions: Mapping[str, FloatArray]  # d force / d cause
-    weight: float
+    directions: Mapping[str, FloatArray]  # d force / d cause by name of the cause, shape (n,)
+    weight: float  # weight of a squared newton in the cost [%^2 / N^2]
 
     @property
     def force_std_N(self) -> float:
@@ -61,7 +64,7 @@ class RunResidual:
         return float(np.std(self.residual + self.model)) or 1.0
 
     def centred(self, kind: str) -> tuple[FloatArray, FloatArray]:
-        """Return residual and sensitivity to a cause, without their means unless the cause is an offset."""
+        """Return residual and sensitivity to a cause, with zero mean unless the cause is an offset."""
         direction = self.directions[kind]
         if kind == "force_offset_of_run":
             return self.residual, direction
@@ -74,8 +77,8 @@ class ResidualAnalysis:
 
     runs: tuple[PreparedRun, ...]
     residuals: tuple[RunResidual, ...]
-    inverse_curvature: FloatArray  # shape (parameters, parameters)
-    gradient: FloatArray  # gradient of the cost, zero at its minimum
+    inverse_curvature: FloatArray  # pseudoinverse of the Gram matrix, shape (parameters, parameters)
+    gradient: FloatArray  # weighted products of sensitivities and residual; zero at the minimum of the cost
 
     @property
     def levels(self) -> FloatArray:
@@ -92,12 +95,18 @@ class ResidualAnalysis:
         return effects
 
     def common_effect(self, kind: str, factors: FloatArray | None = None) -> Effect:
-        """Return the common effect of a cause in all runs, scaled by ``factors``, shape (runs,)."""
+        """Return the effect of a cause with one common size in all runs.
+
+        ``factors``, shape (runs,), multiply the common size in each run. The default is 1 for every run.
+        """
         scales = np.ones(len(self.residuals)) if factors is None else factors
         return self._effect(kind, dict(enumerate(scales.tolist())))
 
     def _effect(self, kind: str, factors: Mapping[int, float]) -> Effect:
-        """Return the common effect of a cause in some runs; ``factors`` maps the run number to its scale."""
+        """Return the effect of a cause with one common size in some runs.
+
+        ``factors`` maps the number of each of these runs to the factor of the common size.
+        """
         coupling, full_power, product, total, count = np.zeros(len(self.gradient)), 0.0, 0.0, 0.0, 0
         for number, factor in factors.items():
             run = self.residuals[number]
@@ -114,16 +123,17 @@ class ResidualAnalysis:
         size = product / power
         fraction = min(size**2 * power / total, 1.0)
         variance = (1.0 - fraction) * total / power / (count / CORRELATED_SAMPLES)
-        # The weights make the cost a squared error in percent.
+        # The factor 0.01 is needed because the weights express squared errors in %^2.
         return Effect(size, math.sqrt(variance), 0.01 * abs(size) * math.sqrt(power), fraction)
 
 
 def analyse_residuals(
     damper: Damper, runs: Sequence[PreparedRun], free: Sequence[str] = (), *, suspect: str = ""
 ) -> ResidualAnalysis:
-    """Return the residual analysis of runs with constant command.
+    """Return the residuals and sensitivities of runs with constant command.
 
-    ``free`` are the fitted parameters that are not at a bound. The run ``suspect`` is not part of the fit.
+    ``free`` are the names of the fitted parameters that are not at a bound. ``suspect`` is the name of a run
+    that was omitted from the fit.
     """
     limited = damper.on_limits()
     fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]
@@ -166,9 +176,10 @@ def analyse_residuals(
 
 
 def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> FloatArray:
-    """Return d force / d command; zero if the stepped command is outside the range of the model.
+    """Return the derivative of the force with respect to the command, shape (n,) [N/A or N/V].
 
-    The difference quotient is backward, unless the command would become negative.
+    The difference quotient is backward, unless the command would become negative. The derivative is zero if
+    the changed command is outside the valid range of the model.
     """
     path, constant = fit.drive.trajectory, fit.drive.constant
     step = -COMMAND_STEP if float(path.command[0]) > COMMAND_STEP else COMMAND_STEP
@@ -181,9 +192,9 @@ def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> F
 
 
 def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
-    """Return the derivative of the force with respect to the time constant of a first-order filter.
+    """Return the derivative of the force with respect to the time constant of a first-order filter [N/s].
 
-    The derivative is a difference quotient with a typical time constant.
+    The derivative is the difference quotient between a typical time constant and zero.
     """
     from scipy.signal import lfilter
 

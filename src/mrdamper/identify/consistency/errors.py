@@ -1,4 +1,4 @@
-"""Comparison of the errors of one result: held-out runs, training and cross-validation."""
+"""Compare the held-out error, the training error and the cross-validation error of one fit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Errors (``nrmse_percent``) of one kind of runs with constant or with changing current."""
+    """Statistics of the error (``nrmse_percent``) over the runs of one error kind and one current kind."""
 
     kind: ErrorKind
     current: CurrentKind
@@ -33,10 +33,11 @@ class ErrorSummary:
 def summarize_errors(
     runs: Sequence[RunError], chosen: CandidateScore | None = None
 ) -> tuple[ErrorSummary, ...]:
-    """Return the errors of held-out runs, training runs and cross-validation, each if there are any runs.
+    """Return the error statistics of held-out runs, training runs and cross-validation.
 
-    ``chosen`` is the score of the selected candidate, which contains the cross-validation errors. It is None
-    if the user specified the model.
+    Combinations of error kind and current kind without any run are omitted. ``chosen`` is the score of the
+    selected candidate, which contains the cross-validation errors. If the user specified the
+    model, there is no selection and ``chosen`` is not given.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)

@@ -1,4 +1,4 @@
-"""Find deviations of groups of runs, or of all runs: two dampers, drift, a delay of the force channel."""
+"""Find deviations that several runs have in common: two dampers, drift, or a delay of the force channel."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.identify.consistency.effects import Effect, ResidualAnalysis
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 
-NAME_COUNT_MAX = 4  # names of runs in one message
+NAME_COUNT_MAX = 4  # max number of run names in one message
 
 Deviation = tuple[float, Finding]
-"""The fraction of the mean square of the residual that a finding explains, and the finding."""
+"""A pair: the explained fraction of the mean squared residual [-], and the finding that explains it."""
 
 
 def find_group_deviations(
     analysis: ResidualAnalysis, settings: ConsistencySettings = DEFAULTS
 ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
-    """Return findings on all runs and on groups of runs, each with the simplest sufficient cause.
+    """Return two tuples: findings about all runs together, and findings about groups of runs.
 
-    If the forces of a group are delayed, the fit makes the other runs early and all runs together slightly
-    late. Therefore, of two delays only the better explanation is reported. A second cause is ignored if it
-    explains much less than the first.
+    A cause is ignored if it explains much less than the best cause. If the forces of a group are delayed, the
+    forces of the other runs appear early and the forces of all runs together appear slightly late. Therefore
+    only the better explanation is reported if both a group delay and a common deviation are possible.
     """
     common = list(_common_deviations(analysis, settings))
     gains = [*_two_groups(analysis, "force_gain", settings), *_drift(analysis, settings)]
@@ -40,9 +40,10 @@ def find_group_deviations(
 
 
 def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
-    """Generate the finding of a delay or a filter of the force in all runs.
+    """Generate the finding that the force of all runs is delayed or filtered.
 
-    Runs at one frequency hardly distinguish a delay from a filter.
+    At a single frequency, a delay and a filter have nearly the same effect. Therefore a filter has to explain
+    clearly more than a delay.
     """
     delay, pole = analysis.common_effect("force_delay"), analysis.common_effect("force_bandwidth")
     is_filter = pole.size > 0.0 and pole.fraction > settings.filter_ratio_min * delay.fraction
@@ -70,10 +71,10 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
 
 
 def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings) -> Iterator[Deviation]:
-    """Generate the finding on the smaller of two groups of runs with clearly different gains or delays.
+    """Generate the finding that the runs form two groups with clearly different gains or delays.
 
-    Runs are ignored if the standard error of the size is large. For example, a run without force contains no
-    information about the gain.
+    The finding describes the smaller group. Runs are ignored if the standard error of their gain or delay is
+    large. For example, a run without force contains no information about the gain.
     """
     effects, is_delay = analysis.run_effects(kind), kind == "force_delay"
     values, errors = np.array([(effect.size, effect.standard_error) for effect in effects]).T
@@ -94,7 +95,7 @@ def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySett
     group = order[:cut] if len(low) < len(high) else order[cut:]
     effect = analysis.common_effect(kind, np.isin(np.arange(len(values)), group).astype(np.float64))
     if effect.fraction < analysis.common_effect(kind, _ramp(analysis)).fraction:
-        return  # It is a drift.
+        return  # A drift explains more than two groups.
     error = scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high)))
     names = ", ".join(analysis.runs[number].name for number in sorted(group.tolist())[:NAME_COUNT_MAX])
     which = f"the {len(group)} runs ({names}{' ...' * (len(group) > NAME_COUNT_MAX)})"
@@ -122,7 +123,7 @@ def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySett
 
 
 def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
-    """Generate the finding of a force that increases or decreases in the order of the runs."""
+    """Generate the finding that the force increases or decreases from the first run to the last run."""
     count = len(analysis.runs)
     effect = analysis.common_effect("force_gain", _ramp(analysis))
     if count < 2 * settings.peer_count_min or abs(effect.size) < settings.gain_difference_min:
@@ -146,13 +147,13 @@ def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterato
 
 
 def _ramp(analysis: ResidualAnalysis) -> FloatArray:
-    """Return factors that increase by one from the first run to the last."""
+    """Return one factor per run, which increases linearly from -0.5 (first run) to 0.5 (last run)."""
     return np.linspace(-0.5, 0.5, len(analysis.runs))
 
 
 def _is_single_run(
     analysis: ResidualAnalysis, kind: str, effect: Effect, settings: ConsistencySettings
 ) -> bool:
-    """Return True if one run alone explains as much as the effect of all runs."""
+    """Return True if a single run explains the effect that was estimated for all runs."""
     levels = [each.level for each in analysis.run_effects(kind)]
     return max(levels) > settings.single_run_ratio_min * effect.level * float(np.sqrt(len(levels)))

@@ -1,6 +1,6 @@
 """Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
 
-The fit is the same as in ``identify.fit``, without uncertainty, proposed tests and cross-validation.
+The search is the same as in ``identify.fit``. Uncertainty, proposed tests and cross-validation are omitted.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrdamper.models.damper import Damper
 
 
 def joint_test(runs: Sequence[Recording]) -> list[Finding]:
-    """Fit one model to all runs that can be prepared, and return the findings on the runs."""
+    """Fit one model to all runs that can be prepared, and return findings about deviating runs."""
     sound = _prepared(runs)
     try:
         damper, training, free = joint_fit(sound)
@@ -54,7 +54,7 @@ def joint_test(runs: Sequence[Recording]) -> list[Finding]:
         is_confirmed=any(finding.run == name for finding in findings),
     )
     if _group_kinds(findings) & _group_kinds(refit_findings):
-        # A deviation of all runs remains without the suspect. No single run is the cause.
+        # The deviation of several runs remains if the suspect is omitted. No single run is the cause.
         return list(findings)
     return [finding for finding in refit_findings if finding.run] or list(findings)
 
@@ -66,9 +66,9 @@ def _group_kinds(findings: Sequence[Finding]) -> set[str]:
 def joint_fit(
     runs: Sequence[RigRun], *, first: Damper | None = None
 ) -> tuple[Damper, tuple[PreparedRun, ...], tuple[str, ...]]:
-    """Return the fitted damper, the prepared runs, and the fitted parameters that are not at a bound.
+    """Return the fitted damper, the prepared runs, and the names of the parameters that are not at a bound.
 
-    If ``first`` is given, the damper of a former fit, the fit starts from this damper.
+    The fit starts from ``first``, the damper of a former fit, if it is given.
     """
     data = FitData.prepare(Dataset(tuple(runs)))
     problem = data.problem(default_law(data.training))
@@ -80,7 +80,7 @@ def joint_fit(
 
 
 def _prepared(runs: Sequence[Recording]) -> list[RigRun]:
-    """Return the runs that can be prepared. The diagnosis of each run reports the others."""
+    """Return the runs that can be prepared. The diagnosis of single runs reports the remaining runs."""
     sound: list[RigRun] = []
     for run in runs:
         try:

@@ -1,9 +1,9 @@
-"""Find the runs of a campaign that deviate from the model fitted to all runs, with the cause.
+"""Find the runs of a campaign that deviate from the model fitted to all runs, and the cause of the deviation.
 
-The residual of a run with a wrong gain, delay, command or offset has the shape of this cause (``effects``).
-The model itself has small errors at each command and each motion. Therefore the size of a cause in one run is
-compared with the sizes in runs of the same command and motion, and with the scatter of all runs. The simplest
-sufficient cause is reported.
+If a run has a wrong gain, delay, command or offset, its residual has a characteristic shape (``effects``).
+The model itself also has errors, which depend on command and motion. Therefore the size of a cause in one run
+is compared with its size in runs with the same command and motion, and with the scatter of all runs. The
+simplest sufficient cause is reported.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Deviation of one run from comparable runs by one cause."""
+    """Deviation of one run from comparable runs, if the deviation has a given cause."""
 
-    kind: str
-    size: float
-    standard_error: float
-    ratio: float  # divided by the threshold of the cause: reported from 1 on
-    strength: float  # number of typical residuals, times the weight of the cause
+    kind: str  # name of the cause, a key of ``CAUSES``
+    size: float  # difference from comparable runs [unit of the cause]
+    standard_error: float  # [unit of the cause]
+    ratio: float  # deviation divided by its threshold; 1 or more is reported
+    strength: float  # deviation divided by the typical residual, times the weight of the cause
 
 
 def find_deviations(
@@ -49,9 +49,10 @@ def find_deviations(
 
     Parameters
     ----------
-    free : fitted parameters of the damper
+    free : names of the fitted parameters that are not at a bound
     suspect : name of the run that was omitted from the fit because it deviated from a former fit
-    is_confirmed : the former fit reported the suspect; otherwise the suspect needs a larger deviation
+    is_confirmed : True if the former fit reported the suspect; otherwise the suspect is reported only for a
+        larger deviation
     """
     steady = _steady_runs(runs)
     if len(steady) < settings.run_count_min:
@@ -80,9 +81,9 @@ def find_suspects(
 ) -> tuple[str, ...]:
     """Return the names of at most two suspect runs; a second fit omits each of them in turn.
 
-    These are the run with the largest deviation and the run with the largest residual. At the end of
-    a series of motions the two runs may differ, because the fit follows a wrong run there and deviates from
-    correct runs.
+    The suspects are the run with the largest deviation and the run with the largest residual. The two runs
+    may differ if the wrong run has the slowest or the fastest motion, because the fit then follows the wrong
+    run and deviates from correct runs.
     """
     steady = _steady_runs(runs)
     if len(steady) < settings.run_count_min:
@@ -98,7 +99,7 @@ def find_suspects(
 
 
 def rms_residual(damper: Damper, runs: Sequence[PreparedRun], *, without: str) -> float:
-    """Return the rms residual of all runs except one, divided by the spread of their forces."""
+    """Return the rms of the relative residuals (residual / force spread) of all runs except one."""
     return rms(analyse_residuals(damper, [run for run in _steady_runs(runs) if run.name != without]).levels)
 
 
@@ -109,10 +110,10 @@ def _steady_runs(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
 def _deviating_runs(
     analysis: ResidualAnalysis, ratios_min: FloatArray, suspect: str, settings: ConsistencySettings
 ) -> dict[int, Deviation]:
-    """Return the numbers of the deviating runs, worst first, each with its simplest cause.
+    """Return the deviations with their simplest causes, by run number, the worst run first.
 
-    ``ratios_min`` holds the factor on the thresholds for each run. A run with a large deviation distorts the
-    fit. Therefore runs with less than half of the largest deviation are ignored.
+    ``ratios_min``, shape (runs,), multiplies the thresholds of each run. A run with a large deviation
+    distorts the fit. Therefore runs with a much smaller deviation than the worst run are ignored.
     """
     runs = analysis.runs
     is_compared = np.array([run.name != suspect for run in runs])
@@ -128,7 +129,7 @@ def _deviating_runs(
             same_command = is_compared & (level_numbers == level_numbers[number])
             scatter = scatter_of_all
             if same_command.sum() >= settings.scatter_run_count_min:
-                # The model error depends on the command.
+                # The model error depends on the command, so each command has its own scatter.
                 mad = float(np.median(np.abs(amounts[same_command])))
                 scatter = max(scatter, DEVIATION_PER_MAD * mad)
             needed = max(cause.scatter_ratio_min * scatter, cause.deviation_min)
@@ -152,10 +153,10 @@ def _deviating_runs(
 
 
 def _typical_levels(analysis: ResidualAnalysis, settings: ConsistencySettings) -> FloatArray:
-    """Return the typical residual for each run: the median over the runs with the same command.
+    """Return the typical residual of each run: the median over the runs with the same command, shape (runs,).
 
-    Without current, many models have larger errors. A wrong run, however, increases the residuals of all runs
-    of its command. Therefore the value is limited to a multiple of the median of all runs.
+    At zero current, many models have larger errors. A wrong run, however, increases the residuals of all runs
+    with the same command. Therefore the typical residual is limited to a multiple of the median of all runs.
     """
     levels, typical = analysis.levels, []
     numbers = _command_levels(analysis.runs, settings)
@@ -174,11 +175,11 @@ def _amounts(
     is_compared: BoolArray,
     settings: ConsistencySettings,
 ) -> tuple[FloatArray, float]:
-    """Return the deviation of each run from comparable runs, in typical residuals, and the scatter.
+    """Return the deviation of each run from comparable runs, and the scatter of these deviations.
 
-    The typical sizes are estimated by least absolute deviations, on which a single run has hardly any
-    influence. Runs are compared with the runs of the same command and motion, or with all runs, whichever
-    gives less scatter.
+    Deviations and scatter are divided by the typical residual. The typical sizes are estimated by least
+    absolute deviations, so that a single run has hardly any influence. Each run is compared with the runs of
+    the same command and motion, or with all runs. The comparison with less scatter is used.
     """
     results = []
     for design in (peers, np.ones((len(sizes), 1))):
@@ -191,7 +192,8 @@ def _amounts(
             floor = 1e-3 * float(np.median(distance)) + 1e-300
             weight = per_size**2 / np.maximum(distance, floor)
         amounts = rest * per_size
-        # One deviation of each level vanishes. It contains no information about the scatter.
+        # Least absolute deviations fit as many runs exactly as there are coefficients. These zeros contain no
+        # information about the scatter.
         remaining = np.sort(np.abs(amounts[is_compared]))[int(np.linalg.matrix_rank(design)) :]
         results.append((amounts, DEVIATION_PER_MAD * float(np.median(remaining))))
     return min(results, key=lambda result: result[1])
@@ -200,9 +202,10 @@ def _amounts(
 def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> FloatArray:
     """Return the regression matrix for the typical size of a cause, shape (runs, columns).
 
-    A campaign at several temperatures has a column for each command and motion. Otherwise there are columns
-    for the commands and for the motions. If hardly any two runs have the same motion, each command has a
-    slope with the logarithm of speed instead. A small campaign has columns for the commands, or one column.
+    If most combinations of command and motion are repeated, for example at several temperatures, each
+    combination has a column. Otherwise each command and each motion has a column. If hardly any two runs have
+    the same motion, each command has a column and a slope over the logarithm of speed. A small campaign has
+    only columns for the commands, or a single column.
     """
     levels, motions = _command_levels(runs, settings).tolist(), [run.motion for run in runs]
 
@@ -230,7 +233,7 @@ def _commands(runs: Sequence[PreparedRun]) -> FloatArray:
 
 
 def _command_levels(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> NDArray[np.intp]:
-    """Return the number of the command level of each run, shape (runs,)."""
+    """Return the group number of each run, shape (runs,); runs with equal commands have the same number."""
     commands = _commands(runs)
     return level_numbers(commands, settings.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
 
@@ -255,7 +258,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 def _exchanged_labels(
     analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
-    """Generate the runs whose commands are probably exchanged with another run, with the findings."""
+    """Generate pairs of run number and finding for runs that probably have the command of another run."""
     runs, commands = analysis.runs, _commands(analysis.runs)
     shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
     for a, b in permutations(deviations, 2):

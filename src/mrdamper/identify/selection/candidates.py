@@ -44,18 +44,20 @@ class FittedCandidate:
 class ValidatedCandidate:
     """A fitted candidate with its errors on held-out windows.
 
-    All runs with constant current together have the same weight as all runs with changing current, because
-    a laboratory keeps the current constant, but a controller never does. Arrays have one value per window.
+    In the total error, all runs with constant current together have the same weight as all runs with changing
+    current. Most laboratory runs have constant current, but a controller changes the current all the time.
+    Arrays have one value per window.
     """
 
     fitted: FittedCandidate  # fit to all windows
-    dampers: tuple[Damper, ...]  # fits without one fold, in the order of the folds
-    squared_errors: FloatArray  # [%^2], held out; NaN if no fold holds the window out
-    fractions: FloatArray  # weights
-    folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if none does
-    runs: NDArray[np.intp]  # index of the run
+    dampers: tuple[Damper, ...]  # fits that each omit one fold, in the order of the folds
+    squared_errors: FloatArray  # [%^2] of each held-out window; NaN if no fold holds out the window
+    fractions: FloatArray  # weight of each window
+    folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
+    runs: NDArray[np.intp]  # index of the run of each window
     cpu_s: float
-    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))  # [%^2] of each run
+    # Squared error [%^2] of each run with changing current.
+    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def cv_percent_by_run(self) -> FloatArray:
@@ -73,7 +75,7 @@ class ValidatedCandidate:
 
     @property
     def cv_rms_percent(self) -> float:
-        """Root of the mean squared error [%] of held-out data."""
+        """Root of the mean squared error [%] of held-out windows and of runs with changing current."""
         held_out = self._is_held_out
         weight = self.fractions[held_out]
         means = [float(weight @ self.squared_errors[held_out] / weight.sum())]
@@ -90,17 +92,40 @@ class ValidatedCandidate:
     def _is_held_out(self) -> NDArray[np.bool_]:
         return self.folds >= 0
 
-    def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
-        """Return the relative decrease of the error from ``other`` to this candidate, and its Student's t.
+    @property
+    def cv_mean_percent(self) -> float:
+        """Mean error [%] of held-out runs. It decides the selection.
 
-        The differences of squared errors of folds and of runs with changing current are the samples
-        of the t statistic, each kind with its own variance.
+        A root mean square would be decided by the few runs that no candidate explains, such as runs at zero
+        current in which only friction acts.
         """
+        weights, errors_percent, _ = self._run_errors()
+        means = [float(weights @ errors_percent)]
+        if self.changing_squared_errors.size:
+            means.append(float(self.changing_percent_by_run.mean()))
+        return float(np.mean(means))
+
+    def _run_errors(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+        """Return weights, errors [%] and folds of the parts of runs that a fold holds out."""
         held_out = self._is_held_out
-        weight = self.fractions[held_out] / self.fractions[held_out].sum()
-        differences = weight * (other.squared_errors - self.squared_errors)[held_out]
-        by_fold = np.bincount(self.folds[held_out], weights=differences)
-        changing = other.changing_squared_errors - self.changing_squared_errors
+        folds, runs = self.folds[held_out], self.runs[held_out]
+        fractions, squares = self.fractions[held_out], self.squared_errors[held_out]
+        _, first, part = np.unique(np.stack([runs, folds]), axis=1, return_index=True, return_inverse=True)
+        part = part.reshape(-1)
+        weights = np.bincount(part, weights=fractions)
+        errors_percent = np.sqrt(np.bincount(part, weights=fractions * squares) / weights)
+        return weights / weights.sum(), errors_percent, folds[first]
+
+    def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
+        """Return the relative decrease of the mean error from ``other`` to this candidate, and Student's t.
+
+        The differences of the errors of folds and of runs with changing current are the samples of the t
+        statistic, each kind with its own variance.
+        """
+        weights, errors_percent, folds = self._run_errors()
+        differences = weights * (other._run_errors()[1] - errors_percent)
+        by_fold = np.bincount(folds, weights=differences)
+        changing = other.changing_percent_by_run - self.changing_percent_by_run
         mean, variance = 0.0, 0.0
         for samples in (by_fold, changing / max(changing.size, 1)):
             if samples.size:
@@ -108,4 +133,4 @@ class ValidatedCandidate:
                 spread = float(np.var(samples, ddof=1)) if samples.size > 1 else np.inf
                 variance += spread * samples.size
         t = mean / np.sqrt(variance) if variance > 0.0 else np.inf * np.sign(mean)
-        return 1.0 - self.cv_rms_percent / other.cv_rms_percent, float(t)
+        return 1.0 - self.cv_mean_percent / other.cv_mean_percent, float(t)

@@ -1,7 +1,7 @@
-"""Evaluation of candidates: quick fits to windows of the runs, and cross-validation over folds.
+"""Evaluate candidates of the model selection: quick fits to windows of the runs, and cross-validation.
 
-All fits use the problem definition of ``FitData``. They differ from the final fit in two ways only: they use
-windows that represent the runs, and few iterations.
+All fits use the problem definition of ``FitData``, like the final fit. They differ from the final fit in only
+two ways: they use a subset of windows that represents the runs, and they make few iterations.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 class CandidateEvaluator:
     """Fits and cross-validates candidates on windows with at most ``samples_max`` simulated samples.
 
-    All laws have the given ``terms``. If ``terms`` is None, the terms are selected.
+    If ``terms`` is given, every law has exactly these terms. With None, terms can be added and removed.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class CandidateEvaluator:
             samples_max=min(data.settings.screening_samples_max, settings.screening_fraction * samples_max),
             blocks=blocks,
         )
-        # Damper of the last validated candidate with its actuation.
+        # Last cross-validated damper with its actuation. The next fit of an actuation starts here.
         self._response: Damper | None = None
         self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
         if data.fluid is None and data.temperature != "none":
@@ -91,15 +91,15 @@ class CandidateEvaluator:
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
-        """Return the fit problem of a candidate, with coefficients at start values relative to the scale."""
+        """Return the fit problem of a candidate; ``start`` has start values divided by typical values."""
         return self.data.problem(candidate.law, candidate.terms, start)
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
-        """Return the archetypes from which the search for terms starts; None means the default terms.
+        """Return the archetypes with which the selection of terms starts; None means the default terms.
 
-        If the mean forces depend on temperature, every archetype includes a gas force, because descents
-        without a gas force do not end near the best damper with a gas force. If the mean forces grow with
-        force, every archetype is also started with asymmetric forces.
+        If the mean forces depend on temperature, every archetype includes a gas force, because a search that
+        starts without a gas force does not find the best damper with a gas force. If the mean forces grow
+        with the force, there is an additional asymmetric version of every archetype.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
@@ -116,16 +116,16 @@ class CandidateEvaluator:
     def fit_initial(
         self, law: str, archetype: Archetype | None, error_percent_max: float = np.inf
     ) -> FittedCandidate:
-        """Fit the candidate with which the search for the terms of a law starts.
+        """Return the fit of the first candidate of a law, with which the selection of terms starts.
 
-        If the error of the best start is above a limit, this start is returned without a fit.
+        If the error of the best start exceeds ``error_percent_max``, this start is returned without a fit.
         """
         candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
         starts = self.starts(candidate) if archetype is None else self._archetype_starts(candidate, archetype)
         return self.fit(candidate, starts, error_percent_max)
 
     def starts(self, candidate: Candidate) -> list[Damper]:
-        """Return several dampers with which a fit of a candidate starts, best first."""
+        """Return several start dampers for a fit of a candidate, best first."""
         problem, archetypes = self.problem(candidate), self._archetypes(candidate.law)
         if not archetypes:
             return random_start(problem, 0, self.screening_windows)
@@ -142,10 +142,11 @@ class CandidateEvaluator:
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
-        """Return copies of a damper in which one term is set to one of its start values.
+        """Return copies of a damper. In each copy, one term is reset to one of its start values.
 
-        A term can describe two different effects. Friction behind a stiff spring is friction, and behind a
-        soft spring it is a hysteretic stiffness. No short perturbation leads from one to the other.
+        A term can describe two different effects. For example, friction in series with a stiff spring acts as
+        friction, and friction in series with a soft spring acts as a hysteretic stiffness. A local search
+        does not get from one effect to the other.
         """
         known, restarted = terms_of(LAWS[candidate.law]), []
         for name in candidate.terms:
@@ -172,10 +173,10 @@ class CandidateEvaluator:
         return candidate
 
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Descend from the starts of an archetype; return the resulting dampers, best first.
+        """Descend from the start values of an archetype; return the resulting dampers, best first.
 
-        An alternative starts at the fit of the previous archetype, but with start values of its
-        own for the coefficients that differ.
+        An alternative archetype starts at the fit of the previous archetype. Only the coefficients that
+        differ have their own start values.
         """
         if archetype.is_alternative:
             kinds = self._archetypes(candidate.law)
@@ -196,7 +197,7 @@ class CandidateEvaluator:
         return screened_starts(self.problem(candidate), dampers, self.screening_windows)
 
     def addable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the terms that can be added to a candidate and that add at least one parameter."""
+        """Return the names of the terms that can be added and that increase the number of parameters."""
         known = terms_of(LAWS[candidate.law]) if self._terms is None else {}
         return [
             name
@@ -207,7 +208,7 @@ class CandidateEvaluator:
         ]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the terms of a candidate that no other term of the candidate needs."""
+        """Return the names of the terms of a candidate that no other term of the candidate requires."""
         if self._terms is not None:
             return []
         known = terms_of(LAWS[candidate.law])
@@ -221,9 +222,9 @@ class CandidateEvaluator:
     def fit(
         self, candidate: Candidate, dampers: Sequence[Damper], error_percent_max: float = np.inf
     ) -> FittedCandidate:
-        """Fit a candidate to the windows from given dampers of this candidate.
+        """Fit a candidate to the windows; ``dampers`` are possible start values.
 
-        If the error of the best damper is above a limit, this damper is returned without a fit.
+        If the error of the best damper exceeds ``error_percent_max``, this damper is returned without a fit.
         """
         start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
         objective = Objective(problem, self.windows)
@@ -243,9 +244,10 @@ class CandidateEvaluator:
     def refit(
         self, candidate: Candidate, previous_dampers: Sequence[Damper], screened_damper: Damper | None = None
     ) -> FittedCandidate:
-        """Fit a candidate to the windows from the best of several dampers.
+        """Fit a candidate to the windows, starting from the best of several fitted dampers.
 
-        The previous dampers have fewer terms. A new term starts at its smallest size.
+        The previous dampers have fewer terms than the candidate. A new term starts at its smallest start
+        value. ``screened_damper`` is a damper of the candidate after ``screen``.
         """
         objective = Objective(self.problem(candidate), self.windows)
         starts = [self._with_new_terms(candidate, each)[0][-1] for each in previous_dampers]
@@ -255,7 +257,7 @@ class CandidateEvaluator:
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
         """Fit a candidate by a few iterations on the screening windows; return the damper and its error [%].
 
-        A new term starts from each of its start values, multiplied by the size with the smallest error.
+        The fit starts from each of the start values of a new term, at the size with the smallest error.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
         starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]
@@ -268,7 +270,10 @@ class CandidateEvaluator:
         return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
 
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
-        """Return a previous damper with the new terms, for each start of the terms in several sizes."""
+        """Return copies of a previous damper with the new terms, grouped by start values of the terms.
+
+        The copies of one group have the same start values in several sizes, smallest size last.
+        """
         defaults, known = default_coefficients(previous), terms_of(LAWS[candidate.law])
         new = [known[name] for name in candidate.terms if known[name].entries[0].name in defaults]
         starts: list[Mapping[str, float]] = [{}, *(start for group in new for start in group.starts)]
@@ -283,10 +288,11 @@ class CandidateEvaluator:
     def cross_validate(
         self, fitted: FittedCandidate, previous: ValidatedCandidate | None = None
     ) -> ValidatedCandidate:
-        """Return the cross-validation errors of a fitted candidate: for each fold from a fit without it.
+        """Return a fitted candidate with its cross-validation errors.
 
-        A fit without a fold starts at the fit to all windows. It starts at the previous candidate's fit
-        without the same fold if the error of that fit is smaller.
+        For each fold, the candidate is fitted to the remaining windows. This fit starts at the fit to all
+        windows, or at the fit of the candidate ``previous`` without the same fold, whichever has the smaller
+        error.
         """
         start_s = cpu_seconds()
         problem = self.problem(fitted.candidate)
@@ -321,7 +327,7 @@ class CandidateEvaluator:
         )
 
     def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
-        """Return a damper with actuation, and the errors [%^2] on the runs with changing current.
+        """Return the damper with a fitted actuation, and the error [%^2] of each run with changing current.
 
         The actuation is fitted to one run of each motion. The fit starts at the actuation of ``response``.
         """

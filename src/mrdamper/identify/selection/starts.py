@@ -1,4 +1,4 @@
-"""Start values of the fits of a selection, and short descents."""
+"""Compute start values for the fits of the model selection."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import REFERENCE_K
 
-# A new term starts at the multiple of its default start value that has the smallest error.
+# Factors on the default start value of a new term. The factor with the smallest error is used.
 START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
 def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> tuple[float, float] | None:
-    """Return the mean force of the runs at 20 degC [N] and its slope over temperature [N/K].
+    """Return the mean force of the runs at 20 degC [N] and the slope of this force over temperature [N/K].
 
-    Return None if a run has no temperature, or if the slope reduces the error of the runs by less than
-    ``error_percent_min``.
+    The mean force of a symmetric damper is its gas force. Return None if a run has no temperature, or if the
+    slope reduces the error of the runs by less than ``error_percent_min``.
     """
     warming_K = _warming_K(runs)
     if warming_K is None:
@@ -32,10 +32,11 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
-    """Return the decrease of the error [%] of the runs by mean forces that grow with force and speed.
+    """Return the decrease of the error [%] of runs if their mean forces may grow with force and speed.
 
-    The mean force of a run is the gas force if the damper is symmetric. A damper that is stronger in one
-    direction has larger mean forces in runs with larger forces.
+    If the damper is symmetric, the mean force of a run is the gas force. A damper that is stronger in one
+    direction has larger mean forces in runs with larger forces. The regression of the mean forces therefore
+    includes the size of the force and the speed. The result is large for an asymmetric damper.
     """
     warming_K = _warming_K(runs)
     base = [np.ones(len(runs)), *([] if warming_K is None else [warming_K])]
@@ -45,7 +46,7 @@ def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
 
 
 def _warming_K(runs: Sequence[PreparedRun]) -> FloatArray | None:
-    """Return the mean temperature of each run minus 20 degC [K]; None if a run has no temperature."""
+    """Return the mean temperature of each run above 20 degC [K]; None if a run has no temperature."""
     warm = [float(np.mean(t)) - REFERENCE_K for run in runs if (t := run.trajectory.temperature) is not None]
     return np.array(warm) if len(warm) == len(runs) else None
 
@@ -53,10 +54,11 @@ def _warming_K(runs: Sequence[PreparedRun]) -> FloatArray | None:
 def _mean_force(
     runs: Sequence[PreparedRun], base: FloatArray, more: FloatArray
 ) -> tuple[tuple[float, ...], float]:
-    """Fit the mean forces of the runs; return the coefficients and the decrease of the error [%] by ``more``.
+    """Fit the mean forces of runs by linear regression; return coefficients and decrease of the error [%].
 
-    The mean force of a run is divided by the standard deviation of the force, like the error of the run.
-    ``base`` and ``more`` are columns of the linear model of the mean force, one row per run.
+    ``base`` and ``more`` are columns of the regression matrix with one row per run. The decrease is the
+    effect of the columns ``more``. The mean force of a run is divided by the standard deviation of its force,
+    like the error of a run.
     """
     forces = [_period_forces(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
@@ -70,16 +72,16 @@ def _mean_force(
 
 
 def _period_forces(run: PreparedRun) -> FloatArray:
-    """Return the scored force [N] over whole periods; over all samples if the motion has no period."""
+    """Return the scored force [N] of all whole periods; all scored samples if the motion has no period."""
     force, period = run.force[run.scored_from :], (run.period_s or np.inf) / run.trajectory.step
     whole = int(len(force) / period)
     return force[: round(whole * period)] if whole else force
 
 
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:
-    """Return copies of a start in which the first coefficient of each new term has another size.
+    """Return several versions of the start values, with different sizes of the new terms, smallest last.
 
-    The smallest size is last.
+    The size of a term is the start value of its first coefficient.
     """
     firsts = {entry.name: start.get(entry.name, entry.start) for entry in (each.entries[0] for each in new)}
     sized = {
@@ -93,7 +95,7 @@ def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -
 
 
 def default_coefficients(damper: Damper) -> set[str]:
-    """Return the names of the coefficients that have the default value of the law."""
+    """Return the names of the coefficients of a damper that are constant at the default value of the law."""
     return {
         c.name
         for c, form in zip(damper.law.coefficients, damper.coefficients.values(), strict=True)
@@ -102,10 +104,11 @@ def default_coefficients(damper: Damper) -> set[str]:
 
 
 def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
-    """Return ``onto`` with start values from a previous damper of the same law.
+    """Return the damper ``onto`` with start values from a previous damper of the same law.
 
-    Parameters of the same name are copied. If the form of a coefficient (its dependence on current) has
-    changed, the coefficient starts at the previous value at zero current.
+    Parameters with the same name are copied. If the dependence of a coefficient on current has another type,
+    the coefficient starts as a constant at its previous value at zero current. Coefficients at the default
+    value of the law are not copied.
     """
     known, values = previous.parameters_and_lag, onto.parameters_and_lag
     defaults, shared = default_coefficients(previous), {}

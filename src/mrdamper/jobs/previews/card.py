@@ -1,6 +1,6 @@
-"""The summary of a card in one line, for a list of cards. The JSON is not validated.
+"""Summary of a card for one line of a list. The JSON of the card is not validated.
 
-Only light modules are loaded. ``require_card`` is an exception, because it validates the card.
+Only modules that load fast are imported. ``require_card`` is the exception, because it validates the card.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _ENVELOPE = itemgetter("command", "displacement_m", "velocity_m_s", "temperature
 
 
 def card_line(path: Path) -> dict[str, object]:
-    """Return title, law, envelope and error of a card; ``error`` is the reason if the card is invalid."""
+    """Return title, law, envelope and fit error of a card; ``error`` is the reason if the card is invalid."""
     row: dict[str, object] = dict.fromkeys(
         (
             *("title", "law", "method", "command_unit", "runs", "cost_percent", "converged"),
@@ -66,7 +66,7 @@ def card_line(path: Path) -> dict[str, object]:
 
 
 def require_card(path: Path) -> None:
-    """Raise an ``InputError`` with all faults of a card; code in the card is never executed."""
+    """Raise an ``InputError`` with all faults if a card is invalid; code in the card is never executed."""
     from mrdamper.models.card_schema import read_card
 
     read_card(path)

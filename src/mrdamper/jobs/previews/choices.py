@@ -1,7 +1,7 @@
-"""Names that options accept: laws, fluids, targets, controllers and roles, as one JSON-ready object.
+"""List the names that options accept (laws, fluids, targets, controllers, roles) as one JSON object.
 
-Forms use these names; jobs interpret them. Only light modules are loaded (no SciPy, no table reader), because
-a server requests the names first.
+Web forms offer these names, and jobs interpret them. Only modules that load fast are imported (no SciPy, no
+table reader), because a server needs the names when it starts.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from mrdamper.virtual_rig.campaign import CAMPAIGNS
 from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 
 WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
-"""Files that a form can fill in, table by table: the record of each."""
+"""Kinds of files that a web form can edit table by table, with the class of the content of each kind."""
 
 
 def choices() -> dict[str, object]:
-    """Return every name that the options of jobs accept, with titles and units if available."""
+    """Return all names that the options of jobs accept, with titles and units if available."""
     return {
         "laws": [
             {"name": "auto", "title": "compare all, take the best"},
@@ -52,5 +52,5 @@ def choices() -> dict[str, object]:
 
 
 def run_formats() -> list[str]:
-    """Return the suffixes of files with runs."""
+    """Return the file name suffixes of all readable formats of runs, sorted."""
     return sorted({suffix for known in FORMATS for suffix in known.suffixes})

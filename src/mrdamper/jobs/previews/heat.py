@@ -1,7 +1,7 @@
-"""Heating curves for interactive sliders, and heating jobs in changed surroundings.
+"""Compute heating curves fast enough for interactive sliders, and edit geometry files for web forms.
 
-The quick curve uses the card, geometry, load cycle and model of ``mrdamper heat``. Card, geometry and
-intermediate results are cached between curves. The full field and the pages are omitted.
+The quick curve has the same card, geometry, load cycle and thermal model as ``mrdamper heat``. Card, geometry
+and intermediate results are cached between curves. The temperature field and the report are omitted.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Value = TypeVar("Value")
 
 
 class QuickHeat:
-    """Computes successive heating curves and caches their common data."""
+    """Computes successive heating curves and caches the data that they have in common."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[object, object] = OrderedDict()
@@ -53,13 +53,14 @@ class QuickHeat:
         duration_s: float = 1800.0,
         options: Mapping[str, Any] | None = None,
     ) -> Json:
-        """Return a damper's temperatures during a sinusoidal motion.
+        """Return the temperatures of a damper during a sinusoidal motion, as JSON values.
 
         Parameters
         ----------
-        card, damper : the card's file; the geometry file, or ``paper``
-        duty_share : fraction of the time in operation; power and coil heat are averaged over work and rest
-        options : options of the job, by the names of ``HeatOptions``; missing ones have their defaults
+        card, damper : file of the card; geometry file, or ``paper``
+        duty_share : fraction of the time in operation; dissipated power and coil heat are averaged over
+            operation and rest
+        options : options of the job by the field names of ``HeatOptions``; None: the default options
         """
         asked = HeatOptions(**options or {})
         begin = time.perf_counter()
@@ -115,7 +116,7 @@ class QuickHeat:
 
 
 def damper_facts(damper: str, shown: str) -> Json:
-    """Return the values of a geometry file for a form and a section drawing, and the original tables."""
+    """Return the main values of a geometry file for a web form and a section drawing, and its TOML tables."""
     return {**_facts(read_drawing(damper), shown), "tables": parse_toml(text_of(damper))}
 
 
@@ -125,23 +126,23 @@ def draw_damper(
     tables: Mapping[str, Mapping[str, Any]] | None = None,
     fins: Mapping[str, float | str] | None = None,
 ) -> Json:
-    """Return the TOML text of a changed geometry file, and its facts.
+    """Return the TOML text of a changed geometry file, and its main values.
 
     Parameters
     ----------
-    damper, shown : the original geometry file or preset; its name in messages
-    tables : replace tables of the geometry file, by the names of ``DrawingTables``; others are invalid
-    fins : a design from the search for heat sinks, which replaces the table [sink]
+    damper, shown : original geometry file or preset; name of the file in messages
+    tables : new content of all tables, by the field names of ``DrawingTables``; None: the original tables
+    fins : design from the search for heat sinks, which replaces the table [sink]
 
     Raises
     ------
     InputError
-        If the geometry is invalid, with the wrong table and key.
+        If the geometry is invalid. The message names the invalid table and key.
     """
     document: Json = parse_toml(text_of(damper))
     if tables is not None:
         document = {name: dict(table) for name, table in tables.items() if table}
-        read_record(DrawingTables, document, shown)  # Only values of the geometry are written.
+        read_record(DrawingTables, document, shown)  # Unknown tables and keys are rejected.
     if fins is not None:
         drawing = drawing_of(toml_text(document, shown), shown)
         document["sink"] = write_record(_finned(drawing, fins), defaults=True)
@@ -178,13 +179,16 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
-    """Return a sink with the convection model of the original sink, as in the search for heat sinks."""
+    """Return a heat sink with the given fins and the convection model of the original heat sink.
+
+    The search for heat sinks uses the same convection model.
+    """
     own = write_record(HeatedDamper(drawing, ()).pattern, defaults=True)
     return read_record(HeatSink, {**own, **fins, "fins": int(fins["fins"])}, "fins")
 
 
 def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:
-    """Return the load cycle of a sine motion; with zero amplitude, rest with current in the coil."""
+    """Return the load cycle of a sine motion; for zero amplitude, a rest with current in the coil."""
     if amplitude_mm == 0.0:
         return Duty((Segment(duration_s, None, 0, abs(command)),), unit, f"rest at {command:g} {unit}")
     text = f"sine:{amplitude_mm:g}mm:{frequency_Hz:g}Hz:{command:g}{unit}:{duration_s:g}s"
@@ -192,7 +196,7 @@ def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: 
 
 
 def _version(path: Path) -> tuple[str, int, int]:
-    """Return values that change when a file changes."""
+    """Return path, modification time and size of a file, which change when the file changes."""
     try:
         found = path.stat()
     except OSError:

@@ -1,7 +1,7 @@
-"""Preview of a file: its columns, their interpretation, and faults of the runs.
+"""Preview of a file with measurements: its columns, their interpretation, and faults of the runs.
 
-This helps to map channels. If the runs of a file are not readable, its columns are returned with the reason.
-Nothing is written.
+The preview helps the user to map channels. If the runs of a file are not readable, the columns are returned
+with the reason. No file is written.
 """
 
 from __future__ import annotations
@@ -30,20 +30,21 @@ from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
 from mrdamper.schema import Json, finite_or_none
 
-if TYPE_CHECKING:  # These modules are slow to load, and a glance does not need them.
+if TYPE_CHECKING:  # This module is slow to load, and ``glance`` does not need it.
     from mrdamper.data.prepare import PreparedRun
 
-_VALUE_COUNT = 12  # shown values of a column
-_THUMBNAIL_INTERVAL_COUNT = 32  # intervals of a thumbnail
+_VALUE_COUNT = 12  # number of displayed values of a column
+_THUMBNAIL_INTERVAL_COUNT = 32  # number of intervals of the small plot of a column
 _MOST_COLUMNS = 64
-# A quick loop has this number of points, from this number of samples in the middle of a column.
+# Max number of points in a preview of a loop, and max number of samples (in the middle of a column) that are
+# thinned to these points.
 _LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
-_MOST_OFFERS = 20  # max number of tested maps of other files
-_CELL_MAX_CHARS = 120  # characters of a cell
+_MOST_OFFERS = 20  # max number of channel maps of other files that are tried
+_CELL_MAX_CHARS = 120  # max number of displayed characters of a cell
 _MOST_RUNS = 200
-_DIAGNOSIS_SAMPLES_MAX = 200_000  # max samples of an immediate diagnosis
-_GLANCE_BYTES = 1 << 18  # bytes of a text that are read for a glance
-_GLANCE_FILE_MIN_BYTES = 1 << 21  # min size [bytes] of a file for a glance
+_DIAGNOSIS_SAMPLES_MAX = 200_000  # Larger files are not diagnosed immediately.
+_GLANCE_BYTES = 1 << 18  # bytes that ``glance`` reads from the beginning of a file
+_GLANCE_FILE_MIN_BYTES = 1 << 21  # ``glance`` applies only to files of this size [bytes] and larger ones.
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 
 
@@ -52,12 +53,12 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
 
     Parameters
     ----------
-    given : the map; None: the map next to the file, if there is one
+    given : channel map; None: the map next to the file, if there is one
 
     Raises
     ------
     InputError
-        If the map itself is invalid.
+        If the channel map is invalid.
     """
     view, read = look_into(path, given)
     if read is None:
@@ -75,18 +76,19 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
 
 
 def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
-    """Return the beginning of a large text in the format of ``look``; None if the whole file is required.
+    """Return a preview of the beginning of a large text file, in the format of ``look``.
 
-    ``head_share`` is the fraction of the file that was read; ``rows`` is None because the number of rows is
-    unknown. Runs are not built because a test may continue after the beginning. For the same reason, errors
-    of a map that splits the file into tests are not reported.
+    Return None if the file is small or not a text, so that the whole file has to be read. ``head_share`` is
+    the fraction of the file that was read. ``rows`` is null because the number of rows is unknown. The
+    preview contains no runs because a test may continue after the part that was read. For the same reason,
+    errors of a channel map that splits the file into tests are not reported.
     """
     size = path.stat().st_size
     if size < _GLANCE_FILE_MIN_BYTES or path.suffix.lower() not in _TEXTS:
         return None
     with path.open("rb") as file:
         head = file.read(_GLANCE_BYTES)
-    if b"\x00" in head or b"\n" not in head:  # The file is binary or has wide characters.
+    if b"\x00" in head or b"\n" not in head:  # The file is binary or has characters of several bytes.
         return None
     head = head[: head.rfind(b"\n") + 1]
     document = _document_beside(path) if given is None else dict(given)
@@ -103,7 +105,7 @@ def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
 
 @dataclass(kw_only=True)
 class FileView:
-    """The contents of a file as a page displays them."""
+    """Preview of a file, with the fields that a web page displays."""
 
     name: str
     bytes: int
@@ -122,7 +124,10 @@ class FileView:
 
 
 def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileView, RigFile | None]:
-    """Return the contents of a file and its recordings; None if they are not readable (``error``)."""
+    """Return the preview of a file and its recordings.
+
+    If the recordings are not readable, None is returned instead, and ``error`` of the preview has the reason.
+    """
     document = _document_beside(path) if given is None else dict(given)
     chosen = ChannelMap.from_dict(document or {}, "channel map")
     view = FileView(name=path.name, bytes=path.stat().st_size, map=document)
@@ -150,7 +155,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return channel maps of the package and of other files that read this file without changes."""
+    """Return the channel maps of the package and of other files that can read this file unchanged."""
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:_MOST_OFFERS])
     offers: list[Json] = []
     for place in known:
@@ -166,7 +171,7 @@ def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
 
 
 def findings_in(path: Path) -> Json:
-    """Return findings about the runs in a file, by run number. Very long runs take minutes."""
+    """Return one list of findings for each run in a file. For very long runs, this takes minutes."""
     try:
         read = read_file(path)
     except InputError:
@@ -175,7 +180,7 @@ def findings_in(path: Path) -> Json:
 
 
 def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None) -> list[Json]:
-    """Return findings from reading a run and from its diagnosis, worst first."""
+    """Return the findings about a run from reading its file and from its diagnosis, worst first."""
     from mrdamper.data.diagnosis.diagnose import diagnose
 
     found = [*diagnose(run, prepared), *(each for each in read.findings if each.run == run.name)]
@@ -183,7 +188,7 @@ def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None
 
 
 def run_row(read: RigFile, recording: Recording) -> tuple[Json, PreparedRun | None]:
-    """Return the values of a run in a file, and the prepared run if it is valid."""
+    """Return the main values of a run for a table, and the prepared run (None if the run is invalid)."""
     from mrdamper.data.prepare import prepare_run
 
     prepared, error = None, None
@@ -270,7 +275,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _thumbnail(values: FloatArray) -> list[float | None] | None:
-    """Return the minimum and maximum of each of several equal intervals."""
+    """Return minima and maxima of a column in equal intervals: [min 1, max 1, min 2, ...]."""
     if len(values) < 2:
         return None
     edges = np.unique(np.linspace(0, len(values), _THUMBNAIL_INTERVAL_COUNT + 1).astype(int)[:-1])
@@ -279,7 +284,7 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
 
 
 def _sample(values: FloatArray) -> list[float | None]:
-    """Return a few samples from the middle of a column, with the same indices for all columns."""
+    """Return a few samples from the middle of a column. The indices are the same for all columns."""
     begin = max(0, (len(values) - _LOOP_SAMPLES_MAX) // 2)
     part = values[begin : begin + _LOOP_SAMPLES_MAX]
     return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _LOOP_POINT_COUNT)]]

@@ -1,13 +1,13 @@
-"""Files with the plot data of runs: samples as float32 in display units.
+"""Write and read *series* files, which store the samples of one run as float32 in display units for plots.
 
 The format is::
 
     uint32 H, H bytes of JSON (padded with blanks, so that 4 + H is a multiple of 4), then the columns, one
     after another, as float32; all little-endian
 
-The JSON header states the names and units of the columns and the number of samples. A reduced window of such
-a file contains, for each of several equal intervals, the samples with minimum and maximum force and
-displacement. Therefore loops and peaks remain visible. A server sends the files unchanged.
+The JSON header has the names and units of the columns and the number of samples. ``keep_window`` reduces the
+number of samples. In each of several equal intervals, it keeps the samples with minimum and maximum force and
+displacement, so that loops and peaks remain visible. A server sends the files unchanged.
 """
 
 from __future__ import annotations
@@ -35,16 +35,17 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Json, finite_or_none
 
-_STEP_TOLERANCE_RATIO = 1e-3  # allowed deviation in time steps
-_WINDOW_SAMPLES_MIN = 64  # min samples of a window
+_STEP_TOLERANCE_RATIO = 1e-3  # max deviation of a time step from the mean step, divided by the mean step
+_WINDOW_SAMPLES_MIN = 64  # min number of samples of a window
 
 Columns = Mapping[str, tuple[str, NDArray[Any]]]
 
 
 def keep_runs(path: Path, place: Path) -> Json:
-    """Write the runs of a file into a folder, ``0.series`` and so on; return the result of ``look``.
+    """Write each run of a file as a series file into a folder (``0.series``, ...); return the preview.
 
-    If a file is not readable, the result contains the reason and its location in ``error``.
+    The preview has the format of ``look``. If the file is not readable, ``error`` in the preview has the
+    reason.
     """
     place.mkdir(parents=True, exist_ok=True)
     try:
@@ -72,13 +73,13 @@ def keep_window(
     to_s: float | None = None,
     samples_of: Path | None = None,
 ) -> None:
-    """Write a part of a stored run, possibly with fewer samples.
+    """Write a part of a series file as a new series file, possibly with fewer samples.
 
     Parameters
     ----------
-    most : maximum number of samples, at least 64; None: all
-    from_s, to_s : on the run's time, counted from its first sample
-    samples_of : stored run whose force and displacement select the samples; None: this run
+    most : maximum number of samples, at least 64; None: all samples
+    from_s, to_s : start and end of the part, as time since the first sample of the run
+    samples_of : series file whose force and displacement select the samples; None: ``series`` itself
     """
     header, columns = read_series(series)
     deciding = columns if samples_of is None else read_series(samples_of)[1]
@@ -100,11 +101,12 @@ def keep_window(
 
 
 def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> None:
-    """Write the modelled force of a card at the samples of a run, with motion and measured force.
+    """Write a series file with motion, measured force, and the force of a card at the samples of a run.
 
     Parameters
     ----------
-    number : number of the run in its file
+    number : number of the run in the file ``path``, counted from 0
+    place : path of the new series file
     shown : displayed name of the card
     """
     model = read_card(card)
@@ -141,7 +143,7 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
 
 
 def read_series(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
-    """Return header and columns of a kept run; the columns stay on disk."""
+    """Return the header and the columns of a series file; the columns are memory-mapped and not loaded."""
     with path.open("rb") as file:
         length = int.from_bytes(file.read(4), "little")
         header = json.loads(file.read(length))
@@ -152,7 +154,7 @@ def read_series(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float3
 
 
 def _units(header: Mapping[str, Any]) -> dict[str, str]:
-    """Return the units of the columns of a stored run, by name."""
+    """Return the units of the columns of a series file, by name of the column."""
     return {column["name"]: column["unit"] for column in header["columns"]}
 
 
@@ -182,7 +184,7 @@ def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
 
 
 def _on_samples(recording: Recording, prepared: PreparedRun, values: FloatArray) -> FloatArray:
-    """Return findings on the uniform grid of the prepared run, mapped to the samples of the file."""
+    """Return values at the samples of the file, interpolated from the uniform grid of the prepared run."""
     time = recording.time - recording.time[0]
     step = prepared.trajectory.step
     if len(values) == len(time) and abs(float(time[-1]) - step * (len(time) - 1)) < 0.5 * step:
@@ -205,7 +207,7 @@ def _header(recording: Recording, file: str) -> dict[str, Any]:
 
 
 def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
-    """Write a stored run atomically: a temporary file is renamed when complete."""
+    """Write a series file atomically: a temporary file is renamed when it is complete."""
     count = len(next(iter(columns.values()))[1])
     told = {
         **header,
@@ -224,14 +226,17 @@ def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
 
 
 def _telling(columns: list[NDArray[np.float32]], most: int) -> NDArray[np.int64]:
-    """Return the indices of the minimum and maximum of each column in equal intervals, at most ``most``."""
+    """Return at most ``most`` sample indices: the extremes of each column in equal intervals.
+
+    The first and the last sample are always included.
+    """
     count = len(columns[0])
     stretches = (most - 2) // (2 * len(columns))
     wide = -(-count // stretches)
     found = [np.array([0, count - 1])]
     begins = np.arange(0, count, wide)
     for values in columns:
-        # A short last interval is filled up with its last value.
+        # Fill a short last interval with its last value.
         padded = np.full(len(begins) * wide, values[-1], dtype=np.float32)
         padded[:count] = values
         rows = np.nan_to_num(padded).reshape(len(begins), wide)

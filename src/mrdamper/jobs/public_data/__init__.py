@@ -1,1 +1,1 @@
-"""Public data sets: the catalogue, and the channel maps that come with the package."""
+"""Public data sets: catalogue, download, and channel maps that are installed with the package."""

@@ -24,7 +24,7 @@ from mrdamper.schema import unknown_name
 class RemoteFile:
     """A file of a public repository."""
 
-    path: str  # in the repository
+    path: str  # path in the repository
     sha256: str
 
     @property
@@ -42,12 +42,12 @@ class DataSet:
     doi: str  # "" if there is no DOI
     repository: str  # owner/name on GitHub
     commit: str
-    channels: str  # the channel map in examples/ that reads the files
+    channels: str  # name of the channel map in examples/ that reads the files
     notes: str
     files: tuple[RemoteFile, ...]
 
     def url(self, file: RemoteFile) -> str:
-        """Return the address of a file at the pinned commit."""
+        """Return the download address of a file at the fixed commit."""
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(file.path)}"
 
 
@@ -92,16 +92,16 @@ DATA_SETS: tuple[DataSet, ...] = (
 
 
 def list_sets() -> tuple[DataSet, ...]:
-    """Return the public data sets that ``fetch`` knows."""
+    """Return the public data sets of the catalogue."""
     return DATA_SETS
 
 
 def fetch(name: str, *, folder: Path | None = None) -> Path:
-    """Return the folder with the files of a data set. Missing files are downloaded.
+    """Download the missing files of a data set; return the folder with the files.
 
     Parameters
     ----------
-    name : name of the set
+    name : name of the set in the catalogue
     folder : target folder; by default a folder with the name of the set in the user's cache
 
     Raises
@@ -135,14 +135,17 @@ def fetch(name: str, *, folder: Path | None = None) -> Path:
 
 
 def _cache() -> Path:
-    """Return the folder of this program in the cache of the user."""
+    """Return the folder of this program in the cache folder of the user."""
     usual = {"darwin": "~/Library/Caches", "win32": os.environ.get("LOCALAPPDATA", "~/AppData/Local")}
     named = os.environ.get("XDG_CACHE_HOME") or usual.get(sys.platform, "~/.cache")
     return Path(named).expanduser() / "mrdamper"
 
 
 def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
-    """Return the file in a local mirror: by its path, or by name in raw/, <set>/ or the root."""
+    """Return the path of a file in a local mirror, or None if the mirror does not contain the file.
+
+    The file is searched by its path in the repository, and by its name in raw/, <set>/ and the root.
+    """
     for place in (file.path, f"raw/{file.name}", f"{chosen.name}/{file.name}", file.name):
         if (mirror / place).is_file():
             return mirror / place
@@ -150,7 +153,7 @@ def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
 
 
 def _download(chosen: DataSet, file: RemoteFile) -> Path:
-    """Return the path of the downloaded file; the caller checks the hash."""
+    """Download a file into the cache; return its path. The caller checks the hash."""
     url, place = chosen.url(file), _cache() / "downloads" / f"{file.sha256[:16]}-{file.name}"
     try:
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
-"""Public data sets: list, download, and the channel maps that read the files.
+"""The jobs ``data list`` and ``data fetch``: list and download public data sets.
 
-The channel maps are copies of the maps in the examples, because examples are not installed with the program.
-A test checks that the copies are equal.
+The channel maps that read the files are copies of the maps in the examples, because the examples are not
+installed with the program. A test checks that the copies are equal.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ class FetchedData(JobResult):
 
     @property
     def missing(self) -> list[str]:
-        """Return the names of missing files of the set."""
+        """Return the names of the files of the set that are missing in the folder."""
         return [file.name for file in self.data.files if not (self.folder / file.name).is_file()]
 
     @property
     def channels(self) -> Path:
-        """Return the channel map that reads the set's files."""
+        """Return the path of the channel map that reads the files of the set."""
         return MAPS / self.data.channels
 
 
@@ -60,7 +60,7 @@ def list_data() -> PublicData:
 
 
 def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
-    """Fetch a public data set, or find it in the local mirror ``MRDAMPER_DATA``.
+    """Download a public data set, or copy it from the local mirror ``MRDAMPER_DATA``.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
 
 
 def catalogue() -> list[Json]:
-    """Return a text that lists the public data sets with the names of their files."""
+    """Return the public data sets with the names of their files, as JSON objects."""
     return [
         {
             "name": each.name,

@@ -1,1 +1,4 @@
-"""Sweeps: one task for each campaign, random damper or geometry file, on processes or on a Dask cluster."""
+"""Sweeps: many independent tasks, each for one campaign, one random damper or one geometry file.
+
+The tasks run on processes of this machine or on a Dask cluster.
+"""

@@ -1,7 +1,7 @@
-"""Executors of a sweep's tasks: processes of this machine, or the workers of a Dask cluster.
+"""Run the tasks of a sweep on processes of this machine, or on the workers of a Dask cluster.
 
-Both executors return results in order of completion. If a worker dies, its task is repeated on another
-worker. If several workers die during one task, an error is raised.
+Both functions generate results in order of completion. If a worker dies, its task is repeated on another
+worker. If workers die repeatedly and no task is completed in between, an error is raised.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ from mrdamper.jobs.sweep.tasks import Result, run_task
 from mrdamper.runtime.pool import process_pool
 
 DEATHS_MAX = 20
-"""Workers may die so many times without a result in between: a machine short of memory recovers, a task that
-kills every worker does not."""
+"""Number of worker deaths without a result in between that ends a sweep.
+
+A machine that is short of memory recovers after some deaths, but a task that kills every worker never ends.
+"""
 
 CONNECT_MAX_S = 20
-WORKERS_WAIT_MAX_S = 600.0  # A cluster's scheduler may need minutes to get its first workers.
+WORKERS_WAIT_MAX_S = 600.0  # The scheduler of a cluster may wait for minutes until the first worker starts.
 
 
 def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task, Result]]:
-    """Run tasks on processes of this machine; generate (task, result) pairs.
+    """Generate (task, result) pairs; the tasks run on processes of this machine.
 
     Raises
     ------
@@ -54,9 +56,9 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
 
 
 def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, Result]]:
-    """Run tasks on a Dask cluster; generate (task, result) pairs.
+    """Generate (task, result) pairs; the tasks run on a Dask cluster.
 
-    The workers need this package and access to the files of the tasks under the same paths.
+    The workers need this package, and access to the files of the tasks under the same paths.
 
     Raises
     ------
@@ -70,7 +72,8 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
         from distributed import Client, KilledWorker, as_completed
     except ImportError as fault:
         raise MissingExtraError.for_package("a sweep on a cluster", "dask.distributed", "scale") from fault
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # One error message is enough.
+    # Dask would print messages in addition to the error of this function.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     place = f"scheduler {address!r}"
     try:
         client = Client(address, timeout=CONNECT_MAX_S, set_as_default=False)

@@ -1,4 +1,4 @@
-"""Tasks of a sweep: campaigns to fit, random dampers to track, or geometry files to search heat sinks for.
+"""Plan the tasks of a sweep: fit campaigns, test controllers on random dampers, or search heat sinks.
 
 Each task has its own seed, so that its result does not depend on the worker or on the order of execution.
 """
@@ -28,7 +28,7 @@ SweepKind = Literal["campaigns", "samples", "dampers"]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One task of a sweep; ``arguments`` are passed to the function for its kind in the module ``tasks``."""
+    """One task of a sweep. The module ``tasks`` has a function for each kind, which gets ``arguments``."""
 
     name: str
     kind: SweepKind
@@ -38,7 +38,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All tasks of a sweep in order, and a hash of all inputs that affect the results."""
+    """All tasks of a sweep in order, and a hash (``fingerprint``) of all inputs that affect the results."""
 
     kind: SweepKind
     seed: int
@@ -110,12 +110,12 @@ def make_plan(
 
 
 def read_drawings(given: Sequence[str | Path | DamperDrawing]) -> list[DamperDrawing]:
-    """Return the geometry of several dampers, each from a file, a preset's name or the value itself."""
+    """Return the geometries of several dampers, each given as a file, a preset name or a geometry object."""
     return [each if isinstance(each, DamperDrawing) else read_drawing(each) for each in given]
 
 
 def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
-    """Return the files and folders that match paths and patterns, without parameter files of virtual dampers.
+    """Return the files and folders that match paths and patterns; folders with reference values are omitted.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
 
 
 def _unique_names(paths: list[str]) -> Iterator[tuple[str, str]]:
-    """Generate each path with a unique name: its last part, with as many parents as necessary."""
+    """Generate (name, path) pairs; a name is the last part of the path, with parents until it is unique."""
     for path in paths:
         parts = Path(path).parts
         for count in range(1, len(parts) + 1):

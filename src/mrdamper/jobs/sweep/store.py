@@ -1,7 +1,7 @@
-"""Store for the results of a sweep: one line of JSON for each task, in the sweep's folder.
+"""Store the results of a sweep in a file of its folder, one line of JSON for each finished task.
 
-Each result is flushed to disk before the next task starts, so that a killed sweep can be resumed. An
-incomplete last line is dropped. Only one process at a time may open the file.
+Each result is flushed to disk when its task is finished, so that a killed sweep can be resumed. An incomplete
+last line is removed. Only one process at a time can open the file.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _KEPT = "The finished results are stored. Make room, then use --resume"
 
 
 class Store:
-    """The finished results of one sweep in a file that is open for appending."""
+    """The results of the finished tasks of one sweep, in a file that is open for appending."""
 
     def __init__(self, path: Path, file: BinaryIO, *, resume: bool) -> None:
         self._path, self._file, self._resume = path, file, resume
@@ -30,12 +30,12 @@ class Store:
         self._read()
 
     def begin(self, head: Mapping[str, Any]) -> None:
-        """Compare the sweep with the stored one, or store its identity.
+        """Store the identity of the sweep, or compare it with the identity that is already stored.
 
         Raises
         ------
         InputError
-            If the folder holds results of another sweep.
+            If the folder contains results of a different sweep.
         """
         if self._head is None:
             self._write(head)
@@ -49,7 +49,7 @@ class Store:
             )
 
     def add(self, name: str, result: dict[str, Any]) -> None:
-        """Store a result and flush it to disk."""
+        """Store the result of the task ``name`` and flush it to disk."""
         self._write({"name": name, "result": result})
         self.done[name] = result
 
@@ -64,7 +64,7 @@ class Store:
             ) from fault
 
     def _read(self) -> None:
-        """Read the complete lines. Remove an incomplete last line of an interrupted sweep."""
+        """Read the complete lines of the file, and remove an incomplete last line of a killed sweep."""
         whole, rows = 0, []
         for line in self._path.read_bytes().splitlines(keepends=True):
             try:
@@ -89,12 +89,13 @@ class Store:
 
 @contextmanager
 def open_store(folder: Path, *, resume: bool) -> Iterator[Store]:
-    """Open the stored results of a sweep in its folder, locked for this process.
+    """Open the store in the folder of a sweep; during the block, other processes cannot open it.
 
     Raises
     ------
     InputError
-        If the folder is not writable, another sweep is using it, or it holds results and ``resume`` is false.
+        If the folder is not writable, another sweep is using the folder, or the folder contains results and
+        ``resume`` is false.
     """
     path = folder / RESULTS_FILE
     try:

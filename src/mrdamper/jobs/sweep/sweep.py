@@ -1,7 +1,7 @@
-"""The job ``sweep``: campaigns, random dampers or geometry files, on processes or on a Dask cluster.
+"""The job ``sweep``: run many fits, controller tests or heat-sink searches on processes or a Dask cluster.
 
-Every result is stored on disk as soon as it is available. A resumed sweep writes the same files as an
-uninterrupted sweep.
+Every result is stored on disk as soon as it is available. A resumed sweep writes the same files as a sweep
+that was not interrupted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _USUAL = SweepOptions()
 
 @dataclass(frozen=True, slots=True)
 class SweptTask:
-    """Result of one task: values by name, and the card of a fit; or the error."""
+    """Result of one task: values by name, and the card if the task is a fit; or the error message."""
 
     name: str
     figures: Mapping[str, float | None]
@@ -42,7 +42,7 @@ class SweptTask:
 
 @dataclass(frozen=True, slots=True)
 class FigureSummary:
-    """Statistics of one value over all tasks that have this value."""
+    """Statistics of one value over all tasks with this value."""
 
     count: int
     least: float
@@ -54,36 +54,36 @@ class FigureSummary:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class SweepResult(JobResult):
-    """The results of a sweep's finished tasks, in the plan's order."""
+    """The results of the finished tasks of a sweep, in the order of the plan."""
 
     _job = "sweep"
     plan: Plan
     tasks: tuple[SweptTask, ...]
-    resumed: int  # results of an earlier run of the same sweep
+    resumed: int  # number of results from an earlier, interrupted run of the same sweep
 
     @property
     def cancelled(self) -> bool:
-        """Return True if an interrupt ended the sweep early."""
+        """Return True if the sweep was interrupted before all tasks were finished."""
         return len(self.tasks) < len(self.plan.tasks)
 
     @property
     def tasks_with_values(self) -> list[SweptTask]:
-        """Return the tasks that have values."""
+        """Return the tasks that succeeded."""
         return [task for task in self.tasks if not task.error]
 
     @property
     def failed(self) -> list[SweptTask]:
-        """Return the tasks that have no values."""
+        """Return the tasks that ended with an error."""
         return [task for task in self.tasks if task.error]
 
     @property
     def names(self) -> list[str]:
-        """Return the names of all values."""
+        """Return the names of the values of all tasks, in order of first appearance."""
         return list(dict.fromkeys(name for task in self.tasks_with_values for name in task.figures))
 
     @property
     def statistics(self) -> dict[str, FigureSummary]:
-        """Return median, 5th and 95th percentile and extremes of every value."""
+        """Return count, minimum, maximum, median, 5th and 95th percentile of every value, by name."""
         found = {}
         for name in self.names:
             values = [v for task in self.tasks_with_values if (v := task.figures.get(name)) is not None]
@@ -108,12 +108,12 @@ def sweep(
 
     Parameters
     ----------
-    campaigns : files, folders or patterns of runs; each gives one fit
-    card : model card of the controllers, and of the dissipation in heat sinks
+    campaigns : files, folders or patterns of runs; each match is one campaign with its own fit
+    card : model card for the controllers, or for the dissipated power
     dampers : geometry of each damper that gets a heat sink
-    duty : load cycle of the heat sinks
+    duty : load cycle for the heat sinks
     law : hysteresis model of the fits; None: chosen by cross-validation
-    checkpoint : store with the results of finished tasks, to which each new result is added
+    checkpoint : store with the results of finished tasks; each new result is added to it
 
     Raises
     ------
@@ -121,8 +121,8 @@ def sweep(
         If not exactly one kind of sweep is given, the card is missing, or workers and a scheduler are both
         given.
     InputError
-        If workers die repeatedly, no scheduler answers at the address, or the stored results are of another
-        sweep.
+        If workers die repeatedly, no scheduler answers at the address, or the store contains results of a
+        different sweep.
     """
     if options.workers is not None and options.scheduler is not None:
         raise UsageError("workers are of this machine, a scheduler has its own", expected="one of the two")

@@ -1,7 +1,7 @@
-"""Functions for the tasks of a sweep: any process can import them, and results are JSON values.
+"""Functions that run one task of a sweep. Any process can import them, and the results are JSON values.
 
-A result contains no time and no path of the worker, so that equal tasks give equal results on every machine.
-An input error is returned as a result; any other error is raised.
+A result contains no run time and no path of the worker, so that equal tasks give equal results on every
+machine. An input error is returned as a result. Any other error is raised.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from mrdamper.thermal.duty import Duty
 from mrdamper.virtual_rig.damper import find_preset
 from mrdamper.virtual_rig.plant import Plant
 
-SAMPLING_S = 1e-3  # Period of the controllers: the default of tracking.
+SAMPLING_S = 1e-3  # sampling period of the controllers; the default of the job ``track``
 
 Result = dict[str, Any]
-"""Result of a task, as JSON holds it."""
+"""Result of a task, as a JSON object."""
 
 
 def run_task(task: Task) -> Result:
-    """Return ``{"figures": values by name}``, with ``card`` for a fit, or ``{"error": reason}``."""
+    """Run one task; return {"figures": values by name} (and "card" for a fit), or {"error": reason}."""
     try:
         return _KINDS[task.kind](task.seed, **task.arguments)
     except MrdamperError as fault:
@@ -47,7 +47,7 @@ def run_task(task: Task) -> Result:
 
 
 def _fit(_seed: int, *, path: str, law: str | None) -> Result:
-    """Return the errors and parameters of a campaign's fit, and its card."""
+    """Fit a campaign; return the errors, the parameters and the card."""
     dataset = read_dataset([path])
     chosen = replace(options_for(dataset, FitOptions()), jobs=1)  # One core for each task.
     fitted = fit(dataset, law, options=chosen)
@@ -62,7 +62,7 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
 
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
-    """Return the tracking errors on a random damper: the nominal damper with random parameter changes."""
+    """Return the tracking errors of the recommended controller on the nominal damper with random changes."""
     known = card_from_json(card)
     damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
     largest = min(damper.highest_A, known.envelope.command[1])
@@ -90,7 +90,7 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
-    """Return the best sink, and the temperatures without fins, with the original sink and with it."""
+    """Search a heat sink; return the best sink, and the temperatures without, with original and best sink."""
     run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions())
     best = run.best.sink
     assert best is not None  # A search returns sinks.
@@ -110,7 +110,7 @@ def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) 
 
 
 def _json_values(figures: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return values as JSON values, with None for numbers that are not finite."""
+    """Return the values as floats, and None for values that are not finite."""
     return {
         name: None if value is None or not np.isfinite(value) else float(value)
         for name, value in figures.items()

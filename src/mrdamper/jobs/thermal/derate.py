@@ -1,4 +1,4 @@
-"""The job ``derate``: compute the allowed load of a damper versus ambient temperature, wind and time."""
+"""The job ``derate``: compute the allowed load of a damper versus ambient temperature, air speed, time."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ _USUAL = DerateOptions()
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DerateResult(JobResult):
-    """The largest current, stroke or duty ratio within all limits; maps have the shape (d, w, a).
+    """The largest current, stroke or duty ratio that keeps all temperatures within their limits.
+
+    Maps have the shape (durations, air speeds, ambient temperatures).
 
     Attributes
     ----------
-    largest, low, high : in ``unit``; ``low`` to ``high`` contains it with ``probability``; NaN: no allowed
-    value
-    limited_by : index of the limit that is met first; -1: the unchanged load cycle is allowed
-    duration_min : infinity for steady
+    largest, low, high : map of the largest allowed value and of its interval with ``probability``, in
+        ``unit``; NaN if no value is allowed
+    limited_by : map of the index of the limit that is reached first; -1: the unchanged load cycle is allowed
+    duration_min : durations; infinity is the steady state
     """
 
     _job = "derate"
@@ -40,7 +42,7 @@ class DerateResult(JobResult):
     duty: str
     quantity: Quantity
     unit: str
-    whole: float  # value of the unchanged load cycle [unit]
+    whole: float  # value of the quantity in the unchanged load cycle [unit]
     ambient_degC: FloatArray
     air_m_s: FloatArray
     duration_min: FloatArray
@@ -61,7 +63,7 @@ def derate(
     *,
     on_progress: Progress = silent,
 ) -> DerateResult:
-    """Return the allowed part of a load cycle; see ``thermal.derating``.
+    """Return maps of the allowed current, stroke or duty ratio of a load cycle; see ``thermal.derating``.
 
     Raises
     ------

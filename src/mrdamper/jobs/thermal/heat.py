@@ -1,7 +1,7 @@
 """The job ``heat``: compute temperatures, heat flows and loss of force in a load cycle.
 
-A damper with a heat sink is also computed without it. A measured curve first calibrates the geometry. If the
-temperature field is requested, it is plotted at the end and at the hottest time.
+A damper with a heat sink is also computed without the heat sink. If a measured heating curve is given, the
+geometry is calibrated first. A requested temperature field is plotted at the end and at the hottest time.
 """
 
 from __future__ import annotations
@@ -32,37 +32,38 @@ from mrdamper.thermal.temperature_rise import (
 
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
-_MOST_STEPS = 1500  # Max steps of the longest output step in load cycles of several days.
-_MOST_CAPPED = 1.0  # A larger excess above the temperatures of the card is reported [K].
+_MOST_STEPS = 1500  # The longest time step is increased for long load cycles to limit the number of steps.
+_MOST_CAPPED = 1.0  # A note reports a fluid temperature that is farther outside the range of the card [K].
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class HeatResult(JobResult):
-    """Result of ``mrdamper heat``."""
+    """Result of ``heat``: temperature rise with uncertainty, with and without heat sink."""
 
     _job = "heat"
     card: ModelCard
     drawing: DamperDrawing
     duty: Duty
     rise: Rise
-    prediction_interval: PredictionInterval  # uncertainty of the result
-    bare: Rise | None  # without the sink; None if there is no sink
+    prediction_interval: PredictionInterval  # uncertainty of ``rise``
+    bare: Rise | None  # temperature rise without heat sink; None if the damper has no heat sink
     bare_prediction_interval: PredictionInterval | None
-    # calibration by a measured curve; ``drawing`` is then the calibrated geometry
+    # Result of the calibration with a measured curve; ``drawing`` is then the calibrated geometry.
     calibrated: CalibratedDrawing | None
     notes: tuple[str, ...]
-    extrapolated: bool = False  # True outside the runs of the card; the intervals do not cover this.
+    # True if the load cycle is outside the runs of the card. The intervals do not include this error.
+    extrapolated: bool = False
 
     @property
     def rises(self) -> list[tuple[str, Rise]]:
-        """Return the runs with their names, the requested one first."""
+        """Return pairs of name and simulation, the requested simulation first."""
         if self.bare is None:
             return [("without heat sink", self.rise)]
         return [("with heat sink", self.rise), ("without heat sink", self.bare)]
 
     @property
     def prediction_intervals(self) -> list[PredictionInterval]:
-        """Return the prediction interval of each of ``rises``."""
+        """Return the prediction intervals in the order of ``rises``."""
         return [
             each for each in (self.prediction_interval, self.bare_prediction_interval) if each is not None
         ]
@@ -78,22 +79,26 @@ def heat(
     calibrate: HeatingCurve | None = None,
     on_progress: Progress = silent,
 ) -> HeatResult:
-    """Return the temperature rise of a damper in a load cycle with its uncertainty, with and without sink.
+    """Return the temperature rise of a damper in a load cycle, with its uncertainty.
+
+    A damper with a heat sink is simulated twice, with and without the heat sink.
 
     Parameters
     ----------
-    sink : replaces the sink of the geometry file
-    calibrate : measured temperature curve from the start of the load cycle, with the requested sink, for a
-        calibration of the geometry. The damper without sink keeps the uncertainty without calibration.
+    sink : heat sink instead of the one in the geometry file
+    calibrate : temperature curve for a calibration of the geometry, measured from the start of the load cycle
+        with the requested heat sink. The calibration does not reduce the uncertainty of the simulation
+        without heat sink.
 
     Raises
     ------
     InputError
-        If the geometry is invalid, load cycle and card have different units, or the start is out of range.
+        If the geometry is invalid, load cycle and card have different units, or the initial temperature is
+        out of range.
     EnvelopeError
         If a temperature or a correlation is outside its valid range.
     ConvergenceError
-        If the damper cannot follow the curve in this load cycle.
+        If no calibrated geometry reproduces the measured curve in this load cycle.
     """
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty))
@@ -148,7 +153,7 @@ def heat(
 
 
 def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None) -> DamperDrawing:
-    """Return the geometry with the requested sink and surroundings."""
+    """Return the geometry with the requested heat sink, ambient temperature and air speed."""
     around = drawing.surroundings
     if options.ambient_degC is not None:
         around = replace(around, ambient=options.ambient_degC + ZERO_CELSIUS_K)
@@ -159,12 +164,12 @@ def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink
 
 
 def start_of(options: HeatOptions) -> float | None:
-    """Return the initial temperature of the damper [K], if it is given."""
+    """Return the requested initial temperature of the damper [K]; None: the ambient temperature."""
     return None if options.start_degC is None else options.start_degC + ZERO_CELSIUS_K
 
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
-    """Return notes if the fluid is outside the temperatures of the card's identification."""
+    """Return a note if the fluid leaves the temperature range of the runs that identified the card."""
     known = card.envelope.temperature
     if not card.damper.temperature_dependent or known is None:
         return []

@@ -1,7 +1,7 @@
 """The job ``heatsink``: compute a Pareto front of heat sinks, and repeat the parameter studies of the paper.
 
-The search uses the thermal network of zones. The displayed designs of the front and the reference are
-evaluated again with finite elements.
+The search uses the fast thermal network of axial zones. The displayed designs of the front and the reference
+design are evaluated again with finite elements.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from mrdamper.thermal.sinks.gain import GainBand, gain_band
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
 
 DEFAULT_OPTIONS = HeatsinkOptions()
-MODEL_DIFFERENCE_MAX_K = 3.0  # A larger difference between network and finite elements is reported.
+MODEL_DIFFERENCE_MAX_K = 3.0  # A note reports a larger difference between network and finite elements.
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -47,11 +47,11 @@ class HeatsinkResult(JobResult):
     drawing: DamperDrawing
     duty: Duty
     limits: SinkLimits
-    bare: SinkDesign
-    reference: SinkDesign  # original sink, or the bare damper
-    found: SinkFront  # whole front, by the network model
-    front: tuple[SinkDesign, ...]  # displayed members of the front
-    gain: GainBand  # gain of the coolest compared with the reference
+    bare: SinkDesign  # damper without heat sink
+    reference: SinkDesign  # damper with its original heat sink, or ``bare`` if there is no heat sink
+    found: SinkFront  # whole Pareto front, evaluated with the thermal network
+    front: tuple[SinkDesign, ...]  # displayed designs of the front
+    gain: GainBand  # temperature difference between the reference and the coolest design
     sweeps: tuple[Sweep, Sweep] | None
     card: ModelCard
     notes: tuple[str, ...]
@@ -76,14 +76,14 @@ def heatsink(
     *,
     on_progress: Progress = silent,
 ) -> HeatsinkResult:
-    """Search heat sinks for a damper.
+    """Search the best heat sinks of a damper for a load cycle.
 
     Raises
     ------
     InputError
         If no sink is within the limits, or the load cycle and the card have different units.
     EnvelopeError
-        If temperatures or a correlation leave their valid range.
+        If a temperature or a correlation is outside its valid range.
     """
     clock = cpu_seconds()
     limits = _limits(drawing, options)
@@ -118,7 +118,7 @@ def heatsink(
 
 
 def _limits(drawing: DamperDrawing, options: HeatsinkOptions) -> SinkLimits:
-    """Return the limits of the search in SI for a damper."""
+    """Return the limits of the search in SI units; missing limits are taken from the geometry."""
 
     def scaled(value: float | None) -> float | None:
         return None if value is None else value / 1e3

@@ -123,7 +123,7 @@ def _candidate(score: CandidateScore) -> Json:
         "training_rms_percent": finite_or_none(score.training_rms_percent),
         "cv_median_percent": finite_or_none(score.cv_median_percent),
         "cv_worst_percent": finite_or_none(score.cv_worst_percent),
-        "cv_rms_percent": finite_or_none(score.cv_rms_percent),
+        "cv_mean_percent": finite_or_none(score.cv_mean_percent),
         "reason": score.reason,
         "cpu_s": round(score.cpu_s, 3),
     }

@@ -70,7 +70,7 @@ def candidate_table(selection: Selection) -> Table[CandidateScore]:
             Column("terms", lambda score: ", ".join(score.terms)),
             Column("parameters", lambda score: score.free_parameters or None, form="d"),
             Column("training RMS", "training_rms_percent", "%", ".2f"),
-            Column("cross-validation RMS", "cv_rms_percent", "%", ".2f"),
+            Column("cross-validation mean", "cv_mean_percent", "%", ".2f"),
             Column("median", "cv_median_percent", "%", ".2f"),
             Column("worst", "cv_worst_percent", "%", ".2f"),
             Column("reason", "reason"),
@@ -86,7 +86,7 @@ def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScor
     """Return the best candidate of each model that was cross-validated, at most ``count_max``."""
     best: dict[str, CandidateScore] = {}
     for score in selection.scores:
-        if score.reason == "chosen" or not math.isnan(score.cv_rms_percent):
+        if score.reason == "chosen" or not math.isnan(score.cv_mean_percent):
             best.setdefault(score.law, score)
     return Table(
         title="",
@@ -94,7 +94,7 @@ def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScor
             Column("model", lambda score: score.law + " (selected)" * (score.reason == "chosen")),
             Column("terms", lambda score: len(score.terms), form="d"),
             Column("parameters", "free_parameters", form="d"),
-            Column("cross-validation", "cv_rms_percent", "%", ".2f"),
+            Column("cross-validation", "cv_mean_percent", "%", ".2f"),
         ],
         rows=list(best.values())[:count_max],
     )

@@ -1,16 +1,17 @@
-"""Thermal model with six states for a controller: modes of the reduced model, tables of convection.
+"""Compact thermal model with six states for a controller, made from the reduced model by balanced truncation.
 
     C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
 
 The inputs are the mechanical power P and the current I in the coil of resistance R. The states z are modes of
-conduction inside the damper. The first is the uniform temperature, so that the model conserves heat. The
-space of the states maximises the joint Gramian of heat sources, kinds of surface and outputs. For this
-symmetric system, this is balanced truncation by Galerkin's method. The reduced model is passive for all
-heat-transfer coefficients. The truncated part responds at once, with its steady response to the sources
-(``feedthrough``).
+conduction inside the damper with the heat capacities C and the conductances k. The first state is the uniform
+temperature, so that the model conserves heat. p and c distribute the two heat sources to the states. The
+states span the dominant subspace of the Gramian for heat sources, surfaces and outputs. For this symmetric
+system, the method is balanced truncation by Galerkin projection. The model is passive for all heat-transfer
+coefficients. The truncated part is replaced by its steady response to the sources (``feedthrough``).
 
-Each kind of surface has one heat-transfer coefficient h_k at its mean temperature: convection from a table
-against ambient, air speed and difference to the air; radiation and mounting by formula.
+Each kind of surface k has one heat-transfer coefficient h_k, which is evaluated at the mean temperature of
+the surface. S_k and s_k are integrals over the surface. Convection is tabulated versus ambient temperature,
+air speed and temperature difference. Radiation and mounting are formulas.
 """
 
 from __future__ import annotations
@@ -36,23 +37,23 @@ from mrdamper.thermal.settings import SETTINGS
 
 PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
 POINT_COUNT = 3
-"""Candidate points of a part for its hottest point."""
+"""Number of candidate points for the hottest point of each part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilmTable:
-    """Convective heat-transfer coefficients [W/(m^2 K)], shape (laws, 3, speeds, differences)."""
+    """Table of convective heat-transfer coefficients."""
 
-    ambient: FloatArray  # [K], shape (3,), equidistant
-    speed: FloatArray  # air speed [m/s], rising
-    above: FloatArray  # surface minus ambient [K], rising
-    film: FloatArray
+    ambient: FloatArray  # ambient temperature [K], shape (3,), equidistant
+    speed: FloatArray  # air speed [m/s], increasing
+    above: FloatArray  # surface minus ambient temperature [K], increasing
+    film: FloatArray  # coefficients [W/(m^2 K)], shape (laws, 3, speeds, differences)
 
     def interpolate(self, law: int, above: float, ambient: float, speed: float) -> float:
         """Return a convective heat-transfer coefficient [W/(m^2 K)] by interpolation in the table.
 
-        The interpolation is quadratic in ambient temperature, linear in air speed and temperature difference,
-        and constant outside the table.
+        The interpolation is quadratic in the ambient temperature, and linear in air speed and temperature
+        difference. Outside the table, the coefficient is constant.
         """
         width = self.ambient[1] - self.ambient[0]
         x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)
@@ -64,25 +65,28 @@ class FilmTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompactModel:
-    """The equation above with n states and k kinds of surface; temperatures [K] relative to ``reference``."""
+    """The matrices of the compact model with n states and k kinds of surface.
 
-    reference: float  # [K]
-    capacity: FloatArray  # C [J/K], shape (n,)
-    conductance: FloatArray  # k, zero for the uniform state [W/K], shape (n,)
-    mechanical: FloatArray  # p, shape (n,)
-    electrical: FloatArray  # c, shape (n,)
-    loss: FloatArray  # S, areas in terms of the states [m^2], shape (k, n, n)
-    mean: FloatArray  # mean temperature of each kind, shape (k, n)
-    law: tuple[int, ...]  # row of ``films`` for each kind
+    The states are temperatures [K] relative to ``reference``.
+    """
+
+    reference: float  # reference temperature [K]
+    capacity: FloatArray  # C: heat capacity of each state [J/K], shape (n,)
+    conductance: FloatArray  # k: conductance of each state [W/K], shape (n,); zero for the uniform state
+    mechanical: FloatArray  # p: distribution of the mechanical power, shape (n,)
+    electrical: FloatArray  # c: distribution of the coil heat, shape (n,)
+    loss: FloatArray  # S: surface integrals of products of two states [m^2], shape (k, n, n)
+    mean: FloatArray  # weights of the states in the mean temperature of each kind, shape (k, n)
+    law: tuple[int, ...]  # row of ``films`` for each kind of surface
     radiation: FloatArray  # emissivity times the Stefan-Boltzmann constant, shape (k,)
-    mount: FloatArray  # [W/(m^2 K)], shape (k,)
+    mount: FloatArray  # conductance to the mountings per area [W/(m^2 K)], shape (k,)
     films: FilmTable
-    fluid: FloatArray  # mean of the fluid, shape (n,)
-    coil: FloatArray  # mean of the coil, shape (n,)
-    spots: FloatArray  # candidate points for the hottest of gap, coil and seals, shape (3, 3, n)
-    fluid_feedthrough: FloatArray  # for mechanical power and coil heat [K/W], shape (2,)
-    coil_feedthrough: FloatArray
-    spots_feedthrough: FloatArray  # shape (3, 3, 2)
+    fluid: FloatArray  # weights of the states in the mean fluid temperature, shape (n,)
+    coil: FloatArray  # weights of the states in the mean coil temperature, shape (n,)
+    spots: FloatArray  # weights at three candidate hot spots of gap, coil and seals, shape (3, 3, n)
+    fluid_feedthrough: FloatArray  # feedthrough from mechanical power and coil heat [K/W], shape (2,)
+    coil_feedthrough: FloatArray  # same for the coil, shape (2,)
+    spots_feedthrough: FloatArray  # same for the candidate hot spots, shape (3, 3, 2)
     limits: FloatArray  # limits of gap, coil and seals [K], shape (3,)
     resistance: float  # coil resistance at 20 degC [ohm]
     air_speed: float  # default air speed [m/s]
@@ -93,7 +97,10 @@ class CompactModel:
         return len(self.capacity)
 
     def film_of(self, kind: int, surface: float, ambient: float, air_speed: float) -> float:
-        """Return the heat-transfer coefficient of a kind of surface [W/(m^2 K)] at temperatures [K]."""
+        """Return the total heat-transfer coefficient of a kind of surface [W/(m^2 K)].
+
+        The coefficient includes convection, radiation and mounting. Temperatures are in [K].
+        """
         both = surface + ambient
         radiation = self.radiation[kind] * both * (surface**2 + ambient**2)
         convection = self.films.interpolate(self.law[kind], surface - ambient, ambient, air_speed)
@@ -101,7 +108,7 @@ class CompactModel:
 
 
 def compact_model(drawing: DamperDrawing) -> CompactModel:
-    """Return the compact model of a geometry. Ambient temperature and air speed are inputs of each step."""
+    """Return the compact model of a geometry. Ambient temperature and air speed are inputs of the model."""
     reduced, others = _reduced(drawing)
     equation, kinds = reduced.equation, np.unique(reduced.full.surface)
     section = section_of(drawing)
@@ -153,7 +160,7 @@ def compact_model(drawing: DamperDrawing) -> CompactModel:
 
 
 def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
-    """Return the reduced model, and its equations in still air and in wind."""
+    """Return the reduced model, and two versions of its heat equation: in still air and in wind."""
     full = build_field(drawing)
     around = [replace(drawing.surroundings, air_speed=speed) for speed in SETTINGS.basis_air_speeds_m_s]
     coolings = [cooling_in(full, each) for each in around]
@@ -162,7 +169,7 @@ def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
 
 
 def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
-    """Return the conductance of the losses [W/K] at a typical temperature, shape (n, n)."""
+    """Return the matrix of the heat losses [W/K], linearised at a typical temperature, shape (n, n)."""
     slope = equation.cooling.fluxes(np.full(len(surface), SETTINGS.typical_rise_K))[1].sum(axis=0)
     return np.asarray(
         sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))
@@ -170,9 +177,10 @@ def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surf
 
 
 def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray) -> FloatArray:
-    """Return the fields of the states, first the uniform one of 1 K, shape (m, n).
+    """Return the states as columns in the space of the reduced model, shape (m, n).
 
-    ``loads``, shape (m, j), are weighted sources and outputs. The Gramian belongs to the step responses.
+    The first state is the uniform temperature of 1 K. ``loads``, shape (m, j), are the weighted sources and
+    outputs. The Gramian is computed from the responses to steps of these loads.
     """
     mass, uniform = equation.mass, equation.uniform
     gramian = np.zeros_like(mass)
@@ -181,7 +189,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
         met = modes.T @ loads / rate[:, None]
         gramian += modes @ ((met @ met.T) / (rate[:, None] + rate)) @ modes.T
     apart = np.eye(len(uniform)) - np.outer(uniform, mass @ uniform) / (uniform @ mass @ uniform)
-    root = cholesky(mass)  # upper: mass = rootᵀ root
+    root = cholesky(mass)  # upper triangular matrix with mass = rootᵀ root
     inner = root @ apart @ gramian @ apart.T @ root.T
     _, vectors = eigh(inner)
     space = solve_triangular(root, vectors[:, : -SETTINGS.compact_state_count : -1])
@@ -192,7 +200,10 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
 def _feedthrough(
     equation: HeatEquation, film: FloatArray, basis: FloatArray, sources: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Return the steady responses of rows to sources that the states do not contain, (rows, sources)."""
+    """Return the steady response of outputs that the states do not reproduce, shape (rows, sources) [K/W].
+
+    ``rows`` are the weights of the outputs.
+    """
     matrix = equation.stiffness + film
     whole = np.linalg.solve(matrix, sources)
     kept = basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ sources)
@@ -200,10 +211,10 @@ def _feedthrough(
 
 
 def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: FloatArray) -> FloatArray:
-    """Return the rows of the candidate points for the hottest point, shape (parts, points, m).
+    """Return the weights of the candidate points for the hottest point, shape (parts, points, m).
 
-    The candidates come from steady and early responses to mixtures of both sources. If a part needs fewer
-    points, one of them is repeated.
+    The candidates are the hottest points in steady and early responses to mixtures of the two heat sources.
+    If a part needs fewer candidates, a candidate is repeated.
     """
     mixtures = np.array([[1.0, 0.0], [0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.0, 1.0]]).T
     fields = []

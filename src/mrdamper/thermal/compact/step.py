@@ -1,8 +1,9 @@
-"""The compact model in Python: implicit step, temperatures, and gains of the sensors.
+"""Simulation of the compact model in Python: implicit time step, temperatures, and gains of the sensors.
 
-The step equals that of ``thermal.c`` (core/kernel), which runs on a target; an export compares both. The
-gains are those of a steady-state Kalman filter at a typical temperature, for the states and for the missing
-heat. The missing heat is the heat flow that the model does not contain; it is modelled as a random walk.
+The time step is the same as in ``thermal.c`` (core/kernel), which runs in exported code. An export compares
+the two implementations. The gains are the gains of a steady-state Kalman filter at a typical temperature. The
+filter estimates the states and the *missing heat*, which is the heat flow that the model does not contain.
+The missing heat is modelled as a random walk.
 """
 
 from __future__ import annotations
@@ -19,34 +20,34 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.settings import SETTINGS
 
 UPDATE_S = 0.5
-"""Duration of one step [s]."""
+"""Duration of one time step [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompactLoad:
-    """Inputs of each step, shape (n,) each."""
+    """Inputs of a simulation with n time steps. Arrays have the shape (n,)."""
 
-    power: FloatArray  # mechanical [W]
+    power: FloatArray  # mechanical power [W]
     coil_W: FloatArray  # coil heat at 20 degC
-    ambient: FloatArray  # [K]
-    air_speed: FloatArray  # [m/s]
+    ambient: FloatArray  # ambient temperature [K]
+    air_speed: FloatArray  # air speed [m/s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompactHeating:
-    """Temperatures at the ends of the steps [K], shape (n,), and heat flows."""
+    """Results at the end of each of n time steps. Arrays have the shape (n,) unless stated otherwise."""
 
     state: FloatArray  # shape (n, states)
-    fluid: FloatArray  # mean
-    hot: FloatArray  # hottest points of gap, coil and seals, shape (n, 3)
-    coil_W: FloatArray  # at the coil's temperature
-    lost_W: FloatArray  # losses to air and mountings
+    fluid: FloatArray  # mean fluid temperature [K]
+    hot: FloatArray  # temperatures of the hottest points of gap, coil and seals [K], shape (n, 3)
+    coil_W: FloatArray  # coil heat at the temperature of the coil
+    lost_W: FloatArray  # heat losses to air and mountings
 
 
 def simulate_compact(
     model: CompactModel, load: CompactLoad, *, start_K: float, step: float = UPDATE_S
 ) -> CompactHeating:
-    """Simulate a compact model from a uniform temperature with equal steps [s]."""
+    """Simulate a compact model from a uniform temperature ``start_K`` with constant time steps [s]."""
     n = len(load.power)
     z = np.zeros(model.states)
     z[0] = start_K - model.reference
@@ -77,15 +78,16 @@ def simulate_compact(
 
 
 def typical_power(model: CompactModel) -> float:
-    """Return a typical power of a damper [W]: 100 K in half an hour without losses."""
+    """Return the typical power of a damper [W]: without losses, it causes 100 K in half an hour."""
     return float(model.capacity[0]) * SETTINGS.typical_power_rise_K / SETTINGS.typical_power_time_s
 
 
 def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
-    """Return the Kalman gains of states and missing heat [W] per kelvin of innovation, shape (2, n + 1).
+    """Return the Kalman gains of two sensors for n states and the missing heat, shape (2, n + 1).
 
-    Row 0 is for the fluid thermometer, row 1 for the coil temperature from its resistance. Each row is
-    computed as if the other sensor were absent.
+    A gain is the correction per kelvin of difference between reading and model: [K/K] for the states and
+    [W/K] for the missing heat. Row 0 is for the fluid thermometer, and row 1 for the coil temperature that
+    follows from the coil resistance. Each row is computed for the case that the other sensor is missing.
     """
     n, power = model.states, typical_power(model)
     matrix = np.diag(model.capacity / step + model.conductance)
@@ -111,7 +113,7 @@ def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
 
 
 def _losses(model: CompactModel, z: FloatArray, ambient: float, speed: float) -> FloatArray:
-    """Return the conductance of the losses at the surface temperatures [W/K], shape (n, n)."""
+    """Return the matrix of the heat losses at the present surface temperatures [W/K], shape (n, n)."""
     surface = model.reference + model.mean @ z
     films = [model.film_of(k, float(kelvin), ambient, speed) for k, kelvin in enumerate(surface)]
     return np.asarray(np.tensordot(films, model.loss, (0, 0)))

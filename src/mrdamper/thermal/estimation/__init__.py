@@ -1,1 +1,1 @@
-"""Calibration by a measured heating curve, and intervals of predicted temperatures."""
+"""Calibration of a geometry with a measured heating curve, and intervals of predicted temperatures."""

@@ -1,13 +1,13 @@
-"""Calibration of a damper's geometry file by a measured heating curve.
+"""Calibrate the geometry of a damper with a measured heating curve.
 
-A heating curve determines two numbers, P/C and UA/C: power and conductance to ambient, both divided by the
-heat capacity. Therefore two factors are fitted by nonlinear least squares: one of the heat capacity (of
-everything but the fins) and one of all convection (of body and fins). The starting temperature is fitted as
-well. The power follows from the card. An error of the power scales both factors equally and leaves the
-temperatures right.
+A heating curve determines two ratios: power divided by heat capacity, and conductance to ambient divided by
+heat capacity. Therefore two factors are fitted by nonlinear least squares: a factor on the heat capacity
+(without fins), and a factor on all convection (body and fins). The initial temperature is also fitted. The
+power follows from the card. If the power is wrong, the two factors have the same relative error, and the
+temperatures are still correct.
 
-The zone network is fitted because it solves in milliseconds. For another thermal model the difference
-between that model and the network along the curve is subtracted from the measurement, and the fit is
+The zone network is fitted because its simulation takes only milliseconds. To calibrate a different thermal
+model, the difference between this model and the network is subtracted from the measured curve, and the fit is
 repeated.
 """
 
@@ -36,10 +36,10 @@ from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, si
 
 @dataclass(frozen=True, slots=True)
 class ModelUncertainty:
-    """Relative standard deviations of a geometry file and a card without any measurement.
+    """Relative standard deviations of the properties of a damper that was not calibrated.
 
-    They are priors of the calibration. A short curve therefore does not change factors that it does not
-    determine.
+    They are used as priors of the calibration, so that a short curve does not change a factor that it does
+    not determine.
     """
 
     power: float = 0.10
@@ -54,48 +54,52 @@ PRIOR = ModelUncertainty()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedDrawing:
-    """A geometry calibrated to a measured heating curve, with the uncertainty of the calibration."""
+    """A geometry that was calibrated with a measured heating curve, and the uncertainty of the calibration.
 
-    drawing: DamperDrawing  # with the factors
-    start_K: float  # uniform temperature at time 0
-    covariance: FloatArray  # of start [K], log heat-capacity factor and log film factor, shape (3, 3)
+    The *film factor* is the factor on all convection.
+    """
+
+    drawing: DamperDrawing  # calibrated geometry
+    start_K: float  # fitted uniform temperature at time 0
+    # Covariance of initial temperature [K], logarithm of heat-capacity factor and of film factor.
+    covariance: FloatArray  # shape (3, 3)
     curve: HeatingCurve
-    fitted_K: FloatArray  # at the curve's times, shape (n,)
+    fitted_K: FloatArray  # fitted temperature at the times of the curve, shape (n,)
     notes: tuple[str, ...]
 
     @property
     def heat_capacity(self) -> float:
-        """Factor of the heat capacity."""
+        """Factor on the heat capacity of the damper without fins [-]."""
         return self.drawing.calibration.heat_capacity
 
     @property
     def film(self) -> float:
-        """Return the factor of the convection of the body."""
+        """Return the factor on the convection of the body [-]."""
         return self.drawing.calibration.film
 
     @property
     def heat_capacity_error(self) -> float:
-        """Standard error of the heat-capacity factor, the card's power taken as exact."""
+        """Standard error of the heat-capacity factor, if the power of the card is exact."""
         return self.heat_capacity * math.sqrt(self.covariance[1, 1])
 
     @property
     def film_error(self) -> float:
-        """Standard error of the film factor."""
+        """Standard error of the film factor, if the power of the card is exact."""
         return self.film * math.sqrt(self.covariance[2, 2])
 
     @property
     def correlation(self) -> float:
-        """Correlation of the two factors."""
+        """Correlation of heat-capacity factor and film factor."""
         return float(self.covariance[1, 2] / math.sqrt(self.covariance[1, 1] * self.covariance[2, 2]))
 
     @property
     def residual_K(self) -> float:
-        """Return the root mean square of curve minus fit."""
+        """Return the root mean square of measured minus fitted temperature."""
         return float(np.sqrt(np.mean((self.curve.temperature - self.fitted_K) ** 2)))
 
     @property
     def entries(self) -> dict[str, dict[str, float]]:
-        """Return the entries of the geometry file with the calibration, by table."""
+        """Return the calibrated values for a geometry file, by table and key."""
         sink = self.drawing.sink
         found = {"calibration": {"heat_capacity": self.heat_capacity, "film": self.film}}
         return found if sink is None else found | {"sink": {"film_multiplier": sink.film_multiplier}}
@@ -109,21 +113,21 @@ def calibrate_drawing(
     *,
     model: Model = "network",
 ) -> CalibratedDrawing:
-    """Fit a geometry's heat capacity and convection to a measured curve.
+    """Fit heat capacity and convection of a geometry to a measured curve.
 
     Parameters
     ----------
-    curve : measured curve; its time counts from the start of the load cycle [s]
-    works : from the loop of the card, one for each segment of the load cycle
-    duty : at least as long as the curve
+    curve : measured curve; its time begins at the start of the load cycle [s]
+    works : mean power versus temperature for each segment of the load cycle, from the card
+    duty : load cycle, at least as long as the curve
     model : thermal model to calibrate
 
     Raises
     ------
     InputError
-        If the curve is longer than the duty, or begins before it.
+        If the curve is longer than the load cycle or begins before it.
     ConvergenceError
-        If the damper under this duty cannot follow the curve.
+        If no geometry reproduces the curve in this load cycle.
     """
     if curve.time[0] < 0.0 or curve.time[-1] > duty.duration * (1.0 + 1e-9):
         raise InputError(
@@ -141,7 +145,7 @@ def calibrate_drawing(
 
 
 def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> DamperDrawing:
-    """Return the geometry with its heat capacity and all of its convection multiplied."""
+    """Return the geometry with additional factors on its heat capacity and on all convection."""
     own, sink = drawing.calibration, drawing.sink
     if sink is not None:
         sink = replace(sink, film_multiplier=sink.film_multiplier * film)
@@ -150,9 +154,9 @@ def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> Damper
 
 
 def residual_variance(residual: FloatArray, parameters: int) -> float:
-    """Return the variance of residuals times (1 + r) / (1 - r), with the correlation r of neighbours.
+    """Return the variance of residuals times (1 + r) / (1 - r); r is the correlation of adjacent residuals.
 
-    The factor is that of a first-order autoregression. It covers part of the model error.
+    The factor follows from a first-order autoregression. It includes a part of the model error.
     """
     total = float(residual @ residual)
     correlation = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
@@ -161,26 +165,30 @@ def residual_variance(residual: FloatArray, parameters: int) -> float:
 
 
 class _NetworkFit:
-    """Least squares of start [K], log heat-capacity factor and log film factor against a curve."""
+    """Least-squares fit of a network to a curve.
+
+    The parameters are the initial temperature [K] and the logarithms of heat-capacity factor and film factor.
+    """
 
     def __init__(
         self, curve: HeatingCurve, drawing: DamperDrawing, loads: Sequence[Load], model: Model
     ) -> None:
         self._curve, self._drawing, self._loads, self._model = curve, drawing, loads, model
-        # An error of the power changes capacity and losses by the same factor.
+        # If the power is wrong, fitted heat capacity and losses are wrong by the same factor.
         covariance = np.diag([PRIOR.capacity**2, PRIOR.loss**2]) + PRIOR.power**2
         self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         self._as_drawn = self._logarithms(self._network(np.zeros(3)))
 
     def solve(self, offset: FloatArray) -> CalibratedDrawing:
-        """Return the calibration for the curve minus an offset [K], shape (n,)."""
+        """Return the calibration for the measured curve minus an offset [K], shape (n,)."""
         curve, count = self._curve, len(self._curve)
         measured, noise = curve.temperature - offset, max(curve.noise_K, SETTINGS.reading_noise_min_K)
         point = np.array([float(np.median(measured[:5])), 0.0, 0.0])
         factor_min, factor_max = SETTINGS.calibration_factor_range
         low = np.array([point[0] - SETTINGS.start_range_K, *[math.log(factor_min)] * 2])
         high = np.array([point[0] + SETTINGS.start_range_K, *[math.log(factor_max)] * 2])
-        for _ in range(2):  # The second fit uses the first residual as noise, which weights the priors.
+        # The noise weights the priors. The second fit uses the residual of the first fit as noise.
+        for _ in range(2):
 
             def residuals(at: FloatArray, noise: float = noise) -> FloatArray:
                 network = self._network(at)
@@ -210,13 +218,13 @@ class _NetworkFit:
         return build_network(with_factors(self._drawing, math.exp(at[1]), math.exp(at[2])), self._model)
 
     def _logarithms(self, network: ThermalNetwork) -> FloatArray:
-        """Return the logarithms of heat capacity and losses, which the priors refer to."""
+        """Return the logarithms of heat capacity and heat loss of a network, to which the priors apply."""
         warm = network.ambient + SETTINGS.reference_excess_K
         lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
         return np.log([network.total_capacity, max(lost, 1e-300)])
 
     def _course(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
-        """Return the temperature at the thermometer at the times of the curve [K], shape (n,)."""
+        """Return the simulated temperature of the thermometer at the times of the curve [K], shape (n,)."""
         curve, stop = self._curve, float(network.grid[-1]) - SETTINGS.trial_margin_K
         start, most = float(at[0]), SETTINGS.calibration_step_max_s
         course = simulate_network(network, self._loads, start=start, longest_step=most, stop_at=stop)
@@ -224,7 +232,7 @@ class _NetworkFit:
         return np.asarray(PchipInterpolator(course.time, values)(np.minimum(curve.time, course.time[-1])))
 
     def _check(self, point: FloatArray, off: FloatArray) -> None:
-        """Raise ConvergenceError if the curve does not fit this damper and load cycle."""
+        """Raise ConvergenceError if the residual is too large or a factor is at a bound."""
         curve, factors, left = self._curve, np.exp(point[1:]), float(np.sqrt(np.mean(off**2)))
         noise, span = min(curve.noise_K, SETTINGS.reading_noise_max_K), float(np.ptp(curve.temperature))
         most = max(3.0 * noise, SETTINGS.residual_ratio_max * span, 1.0)
@@ -243,7 +251,10 @@ class _NetworkFit:
 def _model_less_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return model minus network at the thermometer at the times of the curve [K], shape (n,)."""
+    """Return the temperature of the thermometer in ``model`` minus in the network [K], shape (n,).
+
+    The values apply to the times of the curve.
+    """
     curves = [
         simulate_rise(works, found.drawing, duty, model=each, start_K=found.start_K, stop_at_limit=False)
         for each in (model, "network")

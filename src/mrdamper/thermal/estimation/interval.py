@@ -1,10 +1,10 @@
-"""Intervals of a heating curve, and of the times to its limits.
+"""Compute 90 % intervals of a predicted heating curve, and of the times at which limits are reached.
 
-The zone network is run with each uncertain quantity changed up and down by 1.645 standard deviations, which
-contain 90 % of a normal distribution. The root sum of squares of the temperature changes is computed
-separately above and below the curve. Without a measured curve, the uncertain quantities are the fields of
-``ModelUncertainty``. With a measured curve, the changes are the principal axes of the calibration's
-covariance.
+The zone network is simulated with each uncertain quantity increased and decreased by 1.645 standard
+deviations, which contain 90 % of a normal distribution. The half widths of the interval, above and below the
+curve, are the root sums of squares of the temperature changes. If the geometry is not calibrated, the
+uncertain quantities are the fields of ``ModelUncertainty``. For a calibrated geometry, the changes are along
+the principal axes of the covariance of the calibration.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ INTERVAL_PROBABILITY = 0.90
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """The interval of the time at which a temperature is reached; infinity: not in the simulated time."""
+    """Interval of the time at which a temperature limit is reached; infinity: not in the simulated time."""
 
     low_s: float
     high_s: float
@@ -41,23 +41,27 @@ class TimeToLimit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionInterval:
-    """The interval of the fluid temperature against time, and of the times to limits."""
+    """Intervals of the fluid temperature versus time, and of the times to the limits."""
 
     time: FloatArray  # [s], shape (t,)
-    median: FloatArray  # fluid [K], shape (t,)
-    low: FloatArray  # [K], shape (t,)
-    high: FloatArray
+    median: FloatArray  # predicted fluid temperature [K], shape (t,)
+    low: FloatArray  # lower end of its interval [K], shape (t,)
+    high: FloatArray  # upper end of its interval [K], shape (t,)
     probability: float
-    to_limits: tuple[TimeToLimit, ...]  # for each of the rise's limits
+    to_limits: tuple[TimeToLimit, ...]  # times to the limits of fluid, coil and seals
 
     @property
     def to_limit(self) -> TimeToLimit:
-        """The time to the first of the limits: the fluid's."""
+        """Interval of the time at which the fluid reaches its limit."""
         return self.to_limits[0]
 
 
 _Change = Mapping[str, float]
-"""Logarithms of factors of power, capacity, loss, film, fluid_wall and coil, and a shift start_K [K]."""
+"""A change of uncertain quantities by name.
+
+The values are logarithms of factors on power, capacity, loss, film, fluid_wall and coil, and a shift start_K
+of the initial temperature [K].
+"""
 
 
 def predict_interval(
@@ -73,9 +77,10 @@ def predict_interval(
 
     Parameters
     ----------
-    works : one for each segment of the duty
-    calibrated : calibration from which the geometry results; None: the geometry was not calibrated
-    start_K : uniform temperature at the start; None: the fitted one, otherwise ambient
+    works : mean power versus temperature for each segment of the load cycle
+    rise : prediction for which the interval is computed
+    calibrated : calibration of the geometry; None: the geometry was not calibrated
+    start_K : uniform temperature at the start; None: the fitted temperature if calibrated, otherwise ambient
     """
     loads = loads_of(works, drawing, duty)
     changes = _prior_changes() if calibrated is None else _calibrated_changes(calibrated)
@@ -90,7 +95,7 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else SETTINGS.misfit_ratio
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a curve [K], continued by the network after its end, and the ends of its interval."""
+        """Return a curve [K] and the ends of its interval; after its end, the network continues the curve."""
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
         more = SETTINGS.interval_deviations * misfit * np.abs(middle - middle[0])
@@ -107,9 +112,10 @@ def predict_interval(
 
 
 def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArray:
-    """Return the ends of the 90 % interval of a rise, divided by the rise, at times [s]; (len(at), 2).
+    """Return the ends of the 90 % interval of the temperature rise, divided by the rise, shape (times, 2).
 
-    The rise is the temperature above ambient of the node that receives the mechanical power.
+    ``at`` are the times [s]. The rise is the temperature above ambient of the node that receives the
+    mechanical power.
     """
     ambient = drawing.surroundings.ambient
     runs = _runs(drawing, [load], _prior_changes(), None, ambient + 250.0, "network")
@@ -125,7 +131,7 @@ def _prior_changes() -> list[_Change]:
 
 
 def _calibrated_changes(calibrated: CalibratedDrawing) -> list[_Change]:
-    """Return the change along each principal axis of the covariance."""
+    """Return one change along each principal axis of the covariance of a calibration."""
     values, vectors = np.linalg.eigh(calibrated.covariance)
     axes = SETTINGS.interval_deviations * np.sqrt(np.maximum(values, 0.0)) * vectors
     return [dict(zip(("start_K", "capacity", "film"), axis.tolist(), strict=True)) for axis in axes.T]
@@ -139,7 +145,7 @@ def _runs(
     stop_at: float,
     model: Model,
 ) -> list[Heating]:
-    """Run the network with the nominal geometry, then with each change up and down."""
+    """Simulate the network with the nominal geometry, then with each change and the opposite change."""
     first = drawing.surroundings.ambient if start is None else start
 
     def run(change: _Change, side: float = 1.0) -> Heating:
@@ -163,7 +169,7 @@ def _runs(
 def _interval_widths(
     runs: Sequence[Heating], weights: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a weighted nominal temperature, and the width of its interval above and below [K]."""
+    """Return the nominal temperature of weighted nodes, and its half widths above and below [K]."""
     time = runs[0].time
     middle, *changed = (np.interp(time, each.time, each.temperature @ weights) for each in runs)
     off = (np.array(changed) - middle).reshape(-1, 2, len(time))

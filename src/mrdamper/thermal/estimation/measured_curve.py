@@ -1,7 +1,7 @@
-"""A measured heating curve: temperature against time at one point of a damper.
+"""A measured heating curve: temperature versus time at one point of a damper.
 
-``HeatingCurve`` is the checked value. ``clean_curve`` removes bad readings of a logger.
-Nothing is smoothed or resampled because the fit judges the noise.
+``HeatingCurve`` is a valid curve. ``clean_curve`` removes bad readings of a data logger. The curve is neither
+smoothed nor resampled because the calibration estimates the noise.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from mrdamper.thermal.settings import SETTINGS
 Place = Literal["fluid", "wall", "coil"]
 """Position of the thermometer; ``wall`` is the body."""
 
+NORMAL_PER_MAD = 1.4826  # standard deviation of a normal distribution divided by median absolute deviation
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatingCurve:
-    """Temperature against time at one point of a damper. Arrays are read-only, time rises."""
+    """Temperature versus time at one point of a damper. Arrays are read-only, and time increases."""
 
     time: FloatArray  # [s], shape (n,)
     temperature: FloatArray  # [K], shape (n,)
@@ -59,7 +61,7 @@ class HeatingCurve:
 
     @property
     def noise_K(self) -> float:
-        """Standard deviation of the noise [K], from the median of second differences."""
+        """Standard deviation of the noise [K], estimated from the median of absolute second differences."""
         t, y = self.time, self.temperature
         weight = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
         off = y[1:-1] - (1.0 - weight) * y[:-2] - weight * y[2:]
@@ -70,16 +72,16 @@ class HeatingCurve:
 def clean_curve(
     time_s: ArrayLike, temperature_K: ArrayLike, *, place: Place = "fluid", name: str = "curve"
 ) -> HeatingCurve:
-    """Return a curve without bad readings of a logger; its notes report them.
+    """Return a curve without the bad readings of a data logger. Notes of the curve report removed samples.
 
-    The function removes samples that are not finite or not plausible, later rows with equal time, and spikes.
-    A spike is a single sample that is above or below the neighbours on both sides by 8 noise deviations and
-    4 times the range of the three neighbours on a side. Steps and slopes remain.
+    The function removes samples that are not finite or not plausible, repeated times, and spikes. A spike is
+    a single sample that is far above or far below the three neighbours on each side: by more than 8 standard
+    deviations of the noise, 0.5 K, and 4 times the range of these neighbours. Steps and slopes remain.
 
     Raises
     ------
     InputError
-        If more than a fifth would be dropped, or fewer than 8 samples stay.
+        If more than a fifth of the samples are bad, or fewer than 8 samples remain.
     """
     time = np.asarray(time_s, dtype=np.float64)
     temperature = np.asarray(temperature_K, dtype=np.float64)
@@ -106,9 +108,10 @@ def clean_curve(
 
 
 def read_curve(path: str | Path) -> HeatingCurve:
-    """Return the curve in a table with a time column and one temperature column (``time_s``, ``fluid_degC``).
+    """Return the curve in a table file with a time and a temperature column (``time_s``, ``fluid_degC``).
 
-    The name of the column states the position of the thermometer (fluid, wall, body, coil); default: fluid.
+    The name of the temperature column states the position of the thermometer: fluid, wall, body or coil. For
+    other names, the position is the fluid.
     """
     file = Path(path)
     table = read_table(file)
@@ -141,7 +144,7 @@ def _temperature_unit(name: str) -> str | None:
 
 
 def _spikes(temperature: FloatArray) -> NDArray[np.bool_]:
-    """Return a mask of single samples that deviate from the neighbours on both sides; never an end sample."""
+    """Return a mask of the spikes (see ``clean_curve``). The first and the last sample are never spikes."""
     y, n = temperature, len(temperature)
     if n < SETTINGS.readings_min:
         return np.zeros(n, dtype=bool)

@@ -1,1 +1,1 @@
-"""Heat transfer from surfaces: properties of air, correlations, coefficients of a geometry."""
+"""Heat transfer from surfaces to air: properties of air, and correlations for heat-transfer coefficients."""

@@ -1,10 +1,11 @@
-"""Convection of annular fins on a horizontal tube: coefficients of sides, floor and rim.
+"""Convection of annular fins on a horizontal tube: heat-transfer coefficients of sides, floor and rim.
 
-Still air: correlation of Tsubouchi and Masuda for the mean of fin sides and tube, with a correction for the
-tube, which blocks the air in narrow gaps. Air across the axis: developing flow between two discs, driven by
-the wind pressure. docs/thermal.md describes the validation and the errors; ``side_uncertainty`` and
-``RIM_UNCERTAINTY`` contain them. All functions accept arrays of any shape and do not depend on geometry
-files.
+The *floor* is the tube between the fins, and the *rim* is the outer edge of a fin. In still air, the
+coefficients follow from the correlation of Tsubouchi and Masuda for the mean of fin sides and tube, with a
+correction because the tube blocks the air in narrow gaps. With air across the axis, they follow from a
+developing flow between two discs that is driven by the wind pressure. docs/thermal.md describes the
+validation. ``side_uncertainty`` and ``RIM_UNCERTAINTY`` are the errors. All functions accept arrays of any
+shape and do not depend on geometry files.
 """
 
 from __future__ import annotations
@@ -18,18 +19,22 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError
 
 RIM_FORCED = 1.2
-"""Coefficient of the fin rim divided by a cylinder's of the outer diameter, air across the axis [-]."""
+"""Coefficient of the fin rim divided by the coefficient of a cylinder with the outer fin diameter [-].
+
+The ratio applies to air across the axis.
+"""
 
 RIM_UNCERTAINTY = 0.5
-"""Half width of the 90 % interval of both rim coefficients, relative [-]."""
+"""Relative half width of the 90 % interval of the rim coefficient, in still air and in wind [-]."""
 
-_RATIOS = (1.05, 5.0)  # valid ratios of outer diameter to tube diameter
+_RATIOS = (1.05, 5.0)  # valid range of outer diameter divided by tube diameter
 _OF_WIND = 1.6  # driving pressure divided by rho U^2 / 2; fitted to computed flows
-_OF_CHANNEL = 0.91  # coefficient divided by that of channels with a tube; fitted to computed flows
-_RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # coefficient of a thin rim, and its thickness [m]
-STRIP_COUNT = 12  # Strips of a disc across the wind.
+_OF_CHANNEL = 0.91  # correction of the coefficient of the channel model; fitted to computed flows
+_RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # relative coefficient of a thin rim, and its thickness [m]
+STRIP_COUNT = 12  # number of strips into which a disc is divided
 ITERATION_COUNT = 24
-_FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 1.2, 1.18, 5.0  # floor coefficient; fitted to computed flows
+# These parameters of the floor coefficient (see ``floor_share``) were fitted to computed flows.
+_FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 1.2, 1.18, 5.0
 
 
 def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> FloatArray:
@@ -73,13 +78,13 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
     """Return the coefficient of the fin rim in still air, relative to a cylinder of the outer diameter [-].
 
-    It is 2.5 at 1 mm, as computed for one fin. For thick rims it approaches 1, depending on the thickness of
-    the cylinder's warm layer. The interpolation between both is an assumption.
+    The ratio is 2.5 for a fin of 1 mm, as computed for one fin. For thick fins, it approaches 1. The
+    interpolation is an assumption that uses the thickness of the warm air layer around the cylinder.
 
     Parameters
     ----------
     thickness : thickness of a fin [m]
-    layer : thickness of the cylinder's warm layer: diameter divided by Nusselt number [m], any shape
+    layer : thickness of the warm air layer: diameter of the cylinder divided by Nusselt number [m], any shape
     """
     warm = np.asarray(layer, dtype=np.float64)
     return np.asarray(1.0 + (_RIM_THIN - 1.0) * (_RIM_THICKNESS + warm) / (thickness + warm))
@@ -96,38 +101,39 @@ def forced_side_film(
     driving: float = _OF_WIND,
     correction: float = _OF_CHANNEL,
 ) -> FloatArray:
-    r"""Return the coefficient of the fin sides divided by the conductivity of air [1/m], air across the axis.
+    r"""Return the coefficient of the fin sides in wind, divided by the conductivity of air [1/m].
 
-    A strip across the wind at the height y is a channel of length c(y), the chord of the disc without the
-    tube. The air speed u in it follows from :math:`c_d U^2 = u^2[1 + 4 f c/(2S)]` with the apparent friction
-    factor f of a developing laminar flow between plates. Its heat transfer has the Nusselt number of a
-    thermally developing flow:
+    The air flows across the axis. The space between two discs is divided into strips parallel to the flow.
+    The strip at the height y is a channel of length c(y), which is the chord of the disc minus the tube. The
+    air speed u in the strip follows from :math:`c_d U^2 = u^2[1 + 4 f c/(2S)]` with the apparent friction
+    factor f of a developing laminar flow between plates. The Nusselt number is that for a thermally
+    developing flow:
 
     .. math:: f Re = \frac{3.44}{\sqrt{x^+}} +
               \frac{24 + 0.674/(4x^+) - 3.44/\sqrt{x^+}}{1 + 2.9\,10^{-5}/x^{+2}},\qquad
               Nu = 7.55 + \frac{0.024\,x^{*-1.14}}{1 + 0.0358\,Pr^{0.17}x^{*-0.64}}
 
-    with :math:`x^+ = c/(2S\,Re)`, :math:`Re = 2uS/\nu`, :math:`x^* = x^+/Pr`. The heat of each strip to
-    either side is :math:`\rho c_p u S/2\,(1 - e^{-4 Nu x^*})`.
+    with :math:`x^+ = c/(2S\,Re)`, :math:`Re = 2uS/\nu`, :math:`x^* = x^+/Pr`. The heat flow
+    from each of the two fins to the air in a strip is :math:`\rho c_p u S/2\,(1 - e^{-4 Nu x^*})`.
 
     Parameters
     ----------
     speed : air speed U [m/s], positive
-    gap, tube, outer : S, and the diameters d and D [m]; x = D / d as in ``nusselt_annular_fins``, or d = 0
-    viscosity, prandtl : air at film temperature [m^2/s], [-], equal shape
-    driving, correction : c_d, and the factor on the coefficient in addition to phi of
-    ``nusselt_annular_fins``, which is exact for narrow gaps; 1, 1 and d = 0 describe a disc without tube
+    gap, tube, outer : gap S, tube diameter d, outer diameter D [m]; d = 0, or D / d in the range of
+        ``nusselt_annular_fins``
+    viscosity, prandtl : properties of air at film temperature [m^2/s], [-], equal shape
+    driving, correction : c_d, and a factor on the coefficient. The factor phi of ``nusselt_annular_fins``,
+        which is exact for narrow gaps, is always included. The values 1, 1 and d = 0 describe a disc without
+        tube.
 
     Raises
     ------
     EnvelopeError
         If the ratio of diameters is out of range.
 
-    Notes
-    -----
-    Sources of the parts: apparent friction of Shah and London, Nusselt number of Stephan, as commonly quoted
-    (neither was read). The default correction was fitted to flows computed for 46 and 92 mm at 2 m/s with
-    gaps of 2 to 17 mm. It is valid for 0.5 to 10 m/s, laminar.
+    Notes ----- Sources: apparent friction by Shah and London, Nusselt number by Stephan, as commonly quoted
+    (we have read neither source). The default correction was fitted to computed flows for outer diameters of
+    46 and 92 mm at 2 m/s with gaps of 2 to 17 mm. It is valid for laminar flow at 0.5 to 10 m/s.
     """
     passed = _passed(_ratio(outer / tube)) if tube > 0.0 else 1.0
     height = 0.5 * outer * (np.arange(STRIP_COUNT) + 0.5) / STRIP_COUNT
@@ -136,7 +142,8 @@ def forced_side_film(
     pr = np.asarray(prandtl, dtype=np.float64)[..., None]
     drive = driving * speed**2
     log_speed = np.broadcast_to(0.5 * math.log(drive), np.broadcast_shapes(nu.shape, chord.shape)).copy()
-    # The left side is proportional to u^1 to u^2, so each iteration more than halves the error.
+    # The left side of the equation is proportional to a power 1 to 2 of u. Therefore each iteration reduces
+    # the error by more than half.
     for _ in range(ITERATION_COUNT):
         within = np.exp(log_speed)
         resistance = 1.0 + 2.0 * _friction(chord, gap, within, nu) * chord / gap
@@ -157,7 +164,7 @@ def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: Float
 
 
 def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl: ArrayLike) -> FloatArray:
-    """Return the gap of parallel plates with maximum heat flow in a given width [m].
+    """Return the gap between parallel plates [m] that gives the largest total heat flow in a given space.
 
     The gap is 3.24 L Re_L^-1/2 Pr^-1/4 (Bejan and Sciubba), for laminar flow between plates of length L [m].
     """
@@ -168,10 +175,11 @@ def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl:
 def floor_share(
     speed: float, gap: float, outer: float, viscosity: ArrayLike, prandtl: ArrayLike
 ) -> FloatArray:
-    """Return the coefficient of the tube divided by that of the fin sides [-], air across the axis.
+    """Return the coefficient of the floor divided by the coefficient of the fin sides [-], in wind.
 
-    1.2 (1 - exp(-(S / S0)^5)), with S0 = 1.18 times ``best_gap_in_wind`` for the mean chord of a disc. It was
-    fitted to flows computed for one size at 2 m/s; the error at 1 and 5 m/s is below 0.3.
+    The ratio is 1.2 (1 - exp(-(S / S0)^5)) for the gap S. S0 is 1.18 times ``best_gap_in_wind`` for the mean
+    chord of a disc. The formula was fitted to flows computed for one size at 2 m/s. Its error at 1 and 5 m/s
+    is below 0.3.
     """
     wide = _FLOOR_GAP * best_gap_in_wind(speed, 0.25 * math.pi * outer, viscosity, prandtl)
     return np.asarray(-_FLOOR_WIDE * np.expm1(-((gap / wide) ** _FLOOR_POWER)))
@@ -180,8 +188,8 @@ def floor_share(
 def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
     """Return the relative half width of the 90 % interval of the coefficient of sides and floor [-].
 
-    0.15 for gaps of 5 mm or more in still air, 0.20 for smaller gaps and in wind, 0.30 for fins shorter than
-    a third of the tube diameter or longer than the tube diameter.
+    The half width is 0.15 for gaps of 5 mm or more in still air, and 0.20 for smaller gaps and in wind. It is
+    0.30 for fins shorter than a third of the tube diameter or longer than the tube diameter.
     """
     if not 1.67 <= diameter_ratio <= 3.0:
         return 0.30
@@ -189,7 +197,7 @@ def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
 
 
 def _passed(ratio: float) -> float:
-    """Return phi of ``nusselt_annular_fins``: the effect of the tube on the flow in a narrow gap [-]."""
+    """Return phi of ``nusselt_annular_fins``: reduction of the flow in a narrow gap by the tube [-]."""
     return ratio**2 / (1.0 + ratio**2)
 
 

@@ -95,14 +95,15 @@ def nusselt_slender_vertical_cylinder(
 
 
 def nusselt_fin_disc(rayleigh: ArrayLike) -> FloatArray:
-    """Return the mean Nusselt number of both faces of a single horizontal disc, hot or cold.
+    """Return the mean Nusselt number of the two faces of a single horizontal disc, hot or cold.
 
-    The mean of 0.54 Ra^(1/4) (0.15 Ra^(1/3) above 1e7) on one face and 0.27 Ra^(1/4) on the other: fins on a
-    vertical damper. The length is open area over open perimeter.
+    The Nusselt number is 0.54 Ra^(1/4) (0.15 Ra^(1/3) above 1e7) on one face and 0.27 Ra^(1/4) on the other
+    face. The function is used for fins on a vertical damper. The characteristic length is the area of a face
+    divided by its outer perimeter.
 
     Parameters
     ----------
-    rayleigh : Rayleigh number on that length [-], 1e5 to 1e10 for the lower face, continued below
+    rayleigh : Rayleigh number based on this length [-], 1e5 to 1e10; smaller values are extrapolated
 
     Notes
     -----
@@ -139,7 +140,7 @@ def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
 
 
 def mixed_nusselt(natural: ArrayLike, forced: ArrayLike) -> FloatArray:
-    """Return the Nusselt number of mixed convection with transverse natural and forced flow.
+    """Return the Nusselt number of mixed convection, for forced flow transverse to the natural flow.
 
     .. math:: Nu^3 = Nu_{natural}^3 + Nu_{forced}^3
 
@@ -155,11 +156,11 @@ def mixed_nusselt(natural: ArrayLike, forced: ArrayLike) -> FloatArray:
 
 
 def radiation_film(emissivity: ArrayLike, surface_K: ArrayLike, ambient_K: float) -> FloatArray:
-    r"""Return the film coefficient of radiation to large surroundings [W/(m^2 K)].
+    r"""Return the heat-transfer coefficient of radiation to large surroundings [W/(m^2 K)].
 
     .. math:: h_r = \varepsilon\,\sigma\,(T_w^2 + T_a^2)(T_w + T_a)
 
-    so that h_r (T_w - T_a) is Stefan's and Boltzmann's law exactly.
+    The heat flux h_r (T_w - T_a) is then exactly the Stefan-Boltzmann law.
     """
     kelvin = np.asarray(surface_K, dtype=np.float64)
     share = np.asarray(emissivity, dtype=np.float64) * STEFAN_BOLTZMANN
@@ -173,12 +174,12 @@ def groove_emissivity(emissivity: float, opening: float, walls: float) -> float:
 
     Parameters
     ----------
-    emissivity : of the walls [-], 0 to 1; 0 gives 0
-    opening, walls : area of the opening and of all walls together [m^2], opening <= walls
+    emissivity : emissivity of the walls [-], 0 to 1; the result for 0 is 0
+    opening, walls : area of the opening, and total area of all walls [m^2], opening <= walls
 
     Notes
     -----
-    Source: the grey cavity, in any textbook of radiation.
+    Source: grey cavity, in textbooks of radiation.
     """
     if not 0.0 <= emissivity <= 1.0:
         raise InputError(place="groove", found=f"emissivity is {emissivity}", expected="0 to 1")
@@ -203,15 +204,15 @@ def annular_fin_efficiency(
               \frac{K_1(mr_1)I_1(mr_2) - I_1(mr_1)K_1(mr_2)}{I_0(mr_1)K_1(mr_2) + K_0(mr_1)I_1(mr_2)},
               \qquad m = \sqrt{2h/(kt)}
 
-    For an open tip, the caller passes the corrected radius r2 + t/2. The two faces then have the area of
-    faces and tip together, to first order in t / r2.
+    For a tip that loses heat, the caller passes the corrected radius r2 + t/2. The area of the two faces then
+    includes the area of the tip, to first order in t / r2.
 
     Parameters
     ----------
-    film : film coefficient on both faces [W/(m^2 K)], zero or more, any shape
-    root_radius, tip_radius : r1 and r2 [m], 0 < r1 < r2
-    thickness : t [m]
-    conductivity : of the fin [W/(m K)]
+    film : heat-transfer coefficient on the two faces [W/(m^2 K)], zero or more, any shape
+    root_radius, tip_radius : radii r1 and r2 [m], 0 < r1 < r2
+    thickness : thickness t of the fin [m]
+    conductivity : conductivity of the fin [W/(m K)]
 
     Notes
     -----
@@ -232,7 +233,8 @@ def annular_fin_efficiency(
     h = _check_range("film coefficient of a fin", film, 0.0, np.inf)
     m = np.sqrt(2.0 * np.maximum(h, 1e-9) / (conductivity * thickness))
     inner, outer = m * root_radius, m * tip_radius
-    # scaled: I = Ie exp(x), K = Ke exp(-x); both products carry exp(+-(outer - inner))
+    # The scaled Bessel functions are I = Ie exp(x) and K = Ke exp(-x). The products therefore contain the
+    # factors exp(+-(outer - inner)).
     shrink = np.exp(-2.0 * (outer - inner))
     above = k1e(inner) * i1e(outer) - i1e(inner) * k1e(outer) * shrink
     below = i0e(inner) * k1e(outer) * shrink + k0e(inner) * i1e(outer)

@@ -1,8 +1,8 @@
-"""Finite elements: transient heat conduction in the meridian section of a damper with fins.
+"""Finite-element model of transient heat conduction in the meridian section of a damper with fins.
 
-The elements are axisymmetric quadratic triangles. Radiation and convection use the local surface temperature,
-the sources the present temperature. ``section`` defines the problem, ``heat_equation`` integrates it in time.
-This model is the reference for the fast network.
+The elements are axisymmetric quadratic triangles. Radiation and convection depend on the local surface
+temperature, and the heat sources depend on the present temperature. ``section`` defines the problem, and
+``heat_equation`` integrates it in time. This model is the reference for the fast network.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from mrdamper.thermal.model.mesh import IntArray, SectionMesh, mesh_section
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.section import Role, Section, section_of
 
-_FACET_POINTS = 3
-_SAME_M = 1e-9
-_SIDES = ((0, 1), (1, 2), (0, 2))  # Sides of a triangle; their midpoints are nodes 3, 4 and 5.
+_FACET_POINTS = 3  # number of Gauss points on a facet
+_SAME_M = 1e-9  # Positions with a smaller difference count as equal.
+_SIDES = ((0, 1), (1, 2), (0, 2))  # corners at the ends of the sides, with the midpoints 3, 4 and 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldModel:
-    """A section, its mesh, and the heat equation on the mesh's nodes.
+    """A section, its mesh, and the heat equation for the temperatures at the nodes of the mesh.
 
     The unknowns are the temperatures at ``nodes``: first the corners in the order of the mesh, then the
     midpoints of the sides. ``elements`` contains the six nodes of each triangle: corners, then the midpoints
@@ -50,10 +50,10 @@ class FieldModel:
     nodes: FloatArray  # (r, z) [m], shape (n, 2)
     elements: IntArray  # shape (t, 6)
     equation: HeatEquation
-    surface: IntArray  # surface of each surface point of the equation, shape (p,)
+    surface: IntArray  # index of the surface at each surface point, shape (p,)
 
     def field(self, state: FloatArray) -> FloatArray:
-        """Return the temperatures at the nodes [K] for unknowns above ambient."""
+        """Return the temperatures at the nodes [K] for unknowns above ambient [K]."""
         return np.asarray(state + self.equation.ambient)
 
 
@@ -62,7 +62,7 @@ def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
 
     Parameters
     ----------
-    size : longest side of a cell [m]
+    size : maximum side of a cell of the mesh [m]
     """
     section = section_of(drawing)
     return discretise(section, mesh_section(section, size))
@@ -82,7 +82,10 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         return sparse.csr_array((parts.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def mean_over(*roles: Role) -> FloatArray:
-        """Return the row for the mean over regions, which is also a load of 1 W distributed over them."""
+        """Return the weights of the nodes for the volume mean over the regions with these roles.
+
+        The same vector is the load of 1 W that is distributed uniformly over these regions.
+        """
         inside = _with_roles(section, mesh, roles)
         row = np.bincount(elements[inside].ravel(), local.loads[inside].ravel(), size)
         return np.asarray(row / row.sum()) if inside.any() else np.zeros(size)
@@ -117,7 +120,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
 
 
 def _growing(section: Section, mesh: SectionMesh) -> list[tuple[CapacityCurve, NDArray[np.bool_]]]:
-    """Return the triangles with a temperature-dependent heat capacity, part by part."""
+    """Return pairs of heat-capacity curve and mask of triangles for parts with variable heat capacity."""
     parts: dict[tuple[str, CapacityCurve], list[int]] = {}
     for k, region in enumerate(section.regions):
         if region.growth is not None:
@@ -126,7 +129,7 @@ def _growing(section: Section, mesh: SectionMesh) -> list[tuple[CapacityCurve, N
 
 
 def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
-    """Return corners and midpoints of the sides [m], and the six nodes of each triangle."""
+    """Return the coordinates of all nodes (corners, then midpoints) [m], and the nodes of each triangle."""
     pairs = np.concatenate([mesh.triangles[:, list(side)] for side in _SIDES])
     sides, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     nodes = np.concatenate([mesh.corners, mesh.corners[sides].mean(axis=1)])
@@ -135,11 +138,12 @@ def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
 
 
 def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return integrals over a triangle of unit area, r being linear in the barycentric coordinates.
+    """Return three arrays of integrals over a triangle of unit area.
 
-    They contain the shape functions N times a coordinate (6, 3), their products times a coordinate (36, 3),
-    and the products of their derivatives times coordinates (3, 3, 36, 3). Radon's formula with seven points
-    is exact for polynomials of degree 5 (tested).
+    The integrands are products with a barycentric coordinate L, because the radius r is linear in L: shape
+    functions times L, shape (6, 3); products of two shape functions times L, shape (36, 3); and products of
+    two derivatives of shape functions times L, shape (3, 3, 36, 3). Radon's formula with seven points is
+    exact for polynomials of degree 5 (tested).
     """
     root = math.sqrt(15.0)
     points, weights = [[1.0 / 3.0] * 3], [9.0 / 40.0]
@@ -162,29 +166,32 @@ def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 class _Local:
-    """Integrals over each triangle rotated about the axis, for pairs of nodes and a unit material."""
+    """Integrals over each triangle rotated about the axis, for all pairs of its nodes and unit properties."""
 
     def __init__(self, mesh: SectionMesh) -> None:
         corners = mesh.corners[mesh.triangles]  # (t, 3, 2)
         doubled = mesh.doubled_areas()
-        # Area times 2 pi r at the corners.
+        # These are the triangle areas times 2 pi r at the corners.
         self._turned = math.pi * doubled[:, None] * corners[:, :, 0]
         r, z = corners[:, :, 0], corners[:, :, 1]
         after, before = [1, 2, 0], [2, 0, 1]
         self._gradient = np.stack([z[:, after] - z[:, before], r[:, before] - r[:, after]]) / doubled[:, None]
         shapes, products, self._slopes = _reference()
-        self.loads = self._turned @ shapes.T  # shape functions, shape (t, 6)
-        self.products = self._turned @ products.T  # products of two shape functions, shape (t, 36)
+        self.loads = self._turned @ shapes.T  # integrals of shape functions, shape (t, 6)
+        self.products = self._turned @ products.T  # integrals of their products, shape (t, 36)
 
     def conduction(self, along: FloatArray) -> FloatArray:
-        """Return integrals of products of gradients for conductivities along r and z, shape (t, 36)."""
+        """Return the conduction matrices of all triangles for conductivities along r and z, shape (t, 36)."""
         joint = np.einsum("dta,dtb,td->tab", self._gradient, self._gradient, along)
         weight = joint[:, :, :, None] * self._turned[:, None, None, :]
         return np.asarray(np.tensordot(weight, self._slopes, ([1, 2, 3], [0, 1, 3])))
 
 
 def _spots(section: Section, mesh: SectionMesh, nodes: FloatArray, elements: IntArray) -> HotSpots:
-    """Return the candidate nodes for the hottest point of gap, coil and seals (rod surface in the caps)."""
+    """Return matrices that select the candidate nodes for the hottest point of gap, coil and seals.
+
+    The candidates of the seals are on the rod surface in the caps.
+    """
 
     def elements_of(role: Role) -> IntArray:
         return np.unique(elements[_with_roles(section, mesh, (role,))])
@@ -207,7 +214,10 @@ def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> N
 def _surface_points(
     mesh: SectionMesh, elements: IntArray, size: int
 ) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-    """Return interpolation matrix, areas [m^2] and surface indices of the Gauss points on the facets."""
+    """Return the interpolation matrix to the Gauss points on the facets, their areas and surface indices.
+
+    The areas [m^2] are the weights of the points in integrals over the surface of revolution.
+    """
     ends = np.sort(
         np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [0, 2]]])
     )
@@ -235,7 +245,7 @@ def _surface_points(
 
 
 def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: float | None = None) -> Cooling:
-    """Return the cooling of a model in other surroundings.
+    """Return the cooling of a model in the given surroundings instead of its own.
 
     Parameters
     ----------
@@ -249,7 +259,7 @@ def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: floa
 
 
 def _cooling(section: Section, which: IntArray, reference: float) -> Cooling:
-    """Return the cooling of points on the given surfaces."""
+    """Return the cooling of surface points; ``which`` has the surface index of each point."""
     surfaces = section.surfaces
     return Cooling(
         section.ambient,

@@ -2,12 +2,13 @@
 
     M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
 
-with mass M, conduction K, loads p and c of mechanical and coil heat, rise of the coil resistance E, and heat
-flux q at the points B of the surface, each with area a. The matrices are sparse for the finite elements,
-small and dense for the reduced model. Both use the same integration (``stepping``). If the heat capacity of a
-part depends on its mean temperature, so does M. The Jacobian is exact except for this dependence. The
-contribution of the mean fluid temperature would fill the matrix. It is included by the Sherman-Morrison
-formula.
+M is the mass matrix (heat capacities), K the conduction matrix, P the mechanical power with the load vector
+p, and W the coil heat at 20 degC with the load vector c. E describes the increase of the coil resistance with
+temperature. B interpolates θ at the surface points, which have the areas a and the heat fluxes q. The
+matrices are sparse for the finite elements, and small and dense for the reduced model. Both models use the
+same time integration (``stepping``). If the heat capacity of a part depends on its mean temperature, M
+changes with time. The Jacobian is exact except for this dependence. The dependence of P on the mean fluid
+temperature would make the matrix dense. Therefore it is included by the Sherman-Morrison formula.
 """
 
 from __future__ import annotations
@@ -32,21 +33,22 @@ from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
 
-Matrix = Any  # sparse matrix or array; both have @ and .T
+Matrix = Any  # sparse or dense matrix
 
-_ROUNDING_K = 1e-5  # Newton steps below this size can be rounding errors.
+_ROUNDING_K = 1e-5  # Newton steps that are smaller than this can be rounding errors.
 
 
 class Cooling:
-    """Cooling of surface points as a function of temperature: convection on a grid, radiation, mountings.
+    """Heat flux at p surface points versus temperature: convection (tabulated), radiation, and mountings.
 
     Parameters
     ----------
-    ambient : [K]
-    grid, films : coefficients at grid temperatures, as in ``Section``
+    ambient : temperature of the surroundings [K]
+    grid, films : temperatures [K], and convective coefficients at these temperatures, as in ``Section``
     law : row of ``films`` for each point, shape (p,)
-    emissivity, mount : for each point, shape (p,)
-    paths : columns of ``network.PATHS`` for convection and radiation of each point, shape (2, p)
+    emissivity : emissivity of each point, shape (p,)
+    mount : conductance to the mountings per area of each point [W/(m^2 K)], shape (p,)
+    paths : indices in ``network.PATHS`` of convection and radiation of each point, shape (2, p)
     reference : temperature that corresponds to zero unknowns [K]; None: ambient
     """
 
@@ -67,11 +69,12 @@ class Cooling:
         self._law, self._mount = law, mount
         self._black = emissivity * STEFAN_BOLTZMANN
         self._low, self._width = float(grid[0]) - reference, float(grid[1] - grid[0])
-        # The heat flux itself is tabulated, as in the network: (knots, 4) per law.
+        # The table contains the heat flux as cubics, shape (laws, intervals, 4), as in the network.
         self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
         points = np.arange(len(law))
         mount_column = np.full(len(law), PATHS.index("mount"))
-        # The columns are convection, radiation and mount of all points.
+        # This matrix sums the fluxes of all points by path. Its columns are the convection of all points,
+        # then the radiation, then the mount.
         where = np.concatenate([paths[0], paths[1], mount_column])
         self._sort = sparse.csr_array(
             (np.ones(3 * len(law)), (where, np.concatenate([points + k * len(law) for k in range(3)]))),
@@ -79,7 +82,10 @@ class Cooling:
         )
 
     def fluxes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the fluxes by convection, radiation and mount [W/m^2], and their slopes, each (3, p)."""
+        """Return the fluxes by convection, radiation and mount [W/m^2], and their derivatives [W/(m^2 K)].
+
+        Both arrays have the shape (3, p).
+        """
         at = (theta - self._low) / self._width
         place = at.astype(np.intp)
         if theta.size and not (at.min() >= 0.0 and at.max() < self._cubics.shape[1]):
@@ -99,11 +105,11 @@ class Cooling:
         return flux, slope
 
     def by_path(self, fluxes: FloatArray, area: FloatArray) -> FloatArray:
-        """Return the heat of each path [W] from fluxes of shape (3, p)."""
+        """Return the heat flow through each path [W], shape (paths,), from fluxes of shape (3, p)."""
         return np.asarray(self._sort @ (fluxes * area).ravel())
 
     def refusal(self, theta: FloatArray) -> EnvelopeError:
-        """Return the error for temperatures outside the range of the losses."""
+        """Return the EnvelopeError for surface temperatures outside the tabulated range."""
         worst = (
             theta[np.argmax(np.where(np.isfinite(theta), np.abs(theta), np.inf))]
             + self._reference
@@ -120,7 +126,7 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Matrices from the unknowns to the temperatures at the candidate hot spots, shape (m, n) each."""
+    """Matrices that map the unknowns to temperatures at the candidates for hot spots, shape (m, n)."""
 
     gap: Matrix
     coil: Matrix
@@ -129,30 +135,30 @@ class HotSpots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredHeat:
-    """A temperature-dependent heat capacity: the part's mass matrix at mean capacity, and its factor."""
+    """A temperature-dependent heat capacity of one part."""
 
-    mass: Matrix  # [J/K], shape (n, n)
-    curve: CapacityCurve
+    mass: Matrix  # mass matrix of the part with its mean heat capacity [J/K], shape (n, n)
+    curve: CapacityCurve  # heat capacity divided by its mean, versus the mean temperature of the part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatEquation:
-    """The matrices of the equation above with n unknowns, sparse or dense."""
+    """The matrices of the heat equation with n unknowns and p surface points, sparse or dense."""
 
     ambient: float  # [K]
     mass: Matrix  # [J/K], shape (n, n)
     stiffness: Matrix  # [W/K], shape (n, n)
-    mechanical: FloatArray  # load of 1 W, shape (n,)
-    electrical: FloatArray  # load of 1 W, shape (n,)
-    warming: Matrix  # increase of a coil heat of 1 W at 20 degC with local temperature [1/K], shape (n, n)
-    surface: Matrix  # values at the surface points, shape (p, n)
-    area: FloatArray  # area of the points [m^2], shape (p,)
+    mechanical: FloatArray  # load vector for 1 W of mechanical power, shape (n,)
+    electrical: FloatArray  # load vector for 1 W of coil heat, shape (n,)
+    warming: Matrix  # E: increase of a coil heat of 1 W with the local temperature [1/K], shape (n, n)
+    surface: Matrix  # B: interpolation at the surface points, shape (p, n)
+    area: FloatArray  # area of the surface points [m^2], shape (p,)
     cooling: Cooling
-    fluid: FloatArray  # mean of the fluid, shape (n,)
-    coil: FloatArray  # shape (n,)
-    wall: FloatArray  # shape (n,)
+    fluid: FloatArray  # weights of the unknowns for the mean fluid temperature, shape (n,)
+    coil: FloatArray  # weights for the mean coil temperature, shape (n,)
+    wall: FloatArray  # weights for the mean temperature of tube and caps, shape (n,)
     uniform: FloatArray  # unknowns for a uniform temperature of 1 K, shape (n,)
-    reference_growth: float  # coil heat at ambient divided by that at 20 degC [-]
+    reference_growth: float  # coil heat at ambient temperature divided by coil heat at 20 degC [-]
     spots: HotSpots
     storage: tuple[StoredHeat, ...] = ()
 
@@ -162,7 +168,7 @@ class HeatEquation:
         return len(self.uniform)
 
     def mass_at(self, state: FloatArray) -> Matrix:
-        """Return the mass at the temperatures of a state [J/K], shape (n, n)."""
+        """Return the mass matrix at the temperatures of a state [J/K], shape (n, n)."""
         found = self.mass
         for part in self.storage:
             row = part.mass @ self.uniform
@@ -171,7 +177,7 @@ class HeatEquation:
         return found
 
     def heat(self, states: FloatArray) -> FloatArray:
-        """Return the heat of states relative to ambient [J], shape (...) for states (..., n)."""
+        """Return the heat that is stored above ambient [J], shape (...) for states of shape (..., n)."""
         found = states @ (self.mass @ self.uniform)
         for part in self.storage:
             row = part.mass @ self.uniform
@@ -185,17 +191,18 @@ class HeatEquation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldHeating(EnergyAccount):
-    """Result of a simulation: temperatures, powers and energies at the ends of the steps.
+    """Result of a simulation: temperatures, heat flows and energies at the end of each time step.
 
-    Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, coil heat.
+    The columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, then
+    coil heat.
     """
 
     equation: HeatEquation
     time: FloatArray  # [s], shape (k,)
     state: FloatArray  # unknowns above ambient [K], shape (k, n)
-    flow: FloatArray  # [W], shape (k, 7)
-    energy: FloatArray  # since the start [J], shape (k, 7)
-    stopped: bool  # the fluid reached the temperature at which to stop
+    flow: FloatArray  # heat flow through each path and from each source [W], shape (k, 7)
+    energy: FloatArray  # heat through each path and from each source since the start [J], shape (k, 7)
+    stopped: bool  # True if the fluid reached the temperature at which the simulation ends
 
     def _mean(self, weights: FloatArray) -> FloatArray:
         return np.asarray(self.state @ weights + self.equation.ambient)
@@ -216,13 +223,13 @@ class FieldHeating(EnergyAccount):
         return self._mean(self.equation.wall)
 
     def hottest(self, part: Part) -> FloatArray:
-        """Return the temperature of a part's hottest point [K], shape (k,)."""
+        """Return the temperature of the hottest point of a part [K], shape (k,)."""
         points: Matrix = getattr(self.equation.spots, part)
         return np.asarray((points @ self.state.T).max(axis=0) + self.equation.ambient)
 
     @property
     def columns(self) -> Mapping[str, Sequence[int]]:
-        """Return the columns of the losses by path, without unused paths."""
+        """Return the columns of ``flow`` and ``energy`` for each loss path; unused paths are omitted."""
         return {path: [k] for k, path in enumerate(PATHS) if self.flow[:, k].any() or self.energy[:, k].any()}
 
     @property
@@ -268,7 +275,9 @@ def simulate_field(
 
 
 def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
-    """Return the steady unknowns above ambient for a load [K], shape (n,), by Newton's method.
+    """Return the unknowns above ambient in the steady state for a load [K], shape (n,).
+
+    The nonlinear equation is solved by Newton's method.
 
     Raises
     ------
@@ -282,13 +291,13 @@ def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
     for _ in range(60):
         here = system.evaluate(state)
         move = system.solver(here, 1.0, 0.0)(here.rate)
-        # The change is measured in kelvin for any kind of unknowns.
+        # The change is measured as a temperature at some points, because reduced unknowns have no unit.
         seen = (equation.surface @ move, equation.spots.gap @ move, equation.spots.coil @ move)
         largest = max(float(np.abs(each).max(initial=0.0)) for each in seen)
         if not math.isfinite(largest) or largest > 1e9:
             break
         state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
-        # The iteration has converged, or only rounding errors remain.
+        # Stop if the iteration has converged or if only rounding errors remain.
         if largest < 1e-9 or before <= 2.0 * largest < 2.0 * _ROUNDING_K:
             return state
         before = largest
@@ -313,28 +322,29 @@ def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> Fl
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
-    """The terms of the equation at one state."""
+    """The terms of the heat equation at one state."""
 
     rate: FloatArray  # M dθ/dt [W], shape (n,)
-    flow: FloatArray  # [W], shape (7,)
-    slopes: FloatArray  # slopes of the surface fluxes [W/(m^2 K)], shape (3, p)
-    power_slope: float  # slope of the mechanical power [W/K]
+    flow: FloatArray  # heat flow through each path and from each source [W], shape (7,)
+    slopes: FloatArray  # derivatives of the surface fluxes [W/(m^2 K)], shape (3, p)
+    power_slope: float  # derivative of the mechanical power [W/K]
 
 
 class FieldSystem:
-    """A heat equation as a ``stepping.System``.
+    """Implements ``stepping.System`` for a heat equation.
 
-    A state contains the n unknowns above ambient [K], then the energies of the paths and of both sources [J].
+    A state contains the n unknowns above ambient [K], then the heat through each path and from both sources
+    since the start [J].
     """
 
     def __init__(self, equation: HeatEquation) -> None:
         self.equation, self.nodes = equation, equation.size
-        # 1ᵀ E: contribution of a state to the heat of a coil with 1 W.
+        # 1ᵀ E: this row times a state is the relative increase of the total coil heat.
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
-        self._mass = equation.mass  # at the point of linearisation
+        self._mass = equation.mass  # mass matrix at the point of linearisation
 
     def take(self, load: Load) -> None:
-        """Set the load: its power becomes a spline on the temperature grid, as in the network."""
+        """Set the load. Its power becomes a cubic spline on the temperature grid, as in the network."""
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power(grid))
         self._coil_W = load.coil_W
@@ -344,22 +354,27 @@ class FieldSystem:
         return float(self.equation.fluid @ state[: self.nodes]) + self.equation.ambient
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return M dθ/dt and the flows [W] in the shape of the state."""
+        """Return the right-hand side of the equation, one array ordered like the state [W].
+
+        The array contains M dθ/dt for the unknowns, then the heat flow through each path and from both
+        sources.
+        """
         here = self.evaluate(state[: self.nodes])
         warming = here.rate
-        if self.equation.storage:  # use the mass at the point of linearisation
+        if self.equation.storage:  # Convert to the mass matrix at the point of linearisation.
             mass = self.equation.mass_at(state[: self.nodes])
             warming = self._mass @ factorise(mass)(warming)
         return np.concatenate([warming, here.flow])
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return M times the rate of the unknowns; energies are unchanged."""
+        """Return M times the rate of the unknowns, and the unchanged rates of the energies."""
         return np.concatenate([self._mass @ rate[: self.nodes], rate[self.nodes :]])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step, shifted uniformly to close the energy balance.
+        """Return the state after a step with a uniform temperature shift that closes the energy balance.
 
-        If heat capacities depend on temperature, the balance of a step is only as accurate as its order.
+        The shift is necessary only if heat capacities depend on temperature, because the energy balance of a
+        step then has the error of the time integration.
         """
         e, n = self.equation, self.nodes
         if not e.storage:
@@ -373,7 +388,7 @@ class FieldSystem:
         return found
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return the rate at a state, and the solver of (M - shrunk J) x = b."""
+        """Return the right-hand side at a state, and the solver of (M - shrunk J) x = b."""
         n = self.nodes
         here = self.evaluate(state[:n])
         self._mass = self.equation.mass_at(state[:n])
@@ -386,7 +401,7 @@ class FieldSystem:
         return np.concatenate([here.rate, here.flow]), with_energies
 
     def evaluate(self, state: FloatArray) -> _Here:
-        """Return the terms of the equation at a state."""
+        """Return the terms of the heat equation at a state."""
         e = self.equation
         fluxes, slopes = e.cooling.fluxes(e.surface @ state)
         mean = float(e.fluid @ state)
@@ -399,14 +414,14 @@ class FieldSystem:
         return _Here(rate, flow, slopes, power_slope)
 
     def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
-        """Return the first-order change of the flows for a change of the state [W]."""
+        """Return the first-order change of the heat flows [W] (paths, sources) for a change of state."""
         e = self.equation
         lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
         gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
         return np.concatenate([lost, gained])
 
     def solver(self, here: _Here, shrunk: float, inertia: float) -> Solver:
-        """Return the solver of (inertia M - shrunk J) x = b, with J the derivative of the rate."""
+        """Return the solver of (inertia M - shrunk J) x = b; J is the derivative of the right-hand side."""
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope
@@ -424,11 +439,11 @@ class FieldSystem:
 
 
 def factorise(matrix: Matrix) -> Solver:
-    """Return a solver for a dense or sparse matrix."""
+    """Factorise a dense or sparse matrix; return a function that solves linear systems with this matrix."""
     if isinstance(matrix, np.ndarray):
         factors = lu_factor(matrix, check_finite=False)
         return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
-    # The matrix is nearly symmetric, so pivots stay on the diagonal. Wide panels are not faster.
+    # The matrix is nearly symmetric. Therefore pivots stay on the diagonal. Wide panels are not faster.
     sparse_factors = splu(
         sparse.csc_array(matrix),
         permc_spec="MMD_AT_PLUS_A",

@@ -1,7 +1,7 @@
-"""Eq. (8) of the paper: the damper as one body, C dT/dt = P + i^2 R - G(T) (T - T_a).
+"""Lumped thermal model, Eq. (8) of the paper: one temperature, C dT/dt = P + i^2 R - G(T) (T - T_a).
 
-It is a network with one node and the surfaces of the zone network (fins with their efficiency). It does not
-resolve the coil, which is 8 to 17 K hotter.
+The model is a network with one node and the surfaces of the zone network. Fins have their efficiency. The
+temperature of the coil, which is 8 to 17 K hotter than the damper, is not resolved.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mrdamper.thermal.model.surfaces import fin_efficiency
 
 
 def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:
-    """Return the network with one node: total heat capacity, all losses at one temperature."""
+    """Return a network with one node, which has the total heat capacity and all losses of a geometry."""
     zones = zone_network(drawing)
     watts: dict[str, FloatArray] = {}
     for path, row in zip(zones.loss_path, zones.watts, strict=True):
@@ -25,7 +25,7 @@ def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:
     if drawing.sink is not None:
         film, efficiency = fin_efficiency(drawing, zones.grid)
         sink, diameter = drawing.sink, drawing.body.outer_diameter
-        # A contact resistance and the fin are in series.
+        # The contact resistance is in series with the fin. Therefore it reduces the efficiency.
         contact = sink.contact / (math.pi * diameter * sink.thickness)
         efficiency = efficiency / (1.0 + contact * film * sink.fin_area(diameter) * efficiency)
         for path in ("fin convection", "fin radiation"):

@@ -1,8 +1,8 @@
-"""Triangle meshes of a section: a grid along the sides of all blocks, graded towards their corners.
+"""Triangle meshes of a section: a grid along the sides of all blocks, refined at their corners.
 
-The heat flux is singular where three materials meet, or a fin meets the body. There the sides at the corner
-are cut repeatedly, which needs few nodes and creates no hanging nodes. A mesh consists of nodes, triangles
-with their region, and facets with their surface. ``mesh_section`` creates it.
+The heat flux is singular at points where three materials meet, and at the roots of fins. All sides that end
+in such a corner are cut repeatedly. This method needs few nodes and creates no hanging nodes. A mesh consists
+of nodes, triangles with their region, and facets (sides on the outline) with their surface.
 """
 
 from __future__ import annotations
@@ -21,26 +21,27 @@ from mrdamper.thermal.model.section import Edge, Section
 
 IntArray = NDArray[np.int64]
 
-SIDE_TOLERANCE_M = 1e-9  # Closer sides count as equal.
-CUT_RATIO = 0.35  # Position of each cut on a side that ends in a corner.
-EDGE_CELL_RATIO = 0.15  # Size of a cell at a side divided by the requested size.
-CELL_GROWTH_RATIO = 1.0  # Growth of the cell size with the distance from the side of a block.
-FIRST_CELL_RATIO_MAX = 0.2  # Size of the first cell divided by the radial width of a block.
-# The gap conducts much better along than across, so that the flow turns at its walls.
+SIDE_TOLERANCE_M = 1e-9  # Sides with a smaller distance count as equal.
+CUT_RATIO = 0.35  # distance of a cut from the corner, divided by the length of the side
+EDGE_CELL_RATIO = 0.15  # size of the first cell at a side, divided by the requested size
+CELL_GROWTH_RATIO = 1.0  # increase of the cell size per distance from the side of a block
+FIRST_CELL_RATIO_MAX = 0.2  # max radial size of the first cell, divided by the radial width of the block
+# The gap conducts much better along z than along r. Therefore the heat flow turns near its walls, and the
+# cells must be smaller there.
 GAP_FIRST_CELL_RATIO_MAX = 0.05
-AXIAL_CELL_RATIO_MAX = 1.0
-SAMPLE_COUNT = 129  # Samples of an interval for the number of cells.
+AXIAL_CELL_RATIO_MAX = 1.0  # max axial size of the first cell, divided by the axial length of the block
+SAMPLE_COUNT = 129  # number of points in an interval at which the wanted cell size is evaluated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionMesh:
-    """Straight triangles in (r, z), counterclockwise, and the facets of the outline that lose heat."""
+    """Counterclockwise triangles in the plane (r, z), and the facets of the outline that lose heat."""
 
-    corners: FloatArray  # (r, z) [m], shape (c, 2)
-    triangles: IntArray  # corners, shape (t, 3)
-    region: IntArray  # region of each triangle, shape (t,)
-    facets: IntArray  # corners, shape (f, 2)
-    surface: IntArray  # surface of each facet, shape (f,)
+    corners: FloatArray  # coordinates (r, z) [m], shape (c, 2)
+    triangles: IntArray  # indices of the corners of each triangle, shape (t, 3)
+    region: IntArray  # index of the region of each triangle, shape (t,)
+    facets: IntArray  # indices of the corners of each facet, shape (f, 2)
+    surface: IntArray  # index of the surface of each facet, shape (f,)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", read_only(self.corners))
@@ -68,17 +69,17 @@ class SectionMesh:
 
 
 def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> SectionMesh:
-    """Return a mesh of a section, symmetric about its middle if the section is symmetric.
+    """Return a triangle mesh of a section. A symmetric section has a symmetric mesh.
 
     Parameters
     ----------
-    size : longest side of a cell along r or z [m]; cells at the sides of blocks are smaller
-    levels : number of refinements at the corners
+    size : maximum side of a cell along r or z [m]; cells at the sides of blocks are smaller
+    levels : number of refinements at each corner
 
     Raises
     ------
     InputError
-        If blocks overlap, or an edge is not the side of a triangle.
+        If blocks overlap, or if an edge does not consist of sides of triangles.
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(place="mesh", found=f"size is {size} m", expected="a positive, finite number")
@@ -110,7 +111,8 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     across = len(heights)
     low_in, low_out = i * across + j, (i + 1) * across + j
     high_in, high_out = low_in + 1, low_out + 1
-    # The diagonal is mirrored about the middle, so that a symmetric section has a symmetric mesh.
+    # The diagonals of the cells are mirrored about the middle, so that a symmetric section has a symmetric
+    # mesh.
     rising = heights[j] + heights[j + 1] < heights[0] + heights[-1]
     first = np.where(rising, [low_in, low_out, high_out], [low_in, low_out, high_in]).T
     second = np.where(rising, [low_in, high_out, high_in], [low_out, high_out, high_in]).T
@@ -124,7 +126,7 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
 
 
 class _Triangles:
-    """An unfinished mesh, which can contain unused nodes."""
+    """A mesh during its refinement, which can contain unused nodes."""
 
     def __init__(
         self, nodes: FloatArray, triangles: IntArray, region: IntArray, facets: IntArray, surface: IntArray
@@ -133,7 +135,7 @@ class _Triangles:
         self.facets, self.surface = facets, surface
 
     def cut_around(self, corner: int) -> None:
-        """Cut every side that ends in a corner, and divide the triangles there into three."""
+        """Cut every side that ends in a corner, and divide each triangle at the corner into three."""
         at, place = np.nonzero(self.triangles == corner)
         ring = self.triangles[at]
         a, b = ring[np.arange(len(at)), (place + 1) % 3], ring[np.arange(len(at)), (place + 2) % 3]
@@ -143,7 +145,8 @@ class _Triangles:
         self.nodes = np.concatenate(
             [self.nodes, self.nodes[corner] + CUT_RATIO * (self.nodes[far] - self.nodes[corner])]
         )
-        # Take the shorter diagonal of the remainder; of two equal ones, that closer to the axis.
+        # The remaining quadrilateral is divided along its shorter diagonal. If both are equal, the diagonal
+        # closer to the axis is used.
         diagonal = np.hypot(*(self.nodes[new_a] - self.nodes[b]).T) - np.hypot(
             *(self.nodes[a] - self.nodes[new_b]).T
         )
@@ -170,7 +173,7 @@ class _Triangles:
             self.surface = np.concatenate([self.surface, self.surface[touching]])
 
     def mesh(self) -> SectionMesh:
-        """Return the mesh without unused nodes."""
+        """Return the finished mesh without unused nodes."""
         used, compact = np.unique(self.triangles, return_inverse=True)
         if not np.isin(self.facets, used).all():
             raise InputError(place="section", found="an edge lies outside all blocks")
@@ -184,9 +187,9 @@ class _Triangles:
 
 
 def _corners(region: IntArray) -> list[int]:
-    """Return the nodes of the grid at which regions form a corner or a re-entrant corner.
+    """Return the grid nodes at corners of regions that need refinement; convex outer corners are omitted.
 
-    Mirrored nodes are consecutive, so that a symmetric grid remains symmetric.
+    Mirrored nodes are consecutive in the list, so that the refinement of a symmetric grid is symmetric.
     """
     padded = np.pad(region, 1, constant_values=-1)
     quarters = np.stack([padded[:-1, :-1], padded[1:, :-1], padded[:-1, 1:], padded[1:, 1:]])
@@ -199,10 +202,11 @@ def _corners(region: IntArray) -> list[int]:
 
 
 def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) -> FloatArray:
-    """Return the sides, merged within the tolerance, and grid lines between them.
+    """Return the positions of all grid lines: the sides of blocks, and lines between the sides.
 
-    Cells grow from the sides towards the middle of each interval. The size of the first cell is limited to a
-    fraction of the interval, which ``share_at`` returns for the middle of the interval.
+    Sides within the tolerance are merged. Cells grow from the sides towards the middle of each interval. The
+    size of the first cell is limited to a fraction of the interval. ``share_at`` returns this fraction for
+    the middle of the interval.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > SIDE_TOLERANCE_M])]
@@ -217,13 +221,13 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
         cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
         count = max(1, math.ceil(cells[-1] - 1e-6))
         if abs(start + stop - distinct[0] - distinct[-1]) < SIDE_TOLERANCE_M:
-            count += count % 2  # no cell across the middle, because diagonals are mirrored
+            count += count % 2  # Diagonals are mirrored at the middle. No cell may extend across it.
         pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
     return np.concatenate([*pieces, distinct[-1:]])
 
 
 def _cells(lines: FloatArray, low: float, high: float) -> slice:
-    """Return the cells between two sides."""
+    """Return the slice of the cells between two sides of a block."""
     return slice(_line(lines, low), _line(lines, high))
 
 
@@ -238,7 +242,7 @@ def _line(lines: FloatArray, side: float) -> int:
 
 
 def _facets(edges: tuple[Edge, ...], radii: FloatArray, heights: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the facets of edges as nodes of the grid, and the surface of each."""
+    """Return the facets of all edges, each as two grid nodes, and the surface index of every facet."""
     across = len(heights)
     found, surface = [], []
     for edge in edges:

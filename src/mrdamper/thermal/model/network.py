@@ -1,12 +1,13 @@
-"""Thermal networks: nodes with heat capacity, conductances, losses to ambient, heat sources.
+"""Thermal networks: nodes with heat capacities, conductances, losses to ambient, and heat sources.
 
-A network is a value. ``transient`` integrates it in time; ``temperature_rise`` supplies the heat sources.
-``zone_network`` builds it from a geometry: three axial zones (chamber, piston, chamber), each with core (rod
-or piston), fluid and wall, plus the coil and one node per group of fins; ten to thirteen nodes. ``lumped``
-builds the network with one node.
+``zone_network`` builds a network from a geometry. It has three axial zones (chamber, piston, chamber), each
+with a core (rod or piston), fluid and wall. The coil and the fins of each zone are further nodes, which gives
+ten to thirteen nodes. The module ``lumped`` builds a network with one node. ``transient`` integrates a
+network in time, and ``temperature_rise`` computes the heat sources.
 
-The loss of a surface depends only on its temperature because the ambient is constant. Therefore each loss is
-a table of watts against temperature, and the time stepping needs no correlation.
+The heat loss of a surface depends only on its temperature because the ambient temperature is constant.
+Therefore each loss is a table of heat flow versus temperature, and the time integration does not evaluate
+correlations.
 """
 
 from __future__ import annotations
@@ -30,19 +31,20 @@ from mrdamper.thermal.model.surfaces import (
 )
 
 PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
-"""Paths of heat losses in the order of reports."""
+"""Paths of heat losses, in the order in which reports list them."""
 
-LOSS_STEP_K = 2.0  # Distance of the knots of the loss tables.
-LOSS_RANGE_K = (233.15, 653.15)
-FIN_RISE_K = 60.0  # Rise at which the conductance of the fins is computed; it hardly depends on it.
+LOSS_STEP_K = 2.0  # temperature step of the loss tables
+LOSS_RANGE_K = (233.15, 653.15)  # temperature range of the loss tables
+FIN_RISE_K = 60.0  # rise above ambient at which the conductance of the fins is computed; hardly any effect
 
 
 @dataclass(frozen=True, slots=True)
 class NodeFactors:
-    """Factors on conductances that fit the network with few nodes to the finite-element model.
+    """Factors on conductances that adapt the network with few nodes to the finite-element model.
 
-    They were fitted to 16 random bodies (even seeds of ``tests/thermal/bodies``). The heat flow converges at
-    the root of a fin, and the fluid at the wall is cooler than its mean.
+    The factors were fitted to 16 random dampers (even seeds of ``tests/thermal/bodies``). They are needed
+    because the network does not resolve the temperature of the fluid near the walls and the constriction of
+    the heat flow at the root of a fin.
     """
 
     fluid_wall: float = 2.22
@@ -56,11 +58,12 @@ NODE_FACTORS = NodeFactors()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThermalNetwork:
-    """Nodes, conductances between them, and losses. Arrays are read-only.
+    """A thermal network with n nodes and m losses. Arrays are read-only.
 
-    ``watts[j]`` is the loss j of node ``loss_node[j]`` at the temperatures ``grid``. Mechanical power and
-    coil heat are distributed with weights that sum to 1. ``fluid``, ``coil`` and ``wall`` are weights of the
-    nodes (sum 1) for the temperature of that name.
+    ``watts[j]`` is the heat loss j of the node ``loss_node[j]`` at the temperatures ``grid``. ``mechanical``
+    and ``electrical`` are the fractions of mechanical power and coil heat that each node receives. ``fluid``,
+    ``coil`` and ``wall`` are the weights of the nodes in the mean temperatures of fluid, coil and wall. The
+    sum of each of these five arrays is 1.
     """
 
     model: str  # "network" or "lumped"
@@ -99,7 +102,7 @@ class ThermalNetwork:
 
 
 def loss_grid(ambient: float) -> FloatArray:
-    """Return equidistant temperatures for the loss tables [K], including ambient."""
+    """Return equidistant temperatures for the loss tables [K]; the ambient temperature is one of them."""
     below = math.floor((ambient - LOSS_RANGE_K[0]) / LOSS_STEP_K)
     above = math.floor((LOSS_RANGE_K[1] - ambient) / LOSS_STEP_K)
     steps = np.arange(-below, above + 1, dtype=np.float64)
@@ -107,11 +110,11 @@ def loss_grid(ambient: float) -> FloatArray:
 
 
 def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) -> ThermalNetwork:
-    """Return the network with three axial zones of a geometry.
+    """Return the thermal network of a geometry with three axial zones.
 
-    Conductances are those of annuli and discs between the centres of nodes. For a node with a heat source
-    (coil, fluid) the resistance refers to its mean temperature. The conductance of the fins gives the steady
-    heat flow of the exact efficiency.
+    Conductances are computed for annuli and discs between the centres of the nodes. For nodes with a heat
+    source (coil, fluid), the thermal resistance refers to the mean temperature of the node. The conductance
+    of a fin is chosen so that the steady heat flow agrees with the exact fin efficiency.
     """
     parts = _Parts(factors)
     _add_solids(parts, drawing)
@@ -152,7 +155,7 @@ def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) ->
 
 
 class _Parts:
-    """Parts of a network: capacities by node, conductances by pair of nodes."""
+    """Heat capacities by node and conductances by pair of nodes, while a network is built."""
 
     def __init__(self, factors: NodeFactors) -> None:
         self.factors = factors
@@ -165,7 +168,7 @@ class _Parts:
 
 
 def _add_solids(parts: _Parts, drawing: DamperDrawing) -> None:
-    """Add the nodes of core, fluid, wall and coil with their capacities."""
+    """Add the nodes of core, fluid, wall and coil with their heat capacities."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
     factor = drawing.capacity_factor
     steel, fluid = body.material.volumetric_heat, drawing.filling.volumetric_heat
@@ -201,7 +204,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
     stirred, in_gap = conducts.chamber, conducts.gap
     bore, face, outer = 0.5 * body.bore, 0.5 * piston.diameter, 0.5 * body.outer_diameter
     chamber = drawing.chamber_length
-    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [m K/W], for unit length
+    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [m K/W] per unit length
     for zone in (0, 2):
         shaft = _rod_radius(drawing, zone)
         outwards = _from_mean(shaft, bore) / (2.0 * math.pi * stirred) + half_wall
@@ -213,7 +216,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
             parts.join(f"fluid {zone}", f"core {zone}", factors.fluid_core * chamber / inwards)
             along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * chamber)
             parts.join(f"core {zone}", f"wall {zone}", along)
-    # Gap: each half counts from its own mean; its heat flows to both sides.
+    # The heat of the gap flows to both sides. The resistance of each half refers to the mean of this half.
     middle = 0.5 * (face + bore)
     half_gap = math.log(bore / middle) / (2.0 * math.pi * in_gap) / 3.0
     parts.join("fluid 1", "wall 1", factors.fluid_wall * piston.length / (half_gap + half_wall))
@@ -232,7 +235,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
-    """Connect the zones along the tube and the rod, by the pumped fluid, and at the ends of the piston."""
+    """Connect the zones by conduction in tube, rod and piston ends, and by the pumped fluid."""
     body, piston, rod = drawing.body, drawing.piston, drawing.rod
     factors, chamber, conducts = parts.factors, drawing.chamber_length, drawing.fluid_heat
     tube = body.material.conductivity * _ring(0.5 * body.bore, 0.5 * body.outer_diameter)
@@ -253,7 +256,7 @@ def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 class _Losses:
-    """Losses to ambient: node, path, and watts on the grid."""
+    """Heat losses to ambient with node, path and table, while a network is built."""
 
     def __init__(self, drawing: DamperDrawing) -> None:
         self.drawing = drawing
@@ -267,7 +270,7 @@ class _Losses:
         self.watts: list[FloatArray] = []
 
     def add(self, node: str, path: str, conductance: FloatArray | float) -> None:
-        """Add a loss by its conductance on the grid [W/K]; zero losses are omitted."""
+        """Add a heat loss that is given as conductance to ambient [W/K]; a loss of zero is omitted."""
         watts = np.asarray(conductance * self.excess)
         if watts.any():
             self.nodes.append(node)
@@ -276,7 +279,7 @@ class _Losses:
 
 
 def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
-    """Add the losses of tube, caps and mountings."""
+    """Add the heat losses of tube, caps and mountings."""
     around, sink = drawing.surroundings, drawing.sink
     edges = _zone_edges(drawing)
     circumference = math.pi * drawing.body.outer_diameter
@@ -300,7 +303,7 @@ def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
 
 
 def _add_rod_end(losses: _Losses, drawing: DamperDrawing, zone: int) -> None:
-    """Add the losses of a rod end, from the rod and from its cap."""
+    """Add the heat losses through the mounting of a rod end, from the rod and from the cap."""
     shaft, rod, body = _rod_radius(drawing, zone), drawing.rod, drawing.body
     if shaft == 0.0 or rod.mount == 0.0:
         return
@@ -311,7 +314,7 @@ def _add_rod_end(losses: _Losses, drawing: DamperDrawing, zone: int) -> None:
 
 
 def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: HeatSink) -> None:
-    """Add a node for the fins of every zone with fins, its root conductance and its losses."""
+    """Add one node for the fins of each zone, with conductance to the wall and heat losses."""
     diameter = drawing.body.outer_diameter
     edges = _zone_edges(drawing)
     area = sink.fin_area(diameter)
@@ -331,10 +334,11 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
 
 
 def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
-    """Return the conductance between body and mean temperature of one fin [W/K], including contact.
+    """Return the conductance between the body and the node of one fin [W/K], including the contact.
 
-    With coefficient h, area A and efficiency eta, h A eta / (1 - eta) gives a node at the mean fin
-    temperature the steady heat flow of the exact solution. It is computed 60 K above ambient.
+    The node has the mean temperature of the fin. With the coefficient h, the area A and the efficiency eta,
+    the conductance h A eta / (1 - eta) gives the steady heat flow of the exact solution. The conductance is
+    computed at 60 K above ambient.
     """
     diameter = drawing.body.outer_diameter
     film, efficiency = map(float, fin_efficiency(drawing, drawing.surroundings.ambient + FIN_RISE_K))
@@ -352,18 +356,18 @@ def _ring(inner: float, outer: float) -> float:
 
 
 def _rod_radius(drawing: DamperDrawing, zone: int) -> float:
-    """Return the rod radius in a zone [m]; zero without a rod (zone 2 without a through rod)."""
+    """Return the rod radius in a zone [m]; zero in zone 2 if the rod does not pass through the damper."""
     return 0.5 * drawing.rod.diameter if zone != 2 or drawing.rod.through else 0.0
 
 
 def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
-    """Return the axial positions of the ends of the zones on the body [m]."""
+    """Return the four axial positions at which the three zones of the body begin and end [m]."""
     first = drawing.body.cap + drawing.chamber_length
     return 0.0, first, first + drawing.piston.length, drawing.body.length
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return the length of a segment under the sink [m], and the length of floor between fins in it [m]."""
+    """Return two lengths of a segment of the body [m]: under the heat sink, and between the fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:
@@ -374,34 +378,35 @@ def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tup
 
 
 def _fins_on(sink: HeatSink, body_length: float, low: float, high: float) -> float:
-    """Return the number of fins on a segment; a fin across its end counts partially."""
+    """Return the number of fins on a segment of the body; a fin at its end is counted as a fraction."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
     shares = np.minimum(centres + half, high) - np.maximum(centres - half, low)
     return float(np.maximum(shares, 0.0).sum() / sink.thickness)
 
 
 def _from_mean(inner: float, outer: float) -> float:
-    """Return 2 pi k L times the resistance from the mean of an annulus to its outer surface.
+    """Return 2 pi k L times the thermal resistance from the mean of an annulus to its outer surface.
 
-    The heat source is uniform and leaves only through the outer surface: 1/4 for a full cylinder.
+    The heat source in the annulus is uniform, and the inner surface is insulated. The result for a full
+    cylinder is 1/4.
     """
     if inner == 0.0:
         return 0.25
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
-    # Mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r), per unit of source divided by conductivity.
+    # This is the mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r) for a unit ratio of source and conductivity.
     mean = (area**2 / 16.0 - 0.25 * inner**2 * (0.5 * area - inner**2 * ratio)) * 2.0 / area
     return 2.0 * mean / area
 
 
 def _to_inner_from_mean(inner: float, outer: float) -> float:
-    """Return 2 pi k L times the resistance from the mean of an annulus to its inner surface.
+    """Return 2 pi k L times the thermal resistance from the mean of an annulus to its inner surface.
 
-    The outer surface is insulated.
+    The heat source in the annulus is uniform, and the outer surface is insulated.
     """
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
-    # Mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4.
+    # This is the mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4.
     logs = 0.5 * (outer**2 * ratio - 0.5 * area)
     mean = (0.5 * outer**2 * logs - area**2 / 16.0) * 2.0 / area
     return 2.0 * mean / area

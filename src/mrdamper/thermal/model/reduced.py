@@ -1,8 +1,9 @@
 """Reduced-order finite-element models with about twenty unknowns, by projection onto a rational Krylov space.
 
-The space contains the uniform field, so that heat is conserved, and the responses of the linear problem to
-mechanical power, coil heat and each kind of surface at a few frequencies: solutions of (K + h + s M) x = b, h
-for convection. Convection and radiation are not reduced. They are evaluated at the surface points with the
+The space contains the uniform field, so that heat is conserved. It also contains responses of the linearised
+problem, which are solutions x of (K + H + s M) x = b with conduction K, heat transfer H at the surface and
+mass M, for a few frequencies s. The loads b are mechanical power, coil heat, and the heat at each kind of
+surface. Convection and radiation are not reduced. They are evaluated at the surface points with the
 temperature of the reduced field, as in the full model.
 """
 
@@ -29,9 +30,9 @@ from mrdamper.thermal.model.mesh import IntArray
 REDUCED_ORDER = 22
 """Default number of unknowns."""
 
-BASIS_RISE_K = 60.0  # Rise above ambient at which the coefficients for the space are computed.
-_SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # [1/s]
-_SURFACE_SHIFTS = (0.0, 3e-3)
+BASIS_RISE_K = 60.0  # temperature rise above ambient at which the heat transfer H is linearised
+_SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # frequencies s for the two heat sources [1/s]
+_SURFACE_SHIFTS = (0.0, 3e-3)  # frequencies s for the surfaces [1/s]
 _MECHANICAL_W, _COIL_W, _SURFACE_K = (
     100.0,
     20.0,
@@ -41,11 +42,14 @@ _MECHANICAL_W, _COIL_W, _SURFACE_K = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedModel:
-    """A reduced-order heat equation; ``basis @ state`` is the temperature of the nodes above ambient."""
+    """A reduced-order heat equation with r unknowns, made from a finite-element model with n nodes.
+
+    ``basis @ state`` is the temperature of the nodes above ambient [K].
+    """
 
     full: FieldModel
     basis: FloatArray  # shape (n, r)
-    equation: HeatEquation
+    equation: HeatEquation  # equation for the r unknowns
 
     @property
     def order(self) -> int:
@@ -53,7 +57,7 @@ class ReducedModel:
         return self.equation.size
 
     def field(self, state: FloatArray) -> FloatArray:
-        """Return the temperatures at the nodes of the full model [K] for reduced unknowns."""
+        """Return the temperatures at the nodes of the full model [K] for given reduced unknowns."""
         return np.asarray(state @ self.basis.T + self.equation.ambient)
 
 
@@ -65,7 +69,7 @@ def reduce_field(
     Parameters
     ----------
     order : maximum number of unknowns
-    elsewhere : cooling in other surroundings for which the model must hold; their extremes are sufficient
+    elsewhere : cooling in further surroundings for which the model must be valid; extremes are sufficient
     """
     if order < 3:
         raise InputError(place="reduced model", found=f"order is {order}", expected="3 or more")
@@ -76,7 +80,7 @@ def reduce_field(
 
 
 def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
-    """Return a heat equation restricted to the span of a basis, by Galerkin's method."""
+    """Return the Galerkin projection of a heat equation onto the columns of a basis."""
     heat, spots = equation.mass @ basis, equation.spots
 
     def small(matrix: Matrix) -> FloatArray:
@@ -93,7 +97,7 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
         fluid=basis.T @ equation.fluid,
         coil=basis.T @ equation.coil,
         wall=basis.T @ equation.wall,
-        uniform=heat.T @ equation.uniform,  # the basis is orthonormal with respect to the mass
+        uniform=heat.T @ equation.uniform,  # The basis is orthonormal with respect to the mass matrix.
         spots=HotSpots(
             *(np.asarray(points @ basis) for points in (spots.gap, spots.coil, spots.seal)),
         ),
@@ -102,7 +106,7 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
 
 
 def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
-    """Return the responses to sources and kinds of surface, shape (n, k)."""
+    """Return the responses to both heat sources and to each kind of surface, shape (nodes, responses)."""
     weight = equation.cooling.fluxes(np.full(len(equation.area), BASIS_RISE_K))[1].sum(axis=0) * equation.area
     film = equation.surface.T @ (equation.surface * weight[:, None])
     surfaces = [equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)]
@@ -116,7 +120,10 @@ def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
 
 
 def _space(equation: HeatEquation, fields: FloatArray, order: int) -> FloatArray:
-    """Return a mass-orthonormal basis with the uniform field first, shape (n, order or less)."""
+    """Return a mass-orthonormal basis of the responses, shape (nodes, at most ``order``).
+
+    The first column is the uniform field. The remaining columns are the dominant principal components.
+    """
     basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
     for _ in range(2):  # The second pass removes rounding errors.
         fields = fields - np.outer(basis[0], basis[0] @ (equation.mass @ fields))

@@ -1,11 +1,12 @@
-"""The meridian section of a damper: rectangles of material, and edges with heat losses.
+"""The meridian section of a damper: rectangles of material, and outer edges with heat losses.
 
-It defines the problem for the finite elements and for other programs (``cross_check``), without a mesh.
-``section_of`` creates it from a geometry; a test can create its own.
+The section defines the heat conduction problem for the finite elements and for other programs
+(``cross_check``), without a mesh. ``section_of`` creates a section from a geometry. Tests create their own
+sections.
 
-The rod ends at the caps. Its ends lose the heat of the mount in the geometry file, otherwise none. Moving
-fluid is a solid with effective conductivity: the stirred conductivity across chambers and gap, plus the
-exchange by pumping along them.
+The rod ends at the caps. Its ends lose heat only if the geometry file has a conductance to the mounting of
+the rod. The moving fluid is modelled as a solid with effective conductivity. In radial direction, this is the
+conductivity of the stirred fluid. In axial direction, the heat transport by the pumped fluid is added.
 """
 
 from __future__ import annotations
@@ -26,31 +27,31 @@ from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_films
 
 Role = Literal["core", "coil", "gap", "chamber", "wall", "fins"]
 
-_CONTACT_LAYER = 0.5e-3  # Maximum thickness of the contact layer at a fin root [m].
+_CONTACT_LAYER = 0.5e-3  # max thickness of the layer at a fin root that has the contact resistance [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A material in the section: conductivity along r and z, heat capacity, role."""
+    """A material in the section: conductivities, heat capacity, and role in the damper."""
 
     name: str
     role: Role
     conductivity_r: float  # [W/(m K)]
     conductivity_z: float  # [W/(m K)]
     volumetric_heat: float  # [J/(m^3 K)]
-    growth: CapacityCurve | None = None  # factor of the heat by the mean temperature of its part; None: 1
+    growth: CapacityCurve | None = None  # heat capacity versus temperature, divided by its mean
 
     @property
     def part(self) -> str:
-        """Return the part with a common heat capacity: all fluid, all of a fin."""
+        """Return the name of the part whose mean temperature determines the heat capacity of the region."""
         return {"gap": "fluid", "chamber": "fluid", "fins": "fins"}.get(self.role, self.name)
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A rectangle of a region. Blocks do not overlap."""
+    """A rectangle of the section with the material of a region. Blocks do not overlap."""
 
-    region: int
+    region: int  # index of the region
     inner: float  # radius [m]
     outer: float  # radius [m]
     low: float  # axial position [m]
@@ -58,31 +59,31 @@ class Block:
 
     @property
     def volume(self) -> float:
-        """Volume of the ring [m^3]."""
+        """Volume of the rectangle rotated about the axis [m^3]."""
         return math.pi * (self.outer**2 - self.inner**2) * (self.high - self.low)
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Cooling of a kind of outer surface: convection, radiation, mounting."""
+    """A kind of outer surface and its cooling by convection, radiation and mounting."""
 
     name: str
-    law: int  # row of ``Section.films``
+    law: int  # row of ``Section.films`` with the convective coefficients
     emissivity: float
     mount: float  # conductance to the mountings divided by area [W/(m^2 K)]
-    convection_path: str  # one of network.PATHS
-    radiation_path: str
+    convection_path: str  # name of the path, one of network.PATHS
+    radiation_path: str  # name of the path, one of network.PATHS
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A straight part of the outline along r or z, and its surface; the rest is insulated."""
+    """A straight part of the outline along r or z that loses heat. The remaining outline is insulated."""
 
-    surface: int
+    surface: int  # index of the surface
     inner: float  # radius [m]
-    outer: float  # radius; equal to ``inner`` along z [m]
-    low: float  # [m]
-    high: float  # [m]
+    outer: float  # radius [m]; equal to ``inner`` for an edge along z
+    low: float  # axial position [m]
+    high: float  # axial position [m]; equal to ``low`` for an edge along r
 
     @property
     def area(self) -> float:
@@ -94,10 +95,10 @@ class Edge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """Regions, blocks, surfaces and edges. ``films`` are coefficients at the temperatures ``grid``.
+    """Regions, blocks, surfaces and edges. ``films`` are convective coefficients versus temperature.
 
-    Mechanical power is distributed uniformly in regions with the role ``gap``, coil heat in those with the
-    role ``coil``. The fluid temperature is the mean over ``gap`` and ``chamber``.
+    Mechanical power is distributed uniformly in the regions with the role ``gap``, and coil heat in the
+    regions with the role ``coil``. The fluid temperature is the mean over ``gap`` and ``chamber``.
     """
 
     regions: tuple[Region, ...]
@@ -107,8 +108,8 @@ class Section:
     ambient: float  # [K]
     grid: FloatArray  # [K], shape (g,), uniform
     films: FloatArray  # [W/(m^2 K)], shape (laws, g)
-    seals: tuple[Block, ...] = ()  # of zero width, at the rod seals
-    drawing: DamperDrawing | None = None  # source of the section
+    seals: tuple[Block, ...] = ()  # lines (blocks of zero width) at the rod seals
+    drawing: DamperDrawing | None = None  # geometry of the section; None in tests
 
     def __post_init__(self) -> None:
         for name in ("grid", "films"):
@@ -125,7 +126,7 @@ class Section:
 
 
 def section_of(drawing: DamperDrawing) -> Section:
-    """Return the section of a geometry with the coefficients of ``surfaces`` and its calibration."""
+    """Return the section of a geometry, with the calibrated heat-transfer coefficients of ``surfaces``."""
     regions, blocks = _insides(drawing)
     around, sink = drawing.surroundings, drawing.sink
     grid = loss_grid(around.ambient)
@@ -164,7 +165,7 @@ def section_of(drawing: DamperDrawing) -> Section:
 
 
 def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
-    """Return everything except the fins."""
+    """Return the regions and blocks of the damper without fins."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
     factor, growth = drawing.capacity_factor, drawing.capacity_growth
     shaft, face, bore, outer = (
@@ -211,7 +212,7 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
 
 
 def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
-    """Return the outer sides of the caps, each a separate surface with half of the mount conductance."""
+    """Add one surface for each cap, with half of the mount conductance; return the edges of the caps."""
     around, rod = drawing.surroundings, drawing.rod
     edges = []
     for name, at, shaft in (("near cap", 0.0, True), ("far cap", drawing.body.length, rod.through)):
@@ -228,7 +229,7 @@ def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
 def _add_fins(
     regions: list[Region], blocks: list[Block], edges: list[Edge], drawing: DamperDrawing, sink: HeatSink
 ) -> None:
-    """Add the fins, their sides, and the outer surface of the tube around and between them."""
+    """Add regions and blocks of the fins, and the edges of the fins and of the tube next to them."""
     bare, floor, groove, outside, rim = 0, 3, 4, 5, 6
     root, length = 0.5 * drawing.body.outer_diameter, drawing.body.length
     tip, half, k = root + sink.width, 0.5 * sink.thickness, sink.material.conductivity

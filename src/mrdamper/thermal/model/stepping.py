@@ -1,8 +1,9 @@
 """Time integration of all thermal models: loads, Rosenbrock step, growing steps, energy balance.
 
-A model is a ``System`` M dy/dt = f(y). Its state y contains temperatures, then the energies of each loss and
-source since the start; the two sources (mechanical power, coil heat) are last. The step conserves linear
-invariants, such as "heat stored + energy out - energy in". The energy balance therefore closes to rounding.
+A model is a ``System`` M dy/dt = f(y). Its state y contains temperatures, then the heat of each loss and of
+the two sources (mechanical power, coil heat), integrated since the start. A time step conserves linear
+invariants, such as "heat stored + energy out - energy in". Therefore the energy balance has only rounding
+errors.
 """
 
 from __future__ import annotations
@@ -23,24 +24,25 @@ Part = Literal["gap", "coil", "seal"]
 """Parts with a temperature limit."""
 
 Solver = Callable[[FloatArray], FloatArray]
-"""Solves a linear system for one right-hand side."""
+"""Function that solves a linear system for one right-hand side."""
 
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # fraction of the step that is implicit in each stage
+_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # coefficient of the Rosenbrock method, for L-stability
 
 FIRST_STEP_S = 1.0
-"""Fluid layer and coil settle within seconds."""
+"""First time step after a change of load. It is short because fluid layer and coil settle within seconds."""
 
-STEP_GROWTH_RATIO = 1.4
-TIME_TOLERANCE_S = 1e-9  # Shorter times count as zero.
-STEP_TOLERANCE_S = 1e-7  # Tolerance of a step that ends at a given temperature.
+STEP_GROWTH_RATIO = 1.4  # ratio of two consecutive time steps
+TIME_TOLERANCE_S = 1e-9  # A shorter time counts as zero.
+STEP_TOLERANCE_S = 1e-7  # tolerance of the time at which a given temperature is reached
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
     """Heat sources for some time: mechanical power as a function of fluid temperature, and coil heat.
 
-    ``power`` takes temperatures [K] of any shape and returns watts. ``coil_W`` is the coil heat at 20 degC;
-    it grows with temperature as the resistance of copper does.
+    ``power`` is a function of the fluid temperature [K], any shape, and returns the mechanical power [W].
+    ``coil_W`` is the coil heat at 20 degC. The coil heat increases with temperature like the resistance of
+    copper.
     """
 
     duration: float  # [s]
@@ -53,7 +55,7 @@ class Load:
 
 
 def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
-    """Return the loads up to a time, the last one truncated; none for time zero."""
+    """Return the loads from the start to a time [s]; the last load is shortened, and time 0 has no load."""
     kept, left = [], time_s
     for load in loads:
         if left <= TIME_TOLERANCE_S:
@@ -66,22 +68,22 @@ def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
 class System(Protocol):
     """A thermal model M dy/dt = f(y) under one load at a time.
 
-    A state contains n temperatures, then the energies of m losses and sources.
+    A state contains n temperatures (or reduced unknowns), then the integrated heat of the losses and sources.
     """
 
-    nodes: int  # n
+    nodes: int  # number n of temperatures
 
     def take(self, load: Load) -> None:
-        """Set the sources of a load."""
+        """Set the heat sources of a load."""
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return f at a state, in the shape of the state."""
+        """Return the right-hand side f(y) at a state, with the shape of the state."""
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return f at a state, and the solver of (M - shrunk df/dy) x = b, with ``shrunk`` in [s]."""
+        """Return f(y) at a state, and the solver of (M - shrunk df/dy) x = b; ``shrunk`` is a time [s]."""
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return M times a rate."""
+        """Return the product of M and a time derivative of the state."""
 
     def fluid(self, state: FloatArray) -> float:
         """Return the mean fluid temperature of a state [K]."""
@@ -109,13 +111,13 @@ def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArra
 
 
 class Solution(NamedTuple):
-    """Results at the ends of the steps."""
+    """Results at the start and at the end of each time step."""
 
     time: FloatArray  # [s], shape (k,)
     temperature: FloatArray  # first n unknowns of the system, shape (k, n)
-    flow: FloatArray  # losses, then the two sources [W], shape (k, m)
-    energy: FloatArray  # of each since the start [J], shape (k, m)
-    stopped: bool  # the fluid reached the temperature at which to stop
+    flow: FloatArray  # losses, then the two heat sources [W], shape (k, m)
+    energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m)
+    stopped: bool  # True if the fluid reached the temperature at which the integration ends
 
 
 def integrate(
@@ -131,8 +133,8 @@ def integrate(
 
     Parameters
     ----------
-    start : shape (n,)
-    first_step, longest_step : steps grow between these values [s] after each change of load
+    start : initial values of the first n unknowns, shape (n,)
+    first_step, longest_step : after each change of load, steps grow from the first to the second value [s]
     stop_at : mean fluid temperature at which the integration ends [K]
     """
     system.take(loads[0])
@@ -168,7 +170,7 @@ def _step(system: System, state: FloatArray, size: float) -> FloatArray:
 def growing_steps(
     duration: float, first: float, longest: float, *, growth: float = STEP_GROWTH_RATIO
 ) -> list[float]:
-    """Return steps that grow from the first to the longest and sum to the duration [s]."""
+    """Return time steps [s] that grow from ``first`` to ``longest``; their sum is the duration."""
     steps, left, step = [], duration, first
     while step < longest and left > step:
         steps.append(step)
@@ -179,7 +181,7 @@ def growing_steps(
 
 
 def _size_to(system: System, state: FloatArray, step: float, stop_at: float) -> float:
-    """Return the step, up to the given one, after which the fluid has the temperature to stop at."""
+    """Return the time step [s], at most ``step``, after which the fluid has the temperature ``stop_at``."""
 
     def temperature_margin(size: float) -> float:
         return stop_at - system.fluid(_step(system, state, size))
@@ -188,17 +190,17 @@ def _size_to(system: System, state: FloatArray, step: float, stop_at: float) -> 
 
 
 class EnergyAccount(ABC):
-    """Energy in, out and stored of a simulation by path, and the error of the balance."""
+    """Base class of simulation results: heat flows and energies by path, and error of the balance."""
 
     __slots__ = ()
 
-    flow: FloatArray  # losses, then the two sources [W], shape (k, m + 2)
-    energy: FloatArray  # of each since the start [J], shape (k, m + 2)
+    flow: FloatArray  # losses, then the two heat sources [W], shape (k, m + 2)
+    energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m + 2)
 
     @property
     @abstractmethod
     def columns(self) -> Mapping[str, Sequence[int]]:
-        """Return the columns of the losses by path, for each used path."""
+        """Return the columns of ``flow`` and ``energy`` for each loss path; unused paths are omitted."""
 
     @property
     @abstractmethod
@@ -215,13 +217,13 @@ class EnergyAccount(ABC):
 
     @property
     def paths_W(self) -> Mapping[str, FloatArray]:
-        """Return the losses by path."""
+        """Return the heat loss of each path versus time [W], shape (k,)."""
         found = {path: self.flow[:, list(which)].sum(axis=1) for path, which in self.columns.items()}
         return MappingProxyType(found)
 
     @property
     def energy_J(self) -> Mapping[str, float]:
-        """Return energies from start to end: both sources, out, stored, and each path."""
+        """Return the energies of the whole simulation: mechanical, coil, out, stored, and each loss path."""
         last = self.energy[-1]
         found = {
             "mechanical": float(last[-2]),
@@ -234,17 +236,17 @@ class EnergyAccount(ABC):
 
     @property
     def energy_in(self) -> FloatArray:
-        """Mechanical work and coil heat since the start [J], shape (k,)."""
+        """Sum of mechanical work and coil heat since the start [J], shape (k,)."""
         return np.asarray(self.energy[:, -2:].sum(axis=1))
 
     @property
     def energy_out(self) -> FloatArray:
-        """Return the losses since the start [J], shape (k,)."""
+        """Return the sum of all heat losses since the start [J], shape (k,)."""
         return np.asarray(self.energy[:, :-2].sum(axis=1))
 
     @property
     def closure(self) -> float:
-        """Return the largest error of the energy balance divided by the largest energy [-]."""
+        """Return the largest absolute error of the energy balance, divided by the largest energy [-]."""
         miss = np.abs(self.energy_in - self.energy_out - self.stored).max()
         size = max(np.abs(part).max() for part in (self.energy_in, self.energy_out, self.stored))
         return float(miss / size) if size > 0.0 else 0.0

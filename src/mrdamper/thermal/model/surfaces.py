@@ -1,8 +1,8 @@
 """Heat transfer at the surfaces of a damper: coefficients, areas and emissivities of a geometry.
 
-Zone network and finite elements both use this module. A heat-transfer coefficient here includes convection
-and its multiplier, but no radiation, which uses an emissivity (``radiation_film``). Natural and forced
-convection are combined as h^3 = h_natural^3 + h_forced^3.
+The zone network and the finite elements use this module. The heat-transfer coefficients of this module
+describe convection, including multipliers from the geometry file. Radiation is described by an emissivity
+(``radiation_film``). Natural and forced convection are combined as h^3 = h_natural^3 + h_forced^3.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from mrdamper.thermal.films.correlations import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 
-GAP_RATIO_MAX = 0.6  # Maximum relevant gap in still air divided by the outer diameter of the fins.
-FORCED_POINT_COUNT_MAX = 12  # Temperatures at which forced convection is computed.
+GAP_RATIO_MAX = 0.6  # A gap above this multiple of the outer fin diameter has no further effect in still air.
+FORCED_POINT_COUNT_MAX = 12  # number of temperatures at which forced convection is computed
 
 
 def body_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
-    """Return the convective film coefficient of the bare body [W/(m^2 K)].
+    """Return the convective heat-transfer coefficient of the bare body [W/(m^2 K)].
 
-    Caps have the coefficient of the tube. ``calibration.film`` is included.
+    Caps have the same coefficient as the tube. The factor ``calibration.film`` is included.
 
     Parameters
     ----------
@@ -82,28 +82,31 @@ def _bare_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FinFilms:
-    """Convective heat-transfer coefficients of fins and floor [W/(m^2 K)], with ``film_multiplier``."""
+    """Convective heat-transfer coefficients of the fins and the body between them [W/(m^2 K)].
+
+    The factor ``film_multiplier`` of the heat sink is included.
+    """
 
     sides: FloatArray  # sides of the fins
-    rim: FloatArray
+    rim: FloatArray  # outer rim of the fins
     floor: FloatArray  # body between the fins
 
     def mean(self, sink: HeatSink, body_diameter: float) -> FloatArray:
-        """Return the mean over sides and rim of a fin [W/(m^2 K)]."""
+        """Return the area mean of the coefficients over sides and rim of a fin [W/(m^2 K)]."""
         tip = sink.tip_radius(body_diameter)
         sides, rim = 2.0 * (tip**2 - 0.25 * body_diameter**2), 2.0 * tip * sink.thickness
         return np.asarray((sides * self.sides + rim * self.rim) / (sides + rim))
 
 
 def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
-    """Return the mean convective coefficient of a fin [W/(m^2 K)], see ``fin_films``."""
+    """Return the area mean of the convective coefficient of a fin [W/(m^2 K)]; see ``fin_films``."""
     return fin_films(drawing, surface_K).mean(_sink(drawing), drawing.body.outer_diameter)
 
 
 def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return a fin's heat-transfer coefficient with radiation [W/(m^2 K)] and its efficiency [-].
+    """Return the heat-transfer coefficient of a fin with radiation [W/(m^2 K)], and the fin efficiency [-].
 
-    Both are computed at the temperature of the root [K], any shape.
+    The two results are computed at the temperature of the fin root [K], any shape.
     """
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     emissivity, _ = fin_radiation(drawing)
@@ -113,10 +116,11 @@ def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArra
 
 
 def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
-    """Return the convective coefficients of the fins and of the body between them.
+    """Return the convective heat-transfer coefficients of the fins and of the body between the fins.
 
-    Natural convection: annular fins on a horizontal body, single discs on a vertical one. Air across the
-    axis: developing flow between two discs. The two outer sides have the coefficient of a gap.
+    In still air, the correlation is that for annular fins on a horizontal body, or for single discs on a
+    vertical body. With air across the axis, it describes a developing flow between two discs. The outer sides
+    of the first and last fin have the coefficient of a gap.
 
     Parameters
     ----------
@@ -143,11 +147,11 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
     gap = _gap(drawing, sink, tip)
     air, difference = _air(drawing, surface_K)
     if drawing.body.orientation == "vertical":
-        length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)  # open area divided by open perimeter
+        length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)  # area of a side divided by its outer perimeter
         film = nusselt_fin_disc(air.rayleigh(length, difference)) * air.conductivity / length
         return [film] * 3
     outer = 2.0 * tip
-    # For wider gaps, the correlation is that of single fins, except for a slow decrease.
+    # A wider gap behaves like a single fin, but the correlation would still decrease slowly with the gap.
     gap = min(gap, GAP_RATIO_MAX * outer)
     sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
     around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
@@ -157,7 +161,7 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
 
 
 def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> list[FloatArray]:
-    """Return the coefficients of sides, rim and floor in air across the axis [W/(m^2 K)]."""
+    """Return the coefficients of sides, rim and floor with an air flow across the axis [W/(m^2 K)]."""
     diameter, speed = drawing.body.outer_diameter, drawing.surroundings.air_speed
     tip = sink.tip_radius(diameter)
     outer, gap = 2.0 * tip, _gap(drawing, sink, tip)
@@ -170,14 +174,17 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
 
 
 def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins after tolerance and fouling [m]; for a single fin the outer diameter."""
+    """Return the gap between fins reduced by tolerance and fouling [m]; for one fin, the outer diameter."""
     return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 
 def _over_temperature(
     films: Callable[[FloatArray], list[FloatArray]], surface_K: ArrayLike
 ) -> list[FloatArray]:
-    """Return coefficients at many temperatures from a few, because forced ones are smooth (within 1e-6)."""
+    """Return coefficients at all temperatures by Chebyshev interpolation between a few computed ones.
+
+    Coefficients of forced convection are smooth, so that the relative error is below 1e-6.
+    """
     kelvin = np.asarray(surface_K, dtype=np.float64)
     if kelvin.size <= FORCED_POINT_COUNT_MAX:
         return films(kelvin)
@@ -193,7 +200,7 @@ def _over_temperature(
 
 
 def fin_uncertainty(drawing: DamperDrawing) -> float:
-    """Return the relative half width of the 90 % interval of the fin coefficient [-], area mean."""
+    """Return the relative half width of the 90 % interval of the mean coefficient of a fin [-]."""
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
     share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)
@@ -202,10 +209,11 @@ def fin_uncertainty(drawing: DamperDrawing) -> float:
 
 
 def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
-    """Return the mean emissivity of a fin, and the emissivity of the body between fins [-].
+    """Return the effective mean emissivities of a fin and of the body between two fins [-].
 
-    Sides and floors of grooves have the apparent emissivity of the groove, distributed over its walls. The
-    two outer sides and the tips radiate to the surroundings. The mean refers to ``HeatSink.fin_area``.
+    A groove is the space between two fins. Its radiation through the opening is distributed uniformly over
+    its walls. The two outer sides and the tips radiate directly to the surroundings. The mean refers to the
+    area ``HeatSink.fin_area``.
     """
     sink = _sink(drawing)
     diameter, tip = drawing.body.outer_diameter, sink.tip_radius(drawing.body.outer_diameter)
@@ -218,13 +226,13 @@ def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
 
 
 def cap_area(drawing: DamperDrawing, *, with_rod: bool) -> float:
-    """Return the area of the outer side of one cap [m^2], without the rod if it leaves there."""
+    """Return the area of the outer side of one cap [m^2]; with ``with_rod``, the rod area is subtracted."""
     rod = drawing.rod.diameter if with_rod else 0.0
     return 0.25 * math.pi * (drawing.body.outer_diameter**2 - rod**2)
 
 
 def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
-    """Return the names of the correlations by surface."""
+    """Return the names of the correlations that a geometry uses, by surface."""
     upright = drawing.body.orientation == "vertical"
     moving = drawing.surroundings.air_speed > 0.0
     body = (
@@ -243,7 +251,7 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
 
 @contextmanager
 def _locate_errors(drawing: DamperDrawing, surface: str) -> Iterator[None]:
-    """Add drawing and surface to the error if a number is outside the range of a correlation."""
+    """Add geometry and surface to the message if a value is outside the range of a correlation."""
     try:
         yield
     except EnvelopeError as fault:
@@ -259,12 +267,12 @@ def _locate_errors(drawing: DamperDrawing, surface: str) -> Iterator[None]:
 
 def _sink(drawing: DamperDrawing) -> HeatSink:
     if drawing.sink is None:
-        raise ValueError("the drawing has no heat sink")  # an internal error, because callers check first
+        raise ValueError("the drawing has no heat sink")  # This is an internal error. Callers check first.
     return drawing.sink
 
 
 def _air(drawing: DamperDrawing, surface_K: ArrayLike) -> tuple[Air, FloatArray]:
-    """Return the air at film temperature, and the surface temperature minus the air temperature [K]."""
+    """Return the properties of air at film temperature, and surface minus ambient temperature [K]."""
     surface, ambient = np.asarray(surface_K, dtype=np.float64), drawing.surroundings.ambient
     air = air_at(0.5 * (surface + ambient), drawing.surroundings.altitude)
     return air, np.asarray(surface - ambient)

@@ -1,7 +1,7 @@
 """Time integration of thermal networks.
 
-Sources and losses are cubics of temperature between two knots of the grid. Their derivative is exact, and so
-is the Jacobian of a step (``stepping``).
+Heat sources and losses are piecewise cubic functions of temperature. Therefore their derivatives and the
+Jacobian of a time step (``stepping``) are exact.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from mrdamper.thermal.model.stepping import EnergyAccount, Load, Part, Solver, i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heating(EnergyAccount):
-    """Result of a network: temperatures, powers and energies at the ends of the steps.
+    """Result of a network simulation: temperatures, heat flows and energies at the end of each time step.
 
-    Columns of ``flow`` and ``energy`` are the losses of the network, then mechanical power, then coil heat.
+    The columns of ``flow`` and ``energy`` are the m losses of the network, then mechanical power, then coil
+    heat.
     """
 
     network: ThermalNetwork
     time: FloatArray  # [s], shape (k,)
     temperature: FloatArray  # [K], shape (k, n)
-    flow: FloatArray  # [W], shape (k, m + 2)
-    energy: FloatArray  # since the start [J], shape (k, m + 2)
-    stopped: bool  # the fluid reached the temperature at which to stop
+    flow: FloatArray  # losses and heat sources [W], shape (k, m + 2)
+    energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m + 2)
+    stopped: bool  # True if the fluid reached the temperature at which the simulation ends
 
     @property
     def fluid(self) -> FloatArray:
@@ -50,14 +51,17 @@ class Heating(EnergyAccount):
         return np.asarray(self.temperature @ self.network.wall)
 
     def hottest(self, part: Part) -> FloatArray:
-        """Return the mean temperature of the node with the hottest point of a part [K], shape (k,)."""
+        """Return the temperature of the node that contains the hottest point of a part [K], shape (k,).
+
+        A network does not resolve the hottest point itself.
+        """
         network = self.network
         weights = {"gap": network.mechanical, "coil": network.coil, "seal": network.wall}[part]
         return np.asarray(self.temperature @ weights)
 
     @property
     def columns(self) -> Mapping[str, Sequence[int]]:
-        """Return the columns of the losses by path, for each used path."""
+        """Return the columns of ``flow`` and ``energy`` for each loss path; unused paths are omitted."""
         paths = self.network.loss_path
         return {path: [k for k, each in enumerate(paths) if each == path] for path in PATHS if path in paths}
 
@@ -79,7 +83,7 @@ def simulate_network(
 
     Parameters
     ----------
-    start : temperature at the start [K], one or per node; None: ambient
+    start : temperature at the start [K], one number or one value per node; None: ambient
     longest_step : maximum step [s]; steps grow from 1 s, or from this value if it is smaller
     stop_at : mean fluid temperature at which the simulation ends [K]
 
@@ -95,16 +99,18 @@ def simulate_network(
 
 
 class NetworkSystem:
-    """The heat balance of a network as a ``stepping.System``.
+    """Implements ``stepping.System`` for a network.
 
-    A state contains the n node temperatures [K], then the energies of the m losses and sources [J].
+    A state contains the n node temperatures [K], then the integrated losses and heat sources since the start
+    [J].
     """
 
     def __init__(self, network: ThermalNetwork) -> None:
         self.network, self.nodes = network, len(network.names)
         n, losses = self.nodes, len(network.loss_node)
         self.columns = losses + 2
-        # Temperatures on which losses and sources depend, and the nodes that receive their heat.
+        # ``_seen`` maps node temperatures to the temperature of each loss or source. ``into`` distributes the
+        # heat of each loss or source to the nodes.
         self._seen = np.zeros((self.columns, n))
         self._seen[range(losses), network.loss_node] = 1.0
         self._seen[-2], self._seen[-1] = network.fluid, network.coil
@@ -123,7 +129,7 @@ class NetworkSystem:
         self._unit = np.eye(n)
 
     def take(self, load: Load) -> None:
-        """Set the sources of a load in the tables."""
+        """Set the heat sources of a load in the tables of cubics."""
         grid = self.network.grid
         self._cubics[:, :, -2] = CubicSpline(grid, load.power(grid)).c.T
         knots = grid[:-1]
@@ -132,7 +138,7 @@ class NetworkSystem:
         self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - REFERENCE_K))
 
     def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the cubics of losses and sources, shape (m, 4), and the offsets in them [K]."""
+        """Return the cubics of losses and sources, shape (m + 2, 4), and their arguments [K]."""
         at = (nodes @ self._seen.T - self._low) / self._width
         place = at.astype(np.intp)
         if not (at.min() >= 0.0 and at.max() < len(self._cubics)):
@@ -144,7 +150,7 @@ class NetworkSystem:
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
         at = to_degC(seen[worst])
-        # A step can overshoot to an impossible temperature if the power is far too large.
+        # If the power is far too large, a time step can overshoot to an impossible temperature.
         swung = not 2.0 * low - high < at < 2.0 * high - low or at < low < to_degC(self.network.ambient)
         runaway = "temperatures run away: the power is far above the losses of this damper"
         raise EnvelopeError(
@@ -155,24 +161,24 @@ class NetworkSystem:
         )
 
     def fluid(self, state: FloatArray) -> float:
-        """Return the mean fluid temperature [K] of one damper."""
+        """Return the mean fluid temperature [K]."""
         return float(self.network.fluid @ state[: self.nodes])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state unchanged, because the balance closes with constant heat capacities."""
+        """Return the state unchanged. The energy balance closes because heat capacities are constant."""
         return after
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return the rates of temperatures [K/s] and energies [W] in the shape of the state."""
+        """Return the time derivative of the state: rates of the temperatures [K/s], then heat flows [W]."""
         nodes = state[: self.nodes]
         return self._rate(nodes, _horner(*self._look_up(nodes)))
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return the rate, because capacities are already divided out."""
+        """Return the rate unchanged, because the equation is already divided by the heat capacities."""
         return rate
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return the rate at a state, and the solver of (1 - shrunk J) x = b."""
+        """Return the time derivative at a state, and the solver of (1 - shrunk J) x = b."""
         n = self.nodes
         rate, slope, jacobian = self._expand(state[:n])
         factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)
@@ -185,12 +191,15 @@ class NetworkSystem:
         return rate, with_energies
 
     def rate_and_jacobian(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dT/dt [K/s] at the temperatures of the nodes, and its derivative by T [1/s]."""
+        """Return dT/dt of the nodes [K/s] at given temperatures, and the Jacobian of dT/dt [1/s]."""
         rate, _, jacobian = self._expand(nodes)
         return rate[: self.nodes], jacobian
 
     def _expand(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the rate, the slopes of losses and sources [W/K], and the Jacobian [1/s]."""
+        """Return the time derivative of the state, the slopes of losses and sources [W/K], and the Jacobian.
+
+        The Jacobian [1/s] is the derivative of dT/dt with respect to the node temperatures.
+        """
         cubics, offset = self._look_up(nodes)
         slope = _slope(cubics, offset)
         jacobian = self._linear + (self._into * slope) @ self._seen

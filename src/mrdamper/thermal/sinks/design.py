@@ -1,13 +1,13 @@
-"""Search of annular-fin heat sinks: the coolest damper for the least mass inside given limits.
+"""Search annular-fin heat sinks: Pareto front of low fluid temperature and low mass within given limits.
 
-``search_grid`` evaluates every sink of a grid with the zone network and returns the Pareto front: no sink on
-it is both heavier and warmer than another. ``confirm`` evaluates designs with the finite elements. A sink
-outside the range of its correlation is not admissible.
+``search_grid`` evaluates every heat sink of a grid with the zone network and returns the Pareto front. No
+heat sink on the front is both heavier and warmer than another. ``confirm`` evaluates designs with finite
+elements. Heat sinks outside the range of a correlation are excluded.
 
-The film multiplier, the emissivity and the contact resistance are those of the heat sink in the geometry
-file. A multiplier that was calibrated for wide gaps is also used for narrow ones. Gaps wider than twice the
-fin width are excluded: the body between two fins has the heat-transfer coefficient of fins at any distance,
-so that a search would otherwise take two fins at the ends of the body for a finned body.
+The film multiplier, the emissivity and the contact resistance are taken from the heat sink in the geometry
+file. A multiplier that was calibrated for wide gaps is also used for narrow gaps. Gaps wider than twice the
+fin width are excluded because the model of the body between two fins is not valid for them: it always has the
+heat-transfer coefficient of a finned body, even for two fins at the ends of the body.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ ROUNDING_RATIO = 1e-9
 class SinkLimits:
     """Limits of a heat sink."""
 
-    span: float  # outer side of the first fin to outer side of the last, maximum [m]
-    width: float  # radial, maximum [m]
-    mass: float = math.inf  # all fins, maximum [kg]
-    least_thickness: float = 1e-3  # minimum that can be manufactured [m]
-    least_gap: float = 3e-3  # minimum that can be manufactured and does not clog [m]
-    materials: tuple[Material, ...]
+    span: float  # maximum distance between the outer sides of the first and the last fin [m]
+    width: float  # maximum radial width of a fin [m]
+    mass: float = math.inf  # maximum mass of all fins [kg]
+    least_thickness: float = 1e-3  # smallest thickness that can be manufactured [m]
+    least_gap: float = 3e-3  # smallest gap that can be manufactured and does not clog [m]
+    materials: tuple[Material, ...]  # permitted materials
 
     def __post_init__(self) -> None:
         for name in ("span", "width", "mass", "least_thickness", "least_gap"):
@@ -65,17 +65,17 @@ class SinkLimits:
             )
 
     def fin_count_max(self, thickness: float) -> int:
-        """Return the number of fins of a thickness [m] that fit at the smallest gap; zero if none fits."""
+        """Return the largest number of fins of a given thickness [m] within the span; zero if no fin fits."""
         if thickness > self.span * (1.0 + ROUNDING_RATIO):
             return 0
         return 1 + int((self.span - thickness) * (1.0 + ROUNDING_RATIO) / (thickness + self.least_gap))
 
     def widest_pitch(self, fins: int, width: float, thickness: float) -> float:
-        """Return the largest pitch of two or more fins [m] that is within the limits of span and gap."""
+        """Return the largest pitch [m] of two or more fins within the limits of span and gap."""
         return min((self.span - thickness) / (fins - 1), thickness + SETTINGS.fin_gap_max_widths * width)
 
     def allow(self, sink: HeatSink, body_diameter: float) -> bool:
-        """Return True if a sink is within all limits except the material."""
+        """Return True if a heat sink is within all limits; the material is not checked."""
         slack = 1.0 + ROUNDING_RATIO
         return (
             sink.span <= self.span * slack
@@ -89,19 +89,22 @@ class SinkLimits:
 
 @dataclass(frozen=True, slots=True)
 class SinkDesign:
-    """A sink (None: the bare damper) and the temperatures at the end of the loads."""
+    """A heat sink (None: the bare damper), and the temperatures at the end of the load cycle."""
 
     sink: HeatSink | None
-    mass: float  # all fins [kg]
-    fluid: float  # mean fluid temperature of ``model`` [K]
-    coil: float  # coil temperature of ``model`` [K]
-    network_fluid: float  # mean fluid temperature of the zone network [K]
+    mass: float  # mass of all fins [kg]
+    fluid: float  # mean fluid temperature, computed with ``model`` [K]
+    coil: float  # mean coil temperature, computed with ``model`` [K]
+    network_fluid: float  # mean fluid temperature, computed with the zone network [K]
     model: DesignModel = "network"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatedDamper:
-    """A damper and its loads for the evaluation of heat sinks; ``pattern`` has their fixed properties."""
+    """A damper and its loads, for the evaluation of heat sinks.
+
+    ``pattern`` is a heat sink with the properties that all evaluated heat sinks have in common.
+    """
 
     drawing: DamperDrawing
     loads: tuple[Load, ...]
@@ -117,14 +120,14 @@ class HeatedDamper:
         return self.drawing.body.outer_diameter
 
     def evaluate(self, sink: HeatSink | None) -> SinkDesign:
-        """Return the temperatures with a sink from the zone network.
+        """Return the design with a heat sink, with temperatures from the zone network.
 
         Raises
         ------
         EnvelopeError
-            If a correlation or the temperatures leave their valid range.
+            If a correlation or a temperature is outside its valid range.
         InputError
-            If the sink does not fit on the damper.
+            If the heat sink does not fit on the damper.
         """
         network = zone_network(self.drawing.with_sink(sink))
         heating = simulate_network(network, self.loads, longest_step=SETTINGS.sink_step_max_s)
@@ -134,15 +137,15 @@ class HeatedDamper:
 
 @dataclass(frozen=True, slots=True)
 class SinkFront:
-    """Result of a search: sinks in order of rising mass and falling temperature."""
+    """Pareto front of a search: designs in order of increasing mass and decreasing temperature."""
 
     designs: tuple[SinkDesign, ...]
-    tried: int
-    outside: int  # number of sinks outside the range of a correlation
+    tried: int  # number of evaluated heat sinks
+    outside: int  # number of heat sinks outside the range of a correlation
 
     @property
     def best(self) -> SinkDesign:
-        """Return the coolest sink."""
+        """Return the coolest design."""
         return self.designs[-1]
 
 
@@ -154,10 +157,11 @@ def limits_of(
     mass: float | None = None,
     materials: Sequence[Material] = (),
 ) -> SinkLimits:
-    """Return limits in [m] and [kg]; None selects the value of the sink in the geometry file.
+    """Return the limits of a search. Lengths are in [m], the mass is in [kg].
 
-    Without a sink in the file, the limits are length and radius of the body, and any mass. The smallest gap
-    is increased by tolerance and dirt.
+    With None, a limit is taken from the heat sink in the geometry file. If the file has no heat sink, the
+    limits are the length and the radius of the body, and the mass is not limited. The smallest gap is
+    increased by tolerance and fouling.
     """
     own, body, made = drawing.sink, drawing.body, drawing.manufacture
     gap = max(made.least_gap, DISC_GAP if body.orientation == "vertical" else 0.0) + made.closing
@@ -180,7 +184,7 @@ def limits_of(
 
 
 def _pattern_of(drawing: DamperDrawing) -> HeatSink:
-    """Return the drawing's sink, or a single plain fin."""
+    """Return the heat sink in the geometry file, or a single fin with default properties."""
     return drawing.sink or HeatSink(fins=1, width=0.01, thickness=2e-3, pitch=0.01)
 
 
@@ -188,17 +192,17 @@ def _pattern_of(drawing: DamperDrawing) -> HeatSink:
 
 
 def search_grid(damper: HeatedDamper, limits: SinkLimits, *, on_progress: Progress = silent) -> SinkFront:
-    """Return the Pareto front of all sinks of a grid within the limits.
+    """Return the Pareto front of all heat sinks of a grid within the limits.
 
-    The grid has all numbers of fins, four widths and thicknesses, the widest pitch or 60 % of it, and every
-    material. A search of 500 sinks takes about a second.
+    The grid combines all possible numbers of fins, four widths, four thicknesses, two pitches (100 and 60 %
+    of the largest pitch), and all permitted materials. A search of 500 heat sinks takes about a second.
 
     Raises
     ------
     InputError
-        If no sink is within the limits.
+        If no heat sink of the grid is within the limits.
     EnvelopeError
-        If all of them are outside the range of a correlation.
+        If all heat sinks of the grid are outside the range of a correlation.
     """
     sinks = [sink for sink in _grid(damper.pattern, limits) if limits.allow(sink, damper.diameter)]
     if not sinks:
@@ -237,7 +241,7 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
 
 
 def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
-    """Return the pitches to try, rounded down so that the fins fit, and at least the smallest gap."""
+    """Return the pitches to try [m]: rounded down so that the fins fit, and not below the smallest pitch."""
     least = thickness + limits.least_gap
     if fins == 1:
         return [least]
@@ -246,13 +250,13 @@ def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> l
 
 
 def _on_grid(length: float) -> float:
-    """Return a length rounded down to the grid [m], at least one grid step."""
+    """Return a length [m] rounded down to a multiple of the grid step, at least one grid step."""
     step = SETTINGS.sink_grid_m
     return max(round(math.floor(length / step + ROUNDING_RATIO) * step, 9), step)
 
 
 def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
-    """Return the Pareto front: each design is heavier and cooler than the one before."""
+    """Return the Pareto front of designs: each design is heavier and cooler than the previous one."""
     front: list[SinkDesign] = []
     for design in sorted(designs, key=lambda each: (each.mass, each.fluid)):
         if not front or design.fluid < front[-1].fluid:
@@ -261,7 +265,10 @@ def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
 
 
 def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
-    """Return at most ``most`` (2 or more) members of a front: both ends, evenly spaced in temperature."""
+    """Return at most ``most`` (2 or more) designs of a front, approximately equidistant in temperature.
+
+    The first and the last design are always included.
+    """
     if len(front) <= most:
         return tuple(front)
     fluid = np.array([design.fluid for design in front])
@@ -271,7 +278,7 @@ def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
 
 
 def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | None:
-    """Return the lightest design whose fluid is at most at a temperature [K]; None if there is none."""
+    """Return the lightest design with a fluid temperature not above ``fluid`` [K]; None if not available."""
     return next((design for design in front if design.fluid <= fluid), None)
 
 

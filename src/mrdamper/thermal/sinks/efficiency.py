@@ -1,9 +1,9 @@
-"""Effect of a heat sink, and the paper's "heat dissipation efficiency", Eq. (10).
+"""Effect of a heat sink, and the "heat dissipation efficiency" of the paper, Eq. (10).
 
-The equation is missing in the paper. The text states that the efficiency has a maximum at a fin width of 23
-mm. It first rises and then falls for three, four and five fins, while the temperature always falls. Only one
-interpretation as a ratio gives both trends: the reduction of the temperature rise, divided by 1 + A_fins /
-A_damper. The search for a better sink (``design``) uses only temperature and mass.
+The equation is missing in the paper. According to the text, the efficiency has a maximum at a fin width of 23
+mm. For three, four and five fins, the efficiency first rises and then falls, while the temperature always
+falls. Only one interpretation as a ratio reproduces these trends: the reduction of the temperature rise,
+divided by 1 + A_fins / A_damper. The search for a better heat sink (``design``) does not use the efficiency.
 """
 
 from __future__ import annotations
@@ -22,61 +22,61 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import cap_area, fin_efficiency
 from mrdamper.thermal.model.transient import simulate_network
 
-PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # [m], three fins
-PAPER_FINS = (3, 4, 5)  # 23 mm wide
-PAPER_PITCH = 0.020  # [m]
+PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # widths in the study with three fins [m]
+PAPER_FINS = (3, 4, 5)  # numbers of fins in the study with a width of 23 mm
+PAPER_PITCH = 0.020  # pitch in both studies [m]
 
 EFFICIENCY_FORMULA = "(T_bare - T_fins) / (T_bare - T_ambient) / (1 + A_fins / A_damper)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SinkEffect:
-    """Temperatures of a damper at the end of a load cycle with and without a sink, and areas."""
+    """Fluid temperatures at the end of a load cycle with and without a heat sink, and areas."""
 
     sink: HeatSink
-    bare: float  # fluid without fins [K]
-    finned: float  # fluid with the sink [K]
+    bare: float  # fluid temperature without fins [K]
+    finned: float  # fluid temperature with the heat sink [K]
     ambient: float  # [K]
-    fin_area: float  # all fins [m^2]
-    body_area: float  # damper without fins [m^2]
-    fin_efficiency: float  # one fin [-]
+    fin_area: float  # area of all fins [m^2]
+    body_area: float  # outer area of the damper without fins [m^2]
+    fin_efficiency: float  # efficiency of one fin [-]
 
     @property
     def rise_reduction(self) -> float:
-        """Return the fraction of the rise above ambient that the sink removes [-]."""
+        """Return the relative reduction of the temperature rise by the heat sink [-]."""
         return (self.bare - self.finned) / (self.bare - self.ambient)
 
     @property
     def efficiency(self) -> float:
-        """Return the paper's heat dissipation efficiency (``EFFICIENCY_FORMULA``) [-]."""
+        """Return the heat dissipation efficiency of the paper (``EFFICIENCY_FORMULA``) [-]."""
         return self.rise_reduction / (1.0 + self.fin_area / self.body_area)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sweep:
-    """Sinks that differ in one dimension, and the effect of each."""
+    """Effects of several heat sinks that differ in one dimension."""
 
     effects: tuple[SinkEffect, ...]
 
     @property
     def efficiency(self) -> FloatArray:
-        """Efficiency of each sink [-], shape (sinks,)."""
+        """Efficiency of each heat sink [-], shape (sinks,)."""
         return np.array([effect.efficiency for effect in self.effects])
 
     @property
     def follows_paper(self) -> bool:
-        """Return True if the only maximum of the efficiency is that of the paper: 23 mm, or four fins."""
+        """Return True if the efficiency rises only to the second heat sink, as in the paper."""
         rises = np.diff(self.efficiency) > 0.0
         return bool(rises[0] and not rises[1:].any())
 
 
 def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *, bare: float) -> SinkEffect:
-    """Return the effect of a sink at the end of loads, from the zone network.
+    """Return the effect of a heat sink at the end of the loads, computed with the zone network.
 
     Parameters
     ----------
-    drawing : the damper; its own sink is ignored
-    bare : fluid temperature at the end without a sink [K]
+    drawing : geometry of the damper; its own heat sink is ignored
+    bare : fluid temperature at the end of the loads without a heat sink [K]
     """
     finned = drawing.with_sink(sink)
     heating = simulate_network(zone_network(finned), loads)
@@ -92,23 +92,23 @@ def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *,
 
 
 def body_area(drawing: DamperDrawing) -> float:
-    """Return the outer area of the damper without fins [m^2]: the tube and both caps."""
+    """Return the outer area of the damper without fins [m^2], which is the tube and the two caps."""
     body = drawing.body
     caps = cap_area(drawing, with_rod=True) + cap_area(drawing, with_rod=drawing.rod.through)
     return math.pi * body.outer_diameter * body.length + caps
 
 
 def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) -> tuple[Sweep, Sweep]:
-    """Return the paper's two sweeps: 18 to 33 mm width of three fins, and three to five fins of 23 mm.
+    """Return the two parameter studies of the paper: width of three fins, and number of 23 mm wide fins.
 
     Parameters
     ----------
-    sink : gives the fixed properties: thickness, material, emissivity, multiplier
+    sink : heat sink with the fixed properties: thickness, material, emissivity, multiplier
 
     Raises
     ------
     InputError
-        If the paper's fins at 20 mm pitch do not fit on the damper.
+        If the fins of the paper, with a pitch of 20 mm, do not fit on the damper.
     """
     bare = float(simulate_network(zone_network(drawing.with_sink(None)), loads).fluid[-1])
     base = replace(sink, pitch=PAPER_PITCH)

@@ -1,7 +1,8 @@
-"""Temperature difference between two heat sinks, with its interval.
+"""Interval of the *gain*: how much cooler the fluid is with one heat sink than with another.
 
-Heat-transfer coefficients and power are changed one by one to both ends of their 90 % interval. The root sum
-of squares of the differences is computed separately above and below the gain.
+Heat-transfer coefficients and power are changed one by one to the two ends of their 90 % intervals. Each
+change of the gain is computed with the zone network. The half widths of the interval, above and below the
+gain, are the root sums of squares of these changes.
 """
 
 from __future__ import annotations
@@ -20,25 +21,25 @@ from mrdamper.thermal.sinks.design import HeatedDamper
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Fluid temperature with one sink minus that with another [K], and its interval."""
+    """Gain of a heat sink and its interval; positive if the heat sink is cooler than the reference."""
 
-    middle: float  # as computed [K]
-    low: float  # [K]
-    high: float  # [K]
+    middle: float  # computed gain [K]
+    low: float  # lower end of the interval [K]
+    high: float  # upper end of the interval [K]
 
     @property
     def better(self) -> bool:
-        """Return True if the sink is cooler in the whole interval."""
+        """Return True if the heat sink is cooler than the reference in the whole interval."""
         return self.low > 0.0
 
 
 def gain_band(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink, gain: float) -> GainBand:
-    """Return the 90 % interval of the temperature difference between two heat sinks, by the zone network.
+    """Return the 90 % interval of the gain of one heat sink relative to another, from the zone network.
 
     Parameters
     ----------
-    reference : None for the bare damper
-    gain : the computed gain [K] of any model; the interval is centred on it
+    reference : heat sink with which ``best`` is compared; None: the bare damper
+    gain : gain [K], computed with any model, to which the half widths are added
     """
     fins = 1.0 + fin_uncertainty(damper.drawing.with_sink(best))
     body = 1.0 + SETTINGS.body_film_error
