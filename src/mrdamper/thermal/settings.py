@@ -89,9 +89,7 @@ class ThermalSettings:
     residual_ratio_max: float = 0.03  # residual / temperature range of the curve
     neighbour_correlation_max: float = 0.999
     reference_excess_K: float = 40.0  # temperature above ambient at which heat losses are compared
-    trial_margin_K: float = (
-        100.0  # A simulation in the search ends this far below the end of the loss tables.
-    )
+    trial_margin_K: float = 100.0  # A trial ends this far below the end of the loss tables.
 
     # Interval of a predicted heating curve
     interval_deviations: float = 1.645  # half width of 90 % of a normal distribution / standard deviation
@@ -100,9 +98,7 @@ class ThermalSettings:
     misfit_ratio: float = 0.004  # standard deviation of the error of a calibrated network / rise
 
     # Design of fins
-    sink_step_max_s: float = (
-        120.0  # The error is about 10 mK after half an hour and equal for all heat sinks.
-    )
+    sink_step_max_s: float = 120.0  # The error, 10 mK after half an hour, is equal for all heat sinks.
     sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # tried width / largest width
     fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # tried thickness / smallest thickness
     sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # tried pitch / largest pitch
