@@ -14,8 +14,6 @@ from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import INK, MEASURED, colour_of
 from mrdamper.schema import Json
 
-POINT_COUNT_MAX = 4000  # More points make the figure large but not more accurate.
-
 
 def _answer(found: SimulateResult) -> Json:
     path = found.trajectory
@@ -60,8 +58,9 @@ def _show(found: SimulateResult, console: Console) -> None:
 
 def _figure(found: SimulateResult) -> Figure:
     """Return the loops of force versus displacement and velocity, with a measured force in grey."""
+    point_count_max = 4000  # More points make the figure large but not more accurate.
     path = found.trajectory
-    thin = slice(None, None, max(1, len(path) // POINT_COUNT_MAX))
+    thin = slice(None, None, max(1, len(path) // point_count_max))
     level = float(np.abs(path.command).max())
     figure = Figure(figsize=(8.0, 3.4))
     both = zip(figure.subplots(1, 2, sharey=True), (path.displacement, path.velocity), strict=True)

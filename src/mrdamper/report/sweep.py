@@ -28,8 +28,6 @@ from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
-PANEL_COUNT_MAX = 12  # More panels do not fit on the page.
-PANELS_PER_ROW = 4
 _TITLES = {
     "campaigns": "Fits of many campaigns",
     "samples": "Tracking on random dampers",
@@ -136,14 +134,16 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 def _figure(run: SweepResult) -> Figure | None:
     """Return the cumulative distribution of each value, or None if all values are constant."""
-    names = [name for name, found in run.statistics.items() if found.least < found.most][:PANEL_COUNT_MAX]
+    panel_count_max = 12  # More panels do not fit on the page.
+    panels_per_row = 4
+    names = [name for name, found in run.statistics.items() if found.least < found.most][:panel_count_max]
     if not names:
         return None
-    rows = -(-len(names) // PANELS_PER_ROW)
+    rows = -(-len(names) // panels_per_row)
     height = 1.75 * rows + 0.2
     figure = Figure(figsize=(WIDTH_INCH, height))
     for panel, name in enumerate(names):
-        axes = figure.add_subplot(rows, PANELS_PER_ROW, panel + 1)
+        axes = figure.add_subplot(rows, panels_per_row, panel + 1)
         values = np.sort([v for task in run.tasks_with_values if (v := task.figures.get(name)) is not None])
         percent = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
         axes.plot(values, percent, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
@@ -151,7 +151,7 @@ def _figure(run: SweepResult) -> Figure | None:
         axes.set_title(name, loc="left", pad=3, fontsize=6.5)
         axes.set_ylim(0.0, 100.0)
         axes.locator_params(axis="x", nbins=4)
-        if panel % PANELS_PER_ROW == 0:
+        if panel % panels_per_row == 0:
             axes.set_ylabel("% of tasks below")
     figure.subplots_adjust(
         left=0.05, right=0.985, top=1.0 - 0.22 / height, bottom=0.25 / height, wspace=0.22, hspace=0.45

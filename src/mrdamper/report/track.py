@@ -24,7 +24,6 @@ from mrdamper.report.sections import Column, Picture, Section, Table, print_comp
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-SAMPLE_COUNT_MAX = 2000  # A browser plots longer traces slowly.
 _CAPTION = (
     "Tracking at the highest temperature. The grey band is the attainable force. The lower panels have a "
     "grey background if the target is not feasible"
@@ -193,8 +192,9 @@ def _row(row: Row, plant: str) -> Json:
 
 def _trace(each: Traced) -> Json:
     """Return evenly spaced samples of a target's test at the highest temperature."""
+    sample_count_max = 2000  # A browser plots longer traces slowly.
     course, reach = each.course, each.reach
-    part = slice(None, None, max(1, -(-len(course) // SAMPLE_COUNT_MAX)))
+    part = slice(None, None, max(1, -(-len(course) // sample_count_max)))
     return {
         "target": each.target,
         "temperature_degC": each.temperature_degC,

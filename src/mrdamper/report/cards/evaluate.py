@@ -29,9 +29,6 @@ from mrdamper.report.sections import Picture, Section
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-BAR_COUNT_MAX = 20  # The figure shows the worst runs.
-PANEL_COUNT_MAX = 8  # The worst runs are drawn with the interval of the force.
-
 
 def _answer(result: EvaluateResult) -> Json:
     return {
@@ -155,7 +152,8 @@ def _first(result: EvaluateResult) -> FirstScreen:
 
 
 def _picture(result: EvaluateResult) -> Figure:
-    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:BAR_COUNT_MAX]
+    bar_count_max = 20  # The figure shows the worst runs.
+    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:bar_count_max]
     return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
 
 
@@ -174,8 +172,9 @@ def _interval_svg(result: EvaluateResult, label: str) -> str:
 
 
 def _intervals(result: EvaluateResult) -> Figure:
+    panel_count_max = 8  # The worst runs are drawn with the interval of the force.
     error = {each.name: each.nrmse_percent for each in result.errors}
-    worst = sorted(result.forces, key=lambda each: -error[each.name])[:PANEL_COUNT_MAX]
+    worst = sorted(result.forces, key=lambda each: -error[each.name])[:panel_count_max]
     groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
     return panel_figure(groups)
 

@@ -9,17 +9,16 @@ from mrdamper.data.finding import SEVERITIES
 from mrdamper.jobs.check import CheckedRun, CheckResult
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDTH_INCH, shortened
 
-PANEL_COUNT_MAX = 8
-PANEL_COLUMNS = 4
-
 
 def runs_figure(result: CheckResult) -> Figure | None:
     """Return force versus displacement of the runs with the worst findings, or None without runs."""
+    panel_count_max = 8
+    panel_columns = 4
     drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
     if not drawable:
         return None
-    shown = sorted(drawable, key=_severity)[:PANEL_COUNT_MAX]
-    columns = min(len(shown), PANEL_COLUMNS)
+    shown = sorted(drawable, key=_severity)[:panel_count_max]
+    columns = min(len(shown), panel_columns)
     rows = -(-len(shown) // columns)
     width, height = min(WIDTH_INCH, 0.6 + 2.6 * columns), 1.75 * rows + 0.15
     figure = Figure(figsize=(width, height))

@@ -20,9 +20,6 @@ from mrdamper.report.figures.palette import HELD_OUT, MEASURED, TRAINING, WIDTH_
 from mrdamper.report.figures.small_multiples import Series
 from mrdamper.report.figures.style import add_legend, axes_table, drawing_style, svg_drawn_by, svg_of
 
-STRONG_CORRELATION = 0.8
-COLOUR_LEVELS = 20
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
@@ -185,6 +182,8 @@ def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
 
 def correlations(names: Sequence[str], matrix: FloatArray) -> str:
     """Return the correlation matrix of the parameters. Strong correlations are printed as numbers."""
+    strong_correlation = 0.8
+    colour_levels = 20
     count = len(names)
     side = 0.27 * count
     labels = [name.removesuffix(".value") for name in names]
@@ -192,11 +191,11 @@ def correlations(names: Sequence[str], matrix: FloatArray) -> str:
         figure = Figure(figsize=(side + 2.3, side + 1.55))
         (axes,) = axes_table(figure, 1, 1, margins=(1.55, 1.5, 0.75, 0.05))
         below = np.where(np.tri(count, k=-1, dtype=bool), matrix, np.nan)
-        levels = mpl.colormaps["RdBu_r"].resampled(COLOUR_LEVELS)  # The SVG stays small with few colours.
+        levels = mpl.colormaps["RdBu_r"].resampled(colour_levels)  # The SVG stays small with few colours.
         centres = np.arange(count)
         image = axes.pcolormesh(centres, centres, below, cmap=levels, vmin=-1.0, vmax=1.0)
         axes.invert_yaxis()
-        for i, j in zip(*np.nonzero(np.abs(below) >= STRONG_CORRELATION), strict=True):
+        for i, j in zip(*np.nonzero(np.abs(below) >= strong_correlation), strict=True):
             axes.text(j, i, f"{below[i, j]:.2f}", size=5.2, color="white", ha="center", va="center")
         axes.set_xticks(range(count), labels, rotation=90)
         axes.set_yticks(range(count), labels)

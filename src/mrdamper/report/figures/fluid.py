@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 POINT_COLOUR = "#888888"
 OTHER_COLOURS = ("#b08a3c", "#7a5c8e")
-CURVE_COUNT_MAX = 6
 
 
 def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
@@ -95,6 +94,6 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, study: Study) -> None
 
 
 def _levels(values: FloatArray) -> list[float]:
-    """Return the distinct values to three digits, at most ``CURVE_COUNT_MAX`` of them."""
+    """Return the distinct values to three digits, at most six of them."""
     distinct = sorted({float(f"{value:.3g}") for value in values.tolist()})
-    return list(pick_evenly(distinct, CURVE_COUNT_MAX))
+    return list(pick_evenly(distinct, 6))

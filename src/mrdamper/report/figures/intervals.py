@@ -15,7 +15,6 @@ from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval
 from mrdamper.report.figures.palette import INK, MEASURED, TRAINING
 from mrdamper.report.figures.style import axes_table
 
-PANEL_COLUMNS = 4
 FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH = 10.6, 1.95
 BAR_COLOUR = "#9db8cc"
 
@@ -91,14 +90,15 @@ def coefficient_panels(found: Sequence[CoefficientInterval], command_unit: str) 
 
 def panel_figure(groups: Sequence[Sequence[Panel | Histogram]]) -> Figure:
     """Return groups of panels. Each group starts a new row."""
-    rows = [-(-len(group) // PANEL_COLUMNS) for group in groups]
+    panel_columns = 4
+    rows = [-(-len(group) // panel_columns) for group in groups]
     figure = Figure(figsize=(FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH * max(sum(rows), 1)))
     table = axes_table(
-        figure, max(sum(rows), 1), PANEL_COLUMNS, margins=(0.6, 0.43, 0.1, 0.25), gaps=(0.5, 0.68)
+        figure, max(sum(rows), 1), panel_columns, margins=(0.6, 0.43, 0.1, 0.25), gaps=(0.5, 0.68)
     )
     first = 0
     for group, count in zip(groups, rows, strict=True):
-        places = table[first * PANEL_COLUMNS : (first + count) * PANEL_COLUMNS]
+        places = table[first * panel_columns : (first + count) * panel_columns]
         for axes, panel in zip(places, group, strict=False):
             axes.set_title(panel.title)
             panel.draw(axes)

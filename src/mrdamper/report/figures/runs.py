@@ -16,9 +16,6 @@ from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 
 PANEL_COLUMNS_MAX = 7
-POINT_COUNT_MAX = 2000
-TITLE_LETTER_COUNT_MAX = 110  # All titles together must fit the width of the figure.
-COLOUR_QUANTILE = 0.99  # This quantile of the current selects the colour, which short peaks do not change.
 
 
 def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
@@ -26,6 +23,7 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
 
     If the velocity was not measured, it is the derivative of the smoothed displacement.
     """
+    title_letter_count_max = 110  # All titles together must fit the width of the figure.
     chosen = pick_evenly((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
@@ -36,7 +34,7 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
             for run, colour in zip(chosen, colours, strict=True)
         )
         rows.append(Row(label, "force, N", panels))
-    longest = max(12, TITLE_LETTER_COUNT_MAX // len(chosen))
+    longest = max(12, title_letter_count_max // len(chosen))
     titles = [(shortened(name, longest), False) for name in _distinct_names([run.name for run in chosen])]
     return grid_figure(titles, rows, tall=2.0)
 
@@ -50,7 +48,8 @@ def _distinct_names(names: Sequence[str]) -> list[str]:
 
 
 def _level(run: RigRun) -> float:
-    return float(np.quantile(np.abs(run.command), COLOUR_QUANTILE))
+    # A quantile of the current selects the colour, so that short peaks do not change it.
+    return float(np.quantile(np.abs(run.command), 0.99))
 
 
 def _displacement_mm(run: RigRun) -> FloatArray:
@@ -65,4 +64,5 @@ def _velocity_mm_s(run: RigRun) -> FloatArray:
 
 
 def _thinned(values: FloatArray) -> FloatArray:
-    return values[:: max(1, len(values) // POINT_COUNT_MAX)]
+    point_count_max = 2000
+    return values[:: max(1, len(values) // point_count_max)]

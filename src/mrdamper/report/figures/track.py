@@ -17,8 +17,6 @@ from mrdamper.report.figures.style import add_legend, axes_table, svg_drawn_by
 
 COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
 REACH_COLOUR, OUTSIDE_COLOUR = "#ececec", "#f1efe9"
-DRAWN_RATE_HZ = 500.0
-DRAWN_TIME_S_MAX = 4.0
 
 
 def draw_tracking(traced: Traced) -> str:
@@ -28,9 +26,11 @@ def draw_tracking(traced: Traced) -> str:
 
 def tracking_figure(traced: Traced) -> Figure:
     """Return target and attainable force, error, and current of the runs of one target."""
+    drawn_rate_Hz = 500.0
+    drawn_time_s_max = 4.0
     course = traced.course
-    thin = max(round(1.0 / (DRAWN_RATE_HZ * course.step_s)), 1)
-    last = min(course.scored_from + round(DRAWN_TIME_S_MAX / course.step_s), len(course))
+    thin = max(round(1.0 / (drawn_rate_Hz * course.step_s)), 1)
+    last = min(course.scored_from + round(drawn_time_s_max / course.step_s), len(course))
     shown = slice(course.scored_from, last, thin)
     time, target = course.time[shown], course.target[shown]
     figure = Figure(figsize=(WIDTH_INCH, 4.3))

@@ -14,8 +14,6 @@ from mrdamper.report.figures.palette import colour_of, colour_of_temperature
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
 
-LOOP_POINT_COUNT = 130  # A small panel needs no more points.
-
 
 @dataclass(frozen=True, slots=True)
 class Key:
@@ -81,10 +79,11 @@ class Campaign:
         return sorted(found, key=lambda error: error.nrmse_percent)[len(found) // 2] if found else None
 
     def trace(self, error: RunError, seconds: float | None = None) -> Trace:
+        loop_point_count = 130  # A small panel needs no more points.
         return trace_of(
-            self.fitted.damper, self.runs[error.name], error, seconds=seconds, points=2 * LOOP_POINT_COUNT
+            self.fitted.damper, self.runs[error.name], error, seconds=seconds, points=2 * loop_point_count
             if seconds or not self.runs[error.name].period_s
-            else LOOP_POINT_COUNT
+            else loop_point_count
         )  # fmt: skip
 
     def colour(self, level: float) -> str:

@@ -17,7 +17,6 @@ from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.palette import TRAINING, colour_of_temperature
 from mrdamper.report.identification.campaign import Campaign
 
-CURVE_COUNT_MAX = 4
 TEMPERATURE_COUNT = 41
 
 
@@ -54,12 +53,13 @@ def _tempered_curves(
     campaign: Campaign,
 ) -> list[tuple[str, str, list[panels.Curve], FloatArray | None]]:
     """Return each coefficient versus current at several temperatures, or versus temperature only."""
+    curve_count_max = 4
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
     commands = np.linspace(*envelope.command, 81)
     if campaign.warm:
         levels = [
-            degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, CURVE_COUNT_MAX)
+            degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, curve_count_max)
         ]
     else:
         levels = [warm for warm in default_scope(damper, envelope).temperatures if warm is not None]

@@ -18,20 +18,17 @@ from mrdamper.report.figures.small_multiples import Line, Point, Row
 from mrdamper.report.identification.campaign import Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
 
-OTHER_MOTION_COUNT_MAX = 4
-OVERVIEW_COUNT_MAX = 5
-STEP_RUN_TIME_S = 7.0  # Runs with current steps are drawn up to this time.
-
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
     """Return small multiples of loops, by temperature at one current and by current at one temperature."""
+    other_motion_count_max = 4
     motions = list(dict.fromkeys(error.motion for error in campaign.errors))
     main = campaign.main or max(motions, key=lambda m: sum(e.motion == m for e in campaign.errors))
     if not campaign.warm:
         ordered = [main, *(motion for motion in motions if motion != main)]
         return [
             picture
-            for motion in ordered[: OTHER_MOTION_COUNT_MAX + 1]
+            for motion in ordered[: other_motion_count_max + 1]
             if (picture := _over_commands(campaign, motion, None)) is not None
         ]
     strongest = max(campaign.commands, key=abs, default=None)
@@ -41,7 +38,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
         (motion for motion in motions if motion != main),
         key=lambda motion: all(e.command is None for e in campaign.errors if e.motion == motion),
     )
-    found.append(_other_motions(campaign, others[:OTHER_MOTION_COUNT_MAX], strongest))
+    found.append(_other_motions(campaign, others[:other_motion_count_max], strongest))
     return [picture for picture in found if picture is not None]
 
 
@@ -78,13 +75,14 @@ _ERROR_CAPTION = "The RMS error is above each column. It is red for held-out run
 
 def overview(campaign: Campaign) -> Figure:
     """Return the loops of a few runs, or of the main motion at each current and the worst run."""
+    overview_count_max = 5
     unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
     drawn = [(error.name, error) for error in campaign.errors]
     if len(drawn) > PANEL_COLUMNS_MAX:
         worst = find_worst_by_motion(campaign.errors)
         drawn = [
             (f"{command:g} {unit}", run)
-            for command in pick_evenly(campaign.commands, OVERVIEW_COUNT_MAX)
+            for command in pick_evenly(campaign.commands, overview_count_max)
             if campaign.main is not None
             and (run := campaign.find_run(campaign.main, level, command)) is not None
         ]
@@ -129,6 +127,7 @@ def _both(trace: Trace, x: FloatArray, colour: str) -> tuple[Line, ...]:
 
 def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | None) -> Picture | None:
     """Return one row for each other motion and one column for each temperature."""
+    step_run_time_s = 7.0  # Runs with current steps are drawn up to this time.
     levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
     rows, splits = [], []
     for motion in motions:
@@ -142,7 +141,7 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
         stepped = known[0].command is None
         over_time = stepped or not campaign.runs[known[0].name].period_s
         traces = [
-            None if error is None else campaign.trace(error, STEP_RUN_TIME_S if stepped else None)
+            None if error is None else campaign.trace(error, step_run_time_s if stepped else None)
             for error in picked
         ]
         row = tuple(

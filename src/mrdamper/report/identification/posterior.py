@@ -16,7 +16,6 @@ from mrdamper.report.identification.loops import find_worst_by_motion
 
 SAMPLE_COUNT_MAX = 60  # Each posterior sample needs a simulation.
 LOOP_COUNT_MAX = 4
-BIN_COUNT = 40
 
 
 def posterior_figure(campaign: Campaign, found: FitResult) -> str:
@@ -41,10 +40,11 @@ def posterior_figure(campaign: Campaign, found: FitResult) -> str:
 
 def _histogram(found: FitResult, k: int) -> Histogram:
     """Return the histogram of a parameter's posterior samples with the interval and the best fit."""
+    bin_count = 40
     assert found.posterior is not None
     draws = found.posterior
     name = draws.names[k]
-    counts, edges = np.histogram(draws.values[:, k], bins=BIN_COUNT)
+    counts, edges = np.histogram(draws.values[:, k], bins=bin_count)
     best = found.damper.parameters_and_lag[name]
     return Histogram(_title(name, found), counts, edges, draws.percentiles[name], best)
 
