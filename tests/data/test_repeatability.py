@@ -62,10 +62,8 @@ def test_repeatability_is_the_force_noise():
     rng = np.random.default_rng(0)
     force = lambda t: 1000.0 * SINE.velocity(t) + 2.0 * rng.standard_normal(len(t))  # noqa: E731
     spread = 1000.0 * 0.010 * 2 * np.pi / np.sqrt(2.0)
-    interpolated = 1.0  # With five samples between two phases, interpolation does not average the noise.
-    assert repeatability(_prepared(force, duration=30.0)) == pytest.approx(
-        100.0 * 2.0 / np.hypot(spread, 2.0) * interpolated, rel=0.1
-    )
+    percent = 100.0 * 2.0 / np.hypot(spread, 2.0)
+    assert repeatability(_prepared(force, duration=30.0)) == pytest.approx(percent, rel=0.1)
 
 
 def test_aperiodic_run_has_no_repeatability():

@@ -133,7 +133,7 @@ def test_bad_table_is_refused_and_nothing_written(text, said, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["bad.csv"]
 
 
-def test_example_of_the_page_is_correct(tmp_path):
+def test_example_in_docs_is_correct(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "fluid.md").read_text(encoding="utf-8")
     blocks = dict(re.findall(r"`(\w+\.(?:csv|toml))`:\n\n((?:    .*\n|\n)+)", page))
     table = "".join(f"{line.strip()}\n" for line in blocks["oil.csv"].splitlines() if line.strip())

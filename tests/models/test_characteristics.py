@@ -268,7 +268,7 @@ def test_evenly_picked_values_keep_order_and_ends(count, most):
         assert np.ptp(np.diff(found)) <= 1
 
 
-def test_example_of_the_page_is_correct():
+def test_example_in_docs_is_correct():
     page = Path(__file__).parents[2] / "docs" / "characteristics.md"
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert failed == 0

@@ -1,9 +1,9 @@
 """Runs in memory: data frames of pandas or Polars, structured arrays, or columns by name.
 
 A data frame is read like the table of a file (``proposal``): the name of a column states its quantity and
-unit (``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. ``columns``
-holds the name of a quantity's column, or the column itself: ``read(frame, {"force_kN": "Load", "current_A":
-1.0})``.
+unit (``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. The second
+argument of ``read`` maps a quantity with its unit to the name of a column, to an array or to a constant:
+``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a ser
 
 
 def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return time stamps as seconds from the first, and durations in seconds."""
+    """Convert time stamps (relative to the first one) or durations to seconds; return values and unit."""
     start = values[0] if isinstance(values[0], datetime) else timedelta()
     return np.array([(each - start).total_seconds() for each in values], dtype=np.float64), "s"
 

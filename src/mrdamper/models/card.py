@@ -77,7 +77,9 @@ class ModelCard(Picture):
     damper: Damper
     envelope: OperatingEnvelope
     evidence: Evidence
-    standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # keys are flat names
+    standard_errors: Mapping[str, float | None] = field(
+        default_factory=dict
+    )  # keys: names such as yield_force.gain
     preparation: Mapping[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)

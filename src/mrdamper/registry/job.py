@@ -184,7 +184,8 @@ class Job:
         options = self.options_type() if options is None else options
         if outputs and any(field.name == "what" for field in self.fields):
             options = replace(options, what=tuple(outputs))
-        reported = self.reported  # Load it before the job, because an interrupted job writes files at once.
+        # Import the report before the job, because an interrupted job has no time for imports.
+        reported = self.reported
         things = self._read(given)
         if out is None and not outputs:
             result = self._run(given, things, options, on_progress)

@@ -67,7 +67,7 @@ class RunResidual:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualAnalysis:
-    """Residuals of all runs with the sensitivities to the fitted parameters and to the causes."""
+    """Residuals of all runs; sensitivities of the force to the parameters and to possible faults."""
 
     runs: tuple[PreparedRun, ...]
     residuals: tuple[RunResidual, ...]

@@ -69,7 +69,7 @@ class Cooling:
         self._law, self._mount = law, mount
         self._black = emissivity * STEFAN_BOLTZMANN
         self._low, self._width = float(grid[0]) - reference, float(grid[1] - grid[0])
-        # The table contains the heat flux as cubics, shape (laws, intervals, 4), as in the network.
+        # Cubic splines of the heat flux, shape (heat-transfer laws, temperature intervals, 4).
         self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
         points = np.arange(len(law))
         mount_column = np.full(len(law), PATHS.index("mount"))
@@ -344,7 +344,7 @@ class FieldSystem:
         self._mass = equation.mass  # mass matrix at the point of linearisation
 
     def take(self, load: Load) -> None:
-        """Set the load. Its power becomes a cubic spline on the temperature grid, as in the network."""
+        """Set the load. Its power becomes a cubic spline on the temperature grid."""
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power(grid))
         self._coil_W = load.coil_W
