@@ -70,10 +70,7 @@ DEFAULT_SETTINGS = FitSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumericalSettings:
-    """Tolerances, grids and steps of the numerical methods of the identification.
-
-    In comments, ``a / b`` is the ratio of a to b.
-    """
+    """Tolerances, grids and steps of the numerical methods of the identification."""
 
     # Same operating point: two runs differ by less than these values
     same_motion_ratio: float = 1.1  # ratio of standard deviations of displacement and of velocity
@@ -107,8 +104,7 @@ class NumericalSettings:
     gain_step_count: int = 10  # number of these last steps
 
     # Search: linear parameters
-    # Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
-    regularisation_cost: float = 1e-6
+    regularisation_cost: float = 1e-6  # cost [%^2] at a bound; a parameter without effect stays near 0
     eigenvalue_min: float = 1e-12  # regularisation of a matrix with a unit diagonal
     # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal.
     multiplier_regularisation: float = 1e-10

@@ -69,8 +69,7 @@ class CyclesResult(JobResult):
     @property
     def group_size(self) -> int:
         """Return the number of cycles in each group; a group is one point of a plotted curve."""
-        group_count_max = 2048  # max number of points of a curve on the page
-        return -(-len(self.cycles) // group_count_max) or 1
+        return -(-len(self.cycles) // 2048) or 1  # max number of points of a curve on the page
 
     @property
     def group_number(self) -> FloatArray:

@@ -79,8 +79,7 @@ def coefficient_intervals(
     damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
 ) -> tuple[CoefficientInterval, ...]:
     """Return all coefficients that depend on the command, with intervals from the posterior samples."""
-    command_count = 41  # number of points on the curve of a coefficient versus the command
-    command = np.linspace(*commands, command_count)
+    command = np.linspace(*commands, 41)  # number of points on the curve of a coefficient versus the command
     kelvin = np.full(len(command), REFERENCE_K)
     found = []
     for name, form in damper.coefficients.items():

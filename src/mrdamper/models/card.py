@@ -77,9 +77,8 @@ class ModelCard(Picture):
     damper: Damper
     envelope: OperatingEnvelope
     evidence: Evidence
-    standard_errors: Mapping[str, float | None] = field(
-        default_factory=dict
-    )  # keys: names such as yield_force.gain
+    # Keys are names such as yield_force.gain.
+    standard_errors: Mapping[str, float | None] = field(default_factory=dict)
     preparation: Mapping[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)

@@ -219,8 +219,6 @@ def default_scope(
     motion : motion for the energy; None: a sine with the amplitude of the peak-velocity pick and the highest
         of the speeds
     """
-    curve_speed_count = 15
-    curve_speed_count_python = 6  # A law in Python is slow.
     low, high = envelope.displacement
     half = 0.5 * (high - low)
     centred = min(-low, high)
@@ -231,7 +229,7 @@ def default_scope(
         speeds.insert(0, _round_down(speeds[0] * 0.75, (1.0, 2.0, 5.0)))
     if commands is None:
         commands = sorted(set(np.linspace(*envelope.command, 5).tolist()))
-    count = curve_speed_count if damper.law.kernel is not None else curve_speed_count_python
+    count = 15 if damper.law.kernel is not None else 6  # A law in Python is slow.
     return Scope(
         commands=tuple(sorted(map(float, commands))),
         temperatures=_temperatures(damper, envelope, temperatures),

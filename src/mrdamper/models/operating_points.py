@@ -35,8 +35,9 @@ class OperatingPoints:
 
     The ``varying`` parameters change between evaluations. The gradients are with respect to the ``wanted``
     parameters. Parameters have names such as ``yield_force.gain``. The command lag is allowed and has no
-    gradient. ``places`` are the indices of the coefficients in the law that depend on wanted parameters. ``combine``, shape (points,
-    wanted, places), contains the constant gradients of coefficients that are linear in all their parameters.
+    gradient. ``places`` are the indices of the coefficients in the law that depend on wanted parameters.
+    ``combine``, shape (points, wanted, places), contains the constant gradients of coefficients that are
+    linear in all their parameters.
     """
 
     def __init__(

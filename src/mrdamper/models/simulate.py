@@ -87,11 +87,10 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
     InputError
         For the same reasons as ``simulate``.
     """
-    batch_run_count_min = 3  # Fewer runs are simulated one by one.
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
     together = [k for k, point in enumerate(points) if point is not None and damper.law.kernel is not None]
-    together = together if len(together) >= batch_run_count_min else []
+    together = together if len(together) >= 3 else []  # Fewer runs are simulated one by one.
     found = dict(zip(together, _simulate_at_points(damper, [drives[k] for k in together]), strict=True))
     return [found[k] if k in found else simulate(damper, drive) for k, drive in enumerate(drives)]
 

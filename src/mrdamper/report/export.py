@@ -100,9 +100,8 @@ def _show(found: ExportResult, console: Console) -> None:
 
 def _closing(_: ExportResult, answer: Json) -> list[str]:
     """Return the written files, or their number and folders if there are many."""
-    listed_file_count_max = 3  # The closing line gives only the number of files if there are more.
     files = [Path(name) for name in answer["files"]]
-    if len(files) <= listed_file_count_max:
+    if len(files) <= 3:  # The closing line gives only the number of files if there are more.
         return [f"Wrote {', '.join(map(str, files))}."]
     folders = dict.fromkeys(str(file.parent) for file in files)
     return [f"Wrote {len(files)} files to {', '.join(folders)}."]

@@ -128,11 +128,10 @@ def table_of(rows: Sequence[Mapping[str, object]], title: str = "Table") -> list
     """Return a table with the first columns of a result and, of many rows, evenly spaced ones."""
     # Limits of the general table. A page with more columns or rows is hard to read.
     column_count_max = 7
-    row_count_max = 120
     if not rows:
         return []
     names = list(dict.fromkeys(name for row in rows for name in row))[:column_count_max]
-    step = max(-(-len(rows) // row_count_max), 1)
+    step = max(-(-len(rows) // 120), 1)
     selected = rows[::step]
     return [
         Table(

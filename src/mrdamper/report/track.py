@@ -192,9 +192,8 @@ def _row(row: Row, plant: str) -> Json:
 
 def _trace(each: Traced) -> Json:
     """Return evenly spaced samples of a target's test at the highest temperature."""
-    sample_count_max = 2000  # A browser plots longer traces slowly.
     course, reach = each.course, each.reach
-    part = slice(None, None, max(1, -(-len(course) // sample_count_max)))
+    part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer traces slowly.
     return {
         "target": each.target,
         "temperature_degC": each.temperature_degC,

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalSettings:
-    """Settings of the load cycles, the compact model, the calibration and the design of fins.
-
-    In comments, ``a / b`` is the ratio of a to b.
-    """
+    """Settings of the load cycles, the compact model, the calibration and the design of fins."""
 
     # Geometry and materials
     coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
@@ -25,8 +22,7 @@ class ThermalSettings:
     measured_motion_time_s: float = 20.0  # duration of the segments of a measured motion
     step_deviation_ratio_max: float = 1e-3  # deviation of a time step from the mean step
     duration_max_s: float = 1e6
-    # Loops are simulated in the part of this range that the card covers.
-    loss_temperature_range_K: tuple[float, float] = (273.15, 423.15)
+    loss_temperature_range_K: tuple[float, float] = (273.15, 423.15)  # The range of the card also limits it.
     loss_temperature_count: int = 11
     piston_pressure_max_Pa: float = 50e6  # Above, card and geometry probably belong to different dampers.
 
@@ -36,10 +32,9 @@ class ThermalSettings:
     map_step_max_s: float = 120.0
     map_first_step_s: float = 5.0
 
-    # Breakpoints of the convection table of the compact model
+    # Breakpoints of the convection table of the compact model; rises are surface minus ambient
     film_ambient_K: tuple[float, ...] = (253.15, 288.15, 323.15)  # three equidistant values
     film_air_speeds_m_s: tuple[float, ...] = (0.0, 0.25, 0.4, 0.6, 0.9, 1.35, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0)
-    # Surface minus ambient
     film_rises_K: tuple[float, ...] = (-20.0, -5.0, 0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 115.0, 150.0)
 
     # Reduction to the compact model
@@ -47,8 +42,7 @@ class ThermalSettings:
     source_model_order: int = 40  # order of the reduced model that is truncated
     basis_air_speeds_m_s: tuple[float, ...] = (0.0, 3.0)  # air speeds for which the Gramian is computed
     typical_rise_K: float = 60.0  # rise above ambient at which heat transfer is linearised
-    # Frequencies of the responses that select the candidate points of the hottest point
-    spot_rates_1_s: tuple[float, ...] = (0.0, 3e-3, 3e-2)
+    spot_rates_1_s: tuple[float, ...] = (0.0, 3e-3, 3e-2)  # Their responses select the hottest points.
     # Weights of the inputs and outputs in the Gramian
     mechanical_weight_W: float = 100.0
     coil_weight_W: float = 20.0
@@ -59,8 +53,7 @@ class ThermalSettings:
     # The typical power of a damper causes this rise in this time if there are no heat losses.
     typical_power_rise_K: float = 100.0
     typical_power_time_s: float = 1800.0
-    # Standard deviations, relative to the typical power, and correlation times of the error of the power and
-    # of the missing heat
+    # Standard deviations / typical power, and correlation times
     power_error_ratio: float = 0.15
     power_error_time_s: float = 60.0
     missing_heat_ratio: float = 0.15
@@ -81,8 +74,7 @@ class ThermalSettings:
 
     # Calibration with a heating curve
     calibration_step_max_s: float = 20.0
-    # A factor at these bounds means that curve and load cycle do not match.
-    calibration_factor_range: tuple[float, float] = (0.05, 20.0)
+    calibration_factor_range: tuple[float, float] = (0.05, 20.0)  # at a bound, curve and load do not match
     start_range_K: float = 50.0  # max distance of the initial temperature from the first readings
     reading_noise_min_K: float = 0.02
     reading_noise_max_K: float = 2.0

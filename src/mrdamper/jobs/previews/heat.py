@@ -105,11 +105,10 @@ class QuickHeat:
         }
 
     def _keep(self, key: object, make: Callable[[], Value]) -> Value:
-        most_kept = 64
         if key not in self._kept:
             self._kept[key] = make()
         self._kept.move_to_end(key)
-        while len(self._kept) > most_kept:
+        while len(self._kept) > 64:
             self._kept.popitem(last=False)
         return self._kept[key]  # type: ignore[return-value]  # result of make
 

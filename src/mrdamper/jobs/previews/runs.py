@@ -51,14 +51,12 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
     InputError
         If the channel map is invalid.
     """
-    most_runs = 200
-    diagnosis_samples_max = 200_000  # Larger files are not diagnosed immediately.
     view, read = look_into(path, given)
     if read is None:
         return vars(view)
-    described = [run_row(read, recording) for recording in read.recordings[:most_runs]]
+    described = [run_row(read, recording) for recording in read.recordings[:200]]
     view.runs = [{**row, "file": path.name} for row, _ in described]
-    view.checked = sum(map(len, read.recordings)) <= diagnosis_samples_max
+    view.checked = sum(map(len, read.recordings)) <= 200_000  # Larger files are not diagnosed immediately.
     if view.checked:
         view.findings = [
             finding

@@ -78,7 +78,6 @@ def keep_window(
     from_s, to_s : start and end of the part, as time since the first sample of the run
     samples_of : series file whose force and displacement select the samples; None: ``series`` itself
     """
-    window_samples_min = 64  # min number of samples of a window
     header, columns = read_series(series)
     deciding = columns if samples_of is None else read_series(samples_of)[1]
     time = deciding["time_s"]
@@ -93,7 +92,7 @@ def keep_window(
     kept = np.arange(low, high)
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
-        kept = low + _telling(chosen, max(most, window_samples_min))
+        kept = low + _telling(chosen, max(most, 64))  # A window has at least 64 samples.
     units = _units(header)
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 

@@ -12,13 +12,11 @@ from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDTH_INCH, s
 
 def runs_figure(result: CheckResult) -> Figure | None:
     """Return force versus displacement of the runs with the worst findings, or None without runs."""
-    panel_count_max = 8
-    panel_columns = 4
     drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
     if not drawable:
         return None
-    shown = sorted(drawable, key=_severity)[:panel_count_max]
-    columns = min(len(shown), panel_columns)
+    shown = sorted(drawable, key=_severity)[:8]
+    columns = min(len(shown), 4)
     rows = -(-len(shown) // columns)
     width, height = min(WIDTH_INCH, 0.6 + 2.6 * columns), 1.75 * rows + 0.15
     figure = Figure(figsize=(width, height))

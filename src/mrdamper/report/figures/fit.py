@@ -182,8 +182,6 @@ def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
 
 def correlations(names: Sequence[str], matrix: FloatArray) -> str:
     """Return the correlation matrix of the parameters. Strong correlations are printed as numbers."""
-    strong_correlation = 0.8
-    colour_levels = 20
     count = len(names)
     side = 0.27 * count
     labels = [name.removesuffix(".value") for name in names]
@@ -191,11 +189,11 @@ def correlations(names: Sequence[str], matrix: FloatArray) -> str:
         figure = Figure(figsize=(side + 2.3, side + 1.55))
         (axes,) = axes_table(figure, 1, 1, margins=(1.55, 1.5, 0.75, 0.05))
         below = np.where(np.tri(count, k=-1, dtype=bool), matrix, np.nan)
-        levels = mpl.colormaps["RdBu_r"].resampled(colour_levels)  # The SVG stays small with few colours.
+        levels = mpl.colormaps["RdBu_r"].resampled(20)  # The SVG stays small with few colours.
         centres = np.arange(count)
         image = axes.pcolormesh(centres, centres, below, cmap=levels, vmin=-1.0, vmax=1.0)
         axes.invert_yaxis()
-        for i, j in zip(*np.nonzero(np.abs(below) >= strong_correlation), strict=True):
+        for i, j in zip(*np.nonzero(np.abs(below) >= 0.8), strict=True):
             axes.text(j, i, f"{below[i, j]:.2f}", size=5.2, color="white", ha="center", va="center")
         axes.set_xticks(range(count), labels, rotation=90)
         axes.set_yticks(range(count), labels)

@@ -23,7 +23,6 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
 
     If the velocity was not measured, it is the derivative of the smoothed displacement.
     """
-    title_letter_count_max = 110  # All titles together must fit the width of the figure.
     chosen = pick_evenly((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
@@ -34,7 +33,7 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
             for run, colour in zip(chosen, colours, strict=True)
         )
         rows.append(Row(label, "force, N", panels))
-    longest = max(12, title_letter_count_max // len(chosen))
+    longest = max(12, 110 // len(chosen))  # All titles together must fit the width of the figure.
     titles = [(shortened(name, longest), False) for name in _distinct_names([run.name for run in chosen])]
     return grid_figure(titles, rows, tall=2.0)
 
@@ -64,5 +63,4 @@ def _velocity_mm_s(run: RigRun) -> FloatArray:
 
 
 def _thinned(values: FloatArray) -> FloatArray:
-    point_count_max = 2000
-    return values[:: max(1, len(values) // point_count_max)]
+    return values[:: max(1, len(values) // 2000)]

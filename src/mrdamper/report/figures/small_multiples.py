@@ -80,7 +80,6 @@ def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall
 
     ``tall`` is the height of a panel [inch].
     """
-    letter_inch = 0.072  # width of a letter of a title
     columns = len(titles)
     width = min(WIDTH_INCH, 0.55 + 3.2 * columns)
     height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
@@ -114,7 +113,7 @@ def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall
         figure.text(
             (left + column * (across + gap)) / width,
             1.0 - 0.06 / height,
-            shortened(title, max(round(across / letter_inch), 8)),
+            shortened(title, max(round(across / 0.072), 8)),  # inches per letter
             fontsize=8.0,
             color=HELD_OUT if held_out else INK,
             va="top",

@@ -53,14 +53,11 @@ def _tempered_curves(
     campaign: Campaign,
 ) -> list[tuple[str, str, list[panels.Curve], FloatArray | None]]:
     """Return each coefficient versus current at several temperatures, or versus temperature only."""
-    curve_count_max = 4
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
     commands = np.linspace(*envelope.command, 81)
     if campaign.warm:
-        levels = [
-            degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, curve_count_max)
-        ]
+        levels = [degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, 4)]
     else:
         levels = [warm for warm in default_scope(damper, envelope).temperatures if warm is not None]
     unit = "current, A" if damper.command_unit == "A" else "voltage, V"

@@ -41,12 +41,11 @@ class OperatingPoints:
 
 def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
     """Return the temperatures of the runs if there are two or more, otherwise their currents."""
-    level_distance_min_K = 1.5  # Closer mean temperatures belong to the same level.
     known = sorted(e.temperature_degC for e in errors if e.temperature_degC is not None)
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
         for before, now in pairwise(known):
-            if now - before > level_distance_min_K:
+            if now - before > 1.5:  # Mean temperatures of one level are closer [K].
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:

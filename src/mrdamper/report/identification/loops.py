@@ -75,14 +75,13 @@ _ERROR_CAPTION = "The RMS error is above each column. It is red for held-out run
 
 def overview(campaign: Campaign) -> Figure:
     """Return the loops of a few runs, or of the main motion at each current and the worst run."""
-    overview_count_max = 5
     unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
     drawn = [(error.name, error) for error in campaign.errors]
     if len(drawn) > PANEL_COLUMNS_MAX:
         worst = find_worst_by_motion(campaign.errors)
         drawn = [
             (f"{command:g} {unit}", run)
-            for command in pick_evenly(campaign.commands, overview_count_max)
+            for command in pick_evenly(campaign.commands, 5)
             if campaign.main is not None
             and (run := campaign.find_run(campaign.main, level, command)) is not None
         ]

@@ -40,11 +40,10 @@ def posterior_figure(campaign: Campaign, found: FitResult) -> str:
 
 def _histogram(found: FitResult, k: int) -> Histogram:
     """Return the histogram of a parameter's posterior samples with the interval and the best fit."""
-    bin_count = 40
     assert found.posterior is not None
     draws = found.posterior
     name = draws.names[k]
-    counts, edges = np.histogram(draws.values[:, k], bins=bin_count)
+    counts, edges = np.histogram(draws.values[:, k], bins=40)
     best = found.damper.parameters_and_lag[name]
     return Histogram(_title(name, found), counts, edges, draws.percentiles[name], best)
 

@@ -79,16 +79,14 @@ def pooled_json(errors: Iterable[RunError]) -> list[Json]:
 
 def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
     """Print the error of every run, or of many runs the pooled errors and the worst runs."""
-    run_count_max = 40  # More runs are shown by motion and temperature.
-    worst_run_count = 10
     title = f"{law}: error by run"
-    if len(errors) <= run_count_max:
+    if len(errors) <= 40:  # More runs are shown by motion and temperature.
         console.print(_terminal_table(errors, title))
         return
     pooled = pooled_by_temperature(errors)
     if pooled:
         console.print(_pooled_table(pooled, law))
-    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:worst_run_count]
+    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:10]
     console.print(
         _terminal_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} runs (errors.csv has all)")
     )
@@ -132,7 +130,6 @@ def error_table(
     errors: Sequence[RunError], forces: Mapping[str, ForceInterval] = NO_FORCES, title: str = "Error by run"
 ) -> Table[RunError]:
     """Return the table of errors by run, with the uncertainty of the forces if ``forces`` is given."""
-    open_row_count_max = 48  # A longer table is folded on a page.
 
     def interval(error: RunError) -> str | None:
         found = forces.get(error.name)
@@ -168,7 +165,7 @@ def error_table(
         "cycle, or of the whole run for a motion without a period. Held-out runs are highlighted.",
         held=lambda error: error.split == "held_out",
         part=lambda error: (error.split, error.command == 0.0),
-        folded=f"All {len(errors)} runs" if len(errors) > open_row_count_max else "",
+        folded=f"All {len(errors)} runs" if len(errors) > 48 else "",  # A longer table is folded on a page.
     )
 
 

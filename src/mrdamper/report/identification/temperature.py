@@ -42,8 +42,6 @@ class Warmth:
 
 def temperature_section(campaign: Campaign) -> Warmth | None:
     """Return force, relative loss and energy versus temperature, or None without temperature dependence."""
-    curve_point_count = 25
-    curve_point_count_python = 4  # A law in Python is slow.
     damper = campaign.fitted.damper
     if not damper.temperature_dependent:
         return None
@@ -59,7 +57,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     else:
         low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
         reference = float(np.clip(REFERENCE_K, low, high))
-    count = curve_point_count if damper.law.kernel is not None else curve_point_count_python
+    count = 25 if damper.law.kernel is not None else 4  # A law in Python is slow.
     grid = np.linspace(low, high, count)
     found: tuple[list[Series], list[Series], list[Series]] = ([], [], [])
     ends = []
