@@ -45,8 +45,8 @@ class Descents:
         self._box = objective.box
         self._most = most
         width = self._box.high - self._box.low
-        linear = NUMERICS.step_range_ratio_max * width
-        self._step_max = np.where(self._box.log, NUMERICS.step_max_e_folds, linear)
+        longest = NUMERICS.step_range_ratio_max * width
+        self._step_max = np.where(self._box.log, NUMERICS.step_max_e_folds, longest)
         count, size = points.shape
         self.points = points.copy()
         self.iterations = np.zeros(count, dtype=np.intp)
