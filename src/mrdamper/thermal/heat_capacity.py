@@ -19,7 +19,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Option
-from mrdamper.thermal.settings import SETTINGS
 
 Coefficients = tuple[float, ...] | None
 
@@ -89,11 +88,9 @@ class PolynomialHeatCapacity:
         if "damper_J_K" in given and len(given.keys() - {"fins_J_kg_K"}) > 1:
             raise _fault("damper_J_K and single parts are both given", "the whole damper, or its parts")
         for name, coefficients in given.items():
-            count, most = len(coefficients), SETTINGS.heat_capacity_coefficients_max
-            if not 1 <= count <= most:
-                raise _fault(f"{name} has {count} coefficients", f"1 to {most}")
-            celsius = np.linspace(*self.range_degC, SETTINGS.heat_capacity_point_count)
-            least = float(Polynomial(coefficients)(celsius).min())
+            if not 1 <= len(coefficients) <= 6:
+                raise _fault(f"{name} has {len(coefficients)} coefficients", "1 to 6")
+            least = float(Polynomial(coefficients)(np.linspace(*self.range_degC, 101)).min())
             if not 0.0 < least < np.inf:
                 raise _fault(f"{name} falls to {least:.4g} in its range", "finite heat capacities above zero")
 

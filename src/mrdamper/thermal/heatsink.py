@@ -18,12 +18,12 @@ from mrdamper.errors import InputError
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
-from mrdamper.thermal.settings import SETTINGS
 
 
 def length_option(key: str, default_help: str = "") -> Option:
     """Return the declaration of a length [m] that a file states in millimetres with the given key."""
-    return Option(key=key, unit="mm", above=0.0, most=SETTINGS.sink_length_max_mm, default_help=default_help)
+    # A length above 10 m is probably not in millimetres.
+    return Option(key=key, unit="mm", above=0.0, most=10_000.0, default_help=default_help)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,9 +12,6 @@ class ThermalSettings:
     # Geometry and materials
     coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
     carrier_conductivity_W_mK: float = 0.14  # default of the carrier oil
-    sink_length_max_mm: float = 10_000.0  # A larger number is probably not in millimetres.
-    heat_capacity_coefficients_max: int = 6
-    heat_capacity_point_count: int = 101  # temperatures at which a polynomial has to be positive
     mixed_fraction: float = 0.5  # fraction of the displaced volume that mixes before it returns
 
     # Load cycles and their power

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval
-from mrdamper.report.figures.palette import INK, MEASURED, TRAINING
+from mrdamper.report.figures.palette import INK, MEASURED, TRAINING, WIDTH_INCH
 from mrdamper.report.figures.style import axes_table
 
-FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH = 10.6, 1.95
 BAR_COLOUR = "#9db8cc"
 
 
@@ -92,7 +91,7 @@ def panel_figure(groups: Sequence[Sequence[Panel | Histogram]]) -> Figure:
     """Return groups of panels. Each group starts a new row."""
     panel_columns = 4
     rows = [-(-len(group) // panel_columns) for group in groups]
-    figure = Figure(figsize=(FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH * max(sum(rows), 1)))
+    figure = Figure(figsize=(WIDTH_INCH, 1.95 * max(sum(rows), 1)))
     table = axes_table(
         figure, max(sum(rows), 1), panel_columns, margins=(0.6, 0.43, 0.1, 0.25), gaps=(0.5, 0.68)
     )

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
@@ -27,8 +28,6 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
-
-INTERVAL_PROBABILITY = 0.90
 
 
 @dataclass(frozen=True, slots=True)
