@@ -38,7 +38,7 @@ settings.load_profile("usual")
 _MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
 _SHARE_SESSIONS = {
     "campaigns": {f"tests/acceptance/test_{name}.py" for name in ("tempered_rig", "tracking")},
-    "site": {f"tests/web/test_{name}.py" for name in ("pages", "reach", "strangers", "view", "workbench")},
+    "site": {f"tests/web/test_{name}.py" for name in ("pages", "view", "workbench")},
 }
 """Modules that share the fixtures of a session run on one worker."""
 _TIERS = ("release", "nightly", "system")  # A test with several marks is in the first tier.

@@ -113,7 +113,7 @@ def test_two_frames_give_plotted_loops(logged):
     assert len(FRAMES_TO_LOOPS.strip().splitlines()) <= 4
     figure = names["fit"].plot()
     assert len(figure.axes) == 4  # Two runs, each versus displacement and velocity.
-    titles = [text.get_text() for text in figure.texts]
+    titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
     for title, error in zip(titles, names["fit"].assessment.runs, strict=True):
         assert f"{error.rmse_N:.0f} N" in title
     assert names["fit"]._repr_html_().count("<svg") == 1

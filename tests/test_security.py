@@ -50,7 +50,7 @@ ALLOWED = {
     "models/card_draws.py: allow_pickle=": "with allow_pickle=False",
     "models/card_draws.py: load": "arrays of numbers alone: numpy refuses objects",
     "results.py: import_module": "modules of the package, by names in its own tables",
-    "web/query_worker.py: import_module": "the pages' questions, by the names in the registry's table",
+    "web/queries.py: import_module": "queries of pages, by the names in the registry's table",
     "models/python_law.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
 }
 

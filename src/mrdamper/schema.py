@@ -475,6 +475,21 @@ def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 -
     return str(value) if isinstance(value, Path) else value
 
 
+def json_value(value: object) -> Any:  # noqa: ANN401 - any JSON value
+    """Return a value for JSON. Records become objects, arrays become lists, NaN and infinity become null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if dataclasses.is_dataclass(value):
+        return {each.name: json_value(getattr(value, each.name)) for each in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): json_value(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_value(part) for part in value]
+    if hasattr(value, "tolist"):  # An array, or a number of NumPy.
+        return json_value(value.tolist())
+    return str(value) if isinstance(value, Path) else value
+
+
 def finite_or_none(value: float) -> float | None:
     """Return a number for JSON, or None (null) if the number is not finite."""
     return float(value) if math.isfinite(value) else None

@@ -6,7 +6,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
-from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.excitation import MOTIONS
 
 MOTION = MOTIONS["nonperiodic"]
@@ -45,6 +44,16 @@ def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float 
 def answer(
     controller: ForceController, state: bytes, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
 ) -> float:
-    """Return the command of the next step."""
-    seen = Measurement(speed * controller.period_s, kelvin, wanted)
-    return controller.step(state, Reference(wanted, wanted), seen)[1]
+    """Return the command 60 ms later, after the even motion has continued with a constant target."""
+    rows = even(controller, wanted, speed, kelvin=kelvin)
+    return float(controller.run(state, rows)[1][-1])
+
+
+def even(
+    controller: ForceController, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
+) -> FloatArray:
+    """Return rows of 60 ms of even motion from mid-stroke with a constant target, which is also measured."""
+    rows = np.full((round(0.06 / controller.period_s), 5), wanted)
+    rows[:, 2] = speed * controller.period_s * (1.0 + np.arange(len(rows)))
+    rows[:, 3] = kelvin
+    return rows

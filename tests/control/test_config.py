@@ -35,8 +35,9 @@ def test_configuration_has_same_fields_as_kernel():
 @pytest.mark.parametrize(
     ("damper", "name", "expected"),
     [
-        (DOUBLE, "recommended", (0, 0, 0)),
-        (SERIES, "recommended", (1, 0, 0)),
+        (DOUBLE, "paper", (0, 0, 0)),
+        (DOUBLE, "recommended", (0, 0, 1)),
+        (SERIES, "recommended", (1, 0, 1)),
         (CHAIN, "recommended", (0, 1, 1)),
     ],
 )
@@ -54,7 +55,7 @@ def test_compile_options_exclude_unused_parts(damper, name, expected):
         {"law__series": True},
         {"gains__yield_force": 0.0},
         {"actuation__dead_samples": 126},
-        {"inverse__bank": True},
+        {"inverse__method": 1},
         {"inverse__method": 4},
         {"inverse__preview": math.nan},
         {"prediction__steps": 17},

@@ -15,9 +15,8 @@ from mrdamper.control.controllers import controllers_for
 from mrdamper.control.tuning import OBSERVER_S, motion_filter
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.dependence import Constant
 from tests.oracles.estimators import AppliedCurrent, MotionFilter
-from tests.support.cards import CHAIN, DOUBLE, LAGS, changed
+from tests.support.cards import CHAIN, DOUBLE, LAGS
 from tests.support.examples import examples
 
 PERIOD = 1e-3
@@ -65,7 +64,7 @@ def test_white_jerk_leaves_the_stated_velocity_error():
 
 
 def test_motion_of_controller_equals_the_filter():
-    made, reference = controllers_for(DOUBLE)["recommended"], MotionFilter(PERIOD)
+    made, reference = controllers_for(DOUBLE)["paper"], MotionFilter(PERIOD)
     rng, t = np.random.default_rng(0), PERIOD * np.arange(300)
     x = MOVED.displacement(t) + 10e-6 * rng.standard_normal(len(t))
     rows = np.full((len(t), 5), np.nan)
@@ -142,33 +141,6 @@ def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_
     fine = lags.apply(np.concatenate([np.zeros(500), np.repeat(command, 100)]), 1e-5)[500:]
     assert max(command) > 1.0
     np.testing.assert_allclose(applied[1:], fine[99::100][: len(applied) - 1], atol=8e-3)
-
-
-@pytest.mark.parametrize(("wide_hysteresis_width_A", "within"), [(0.0, 1e-6), (0.2, 2e-3)])
-def test_magnetic_hysteresis_is_inverted(wide_hysteresis_width_A, within):
-    """Without lags and with constant rho, the force feels the same current with and without hysteresis."""
-    ideal = Actuation(0.0, 0.0, largest_command=2.0)
-    worn = replace(
-        ideal, hysteresis_width_A=0.06, saturation=0.7, wide_hysteresis_width_A=wide_hysteresis_width_A
-    )
-    t = PERIOD * np.arange(500)
-    rows = np.full((len(t), 5), np.nan)
-    x = 5e-3 * np.sin(2.0 * np.pi * 2.0 * t)
-    rows[:, 0] = rows[:, 1] = 600.0 * np.sin(2.0 * np.pi * 2.3 * t + 1.5)
-    rows[:, 2], rows[:, 3] = x, 300.0
-    steady = {**DOUBLE.coefficients, "rho": Constant(16e3), "second_rho": Constant(5e3)}
-    commands = []
-    for actuation in (ideal, worn):
-        damper = replace(DOUBLE, coefficients=steady, actuation=actuation)
-        made = controllers_for(damper, preview_s=0.0)["recommended"]
-        made = changed(made, inverse__margin=-1.0, inverse__compensation=0.0)
-        commands.append(made.run(made.start(), rows)[1])
-    plain, given = commands
-    felt = worn.apply(np.concatenate([[0.0], given]), PERIOD)[1:]
-    inside = (given > 0.0) & (given < 2.0) & (plain > 0.0) & (plain < 2.0)
-    assert inside.mean() > 0.2
-    assert np.abs(given - plain)[inside].max() > 0.03
-    np.testing.assert_allclose(felt[inside], plain[inside], atol=within)
 
 
 # --- Disturbance ------------------------------------------------------------------------------------------

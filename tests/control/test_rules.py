@@ -20,13 +20,11 @@ from mrdamper.control.tuning import (
     HORIZON_RATIO,
     HORIZON_STEPS,
     JERK_DENSITY,
-    PREVIEW_RATIO,
     check_sampling,
     feedback_gains,
     horizon_end,
     motion_of,
     prediction_of,
-    preview_of,
     sampled_actuation,
 )
 from mrdamper.errors import InputError
@@ -52,32 +50,21 @@ def of_two_lags(first: float, second: float, time: float) -> tuple[float, float,
 
 @given(
     rise=lags, fall=lags, second=st.floats(0.0, 0.02), delay=st.floats(0.0, 0.01),
-    period=st.sampled_from([2e-4, 1e-3, 4e-3]), preview=st.floats(0.0, 0.05),
+    period=st.sampled_from([2e-4, 1e-3, 4e-3]),
 )  # fmt: skip
-def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, period, preview):
+def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, period):
     second = 0.0 if second < 1e-5 else second
     actuation = Actuation(
         rise, fall, second, delay, freewheel_time_s=0.04, saturation=1.6, hysteresis_width_A=0.02
     )
-    found = sampled_actuation(actuation, period, preview)
+    found = sampled_actuation(actuation, period)
     assert found.dead_samples + found.dead_part == pytest.approx(delay / period, abs=1e-9)
     assert 0.0 <= found.dead_part < 1.0
     up, down = (of_two_lags(first, second, period) for first in (rise, fall))
     assert (found.rise, found.fall, found.second) == pytest.approx((up[0], down[0], up[1]), abs=1e-9)
     assert (found.rise_couple, found.fall_couple) == pytest.approx((up[2], down[2]), abs=1e-5)
     assert found.second_ramp == pytest.approx(up[3], abs=1e-5)
-    rest = max(preview - math.ceil(delay / period - 1e-9) * period, 0.0)
-    if rest > 1e-6:
-        up, down = (of_two_lags(first, second, rest) for first in (rise, fall))
-        ahead = (found.second_ahead, found.rise_couple_ahead, found.fall_couple_ahead)
-        assert ahead == pytest.approx((up[1], up[2], down[2]), abs=1e-5)
-        assert found.second_ramp_ahead == pytest.approx(up[3], abs=1e-5)
-    free = max(preview - delay, 0.0)
-    if free > 1e-6:
-        up, down = (of_two_lags(first, second, free) for first in (rise, fall))
-        answers = [1.0 - each[1] - each[2] for each in (up, down)]
-        assert (found.rise_answer, found.fall_answer) == pytest.approx(answers, abs=1e-5)
-    assert (found.freewheel_ratio, found.freewheel_ratio_ahead) == pytest.approx((period / 0.04, rest / 0.04))
+    assert found.freewheel_ratio == pytest.approx(period / 0.04)
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
@@ -86,19 +73,10 @@ def test_equal_and_missing_lags_have_limits():
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
     assert same.fall_couple == pytest.approx(0.5 * math.exp(-0.5), rel=1e-6)
-    none = sampled_actuation(Actuation(0.0, 0.0), period, 0.01)
+    none = sampled_actuation(Actuation(0.0, 0.0), period)
     assert (none.rise, none.second, none.rise_couple, none.freewheel_ratio, none.inverse_saturation_flux) == (
         0.0,
     ) * 5
-    assert (none.rise_answer, none.fall_answer) == (1.0, 1.0)
-    here = sampled_actuation(Actuation(0.004, 0.004, 0.003), period)  # without preview
-    assert (here.second_ahead, here.second_ramp_ahead, here.rise_answer) == (1.0, 1.0, 0.0)
-
-
-@given(rise=st.floats(1e-4, 0.02), second=st.floats(0.0, 0.01), delay=st.floats(0.0, 0.01))
-def test_preview_is_response_and_half_period(rise, second, delay):
-    actuation = Actuation(rise, rise, second, delay)
-    assert preview_of(actuation, 2e-3) == pytest.approx(actuation.response_time(PREVIEW_RATIO) + 1e-3)
 
 
 @pytest.mark.parametrize("wheel", [0.0, 0.06])

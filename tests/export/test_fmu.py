@@ -343,8 +343,6 @@ def test_instance_starts_with_values_of_the_xml(loaded, content):
     ("parameter", "config"),
     [
         ({"fall_back": 0.7}, {"faults__fall_back": 0.7}),
-        ({"clamp_margin": -1.0}, {"inverse__margin": -1.0}),
-        ({"reach": 0.25}, {"inverse__compensation": 0.25}),
         ({"held_temperature": 301.0}, {"thermometer__fixed": 301.0}),
     ],
 )

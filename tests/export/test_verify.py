@@ -95,7 +95,7 @@ def test_full_run_raises_every_flag_of_readings():
         "NOMINAL_TEMPERATURE", "OUTSIDE_MOTION", "OUTSIDE_TEMPERATURE", "SATURATED",
     }  # fmt: skip
     assert both | {"NO_CURRENT", "NO_VELOCITY"} <= set(record.flags_raised["model"])
-    assert both | {"NO_TARGET", "INFEASIBLE", "CLAMPED"} <= set(record.flags_raised["controller"])
+    assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
 def test_frozen_thermometer_is_flagged_with_the_same_bits():

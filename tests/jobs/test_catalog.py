@@ -11,6 +11,7 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.jobs.public_data import catalog
 from mrdamper.jobs.public_data.catalog import DataSet, RemoteFile, fetch, list_sets
+from mrdamper.jobs.public_data.datasets import MAPS
 
 CONTENT = b"time_s,force_N\n0,1\n"
 
@@ -83,3 +84,11 @@ def test_public_files_have_the_pinned_hashes(real_data, tmp_path):
     for name, expected in (("utfsm", {"ME5mm3Hz.txt"}), ("utfpr", {"ensaio.A.1.mat", "ensaio.A.3.mat"})):
         target = fetch(name, folder=tmp_path / name)
         assert expected <= {file.name for file in target.iterdir()}
+
+
+def test_installed_maps_equal_examples():
+    examples = Path(__file__).parents[2] / "examples"
+    names = {each.channels for each in list_sets()}
+    assert {path.name for path in MAPS.iterdir() if path.suffix == ".toml"} == names
+    for name in names:
+        assert (MAPS / name).read_bytes() == (examples / name).read_bytes()

@@ -12,7 +12,7 @@ import pytest
 import mrdamper as mrdamper_package
 from mrdamper.models.card_schema import write_card
 from mrdamper.models.comparison import compare_cards
-from mrdamper.report.cards.compare import REPORT
+from mrdamper.report.compare import REPORT
 from tests.models.test_comparison import WARM, a_card, a_damper, warm_damper
 from tests.support.rigs import answer_of, mrdamper
 

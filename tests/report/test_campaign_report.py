@@ -18,7 +18,6 @@ from mrdamper.models.characteristics import steady_cycle
 from mrdamper.models.dependence import TemperatureDependent
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import (
-    error_table,
     levels_of,
     main_sine,
     peak_force,
@@ -26,6 +25,7 @@ from mrdamper.report.identification.groups import (
     sine_of,
 )
 from mrdamper.report.identification.page import PAGE
+from mrdamper.report.identification.scores import pooled_table
 from mrdamper.report.identification.temperature import characteristics_section, temperature_section
 from mrdamper.report.page import significant
 from tests.support.warm import MOTIONS, NOISE_N, warm_damper, warm_runs
@@ -101,14 +101,12 @@ def test_errors_are_pooled_by_split():
         an_error(rmse_N=12.0, split="held_out"),
         an_error(rmse_N=7.0, motion="chirp", temperature_degC=60.0),
     ]
-    table = error_table(errors, levels_of(errors))
-    rows = dict(table.rows)
-    assert rows["sine 5 mm 1 Hz"][0].training == pytest.approx(math.sqrt(12.5))
-    assert rows["sine 5 mm 1 Hz"][0].held_out == 12.0
-    assert rows["sine 5 mm 1 Hz"][1].training is None
-    assert rows["chirp"][1].training == 7.0
-    assert table.together[1].training == 7.0
-    assert table.has_held_out
+    rows = [row["cells"] for row in pooled_table(errors).web_json()["rows"]]
+    assert rows == [
+        ["sine 5 mm 1 Hz", f"{math.sqrt(12.5):.1f} (12.0)", None],
+        ["chirp", None, "7.0"],
+        ["all motions", f"{math.sqrt(12.5):.1f} (12.0)", "7.0"],
+    ]
 
 
 def test_main_motion_has_most_operating_points():
@@ -197,7 +195,7 @@ def test_page_shows_each_temperature(text, judged):
     for level in ("20 °C", "60 °C", "100 °C"):
         assert said.count(level) > 5
     pooled = math.sqrt(np.mean([e.rmse_N**2 for e in judged.runs if e.split == "held_out"]))
-    assert f"all, held out {pooled:.1f}" in said
+    assert f"({pooled:.1f})" in said
     assert "no run has current steps" in said
 
 
@@ -247,15 +245,14 @@ def test_many_runs_are_grouped(fitted, judged):
         replace(fitted, training=tuple(runs), held_out=(), assessment=replace(judged, runs=tuple(errors)))
     )
     assert "All 49 runs" in said_in(many)
-    assert 'aria-label="Error by run"' not in many
+    assert 'aria-label="The worst run of each motion"' in many
     few = PAGE.render(
         replace(
             fitted, training=tuple(runs[:3]), held_out=(), assessment=replace(judged, runs=tuple(errors[:3]))
         )
     )
     assert "<details>" not in few
-    assert 'aria-label="Error by run"' in few
-    assert 'aria-label="RMS error of every run by motion"' not in few
+    assert 'aria-label="The worst run of each motion"' not in few
 
 
 @pytest.mark.parametrize(

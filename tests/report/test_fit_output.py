@@ -86,7 +86,7 @@ def test_error_table_agrees_with_error_file(selected, tmp_path):
     for split in ("training", "held_out"):
         percent = rows["nrmse_percent"][rows["split"] == split]
         error = errors[split, "constant"]
-        assert error["runs"] == len(percent)
+        assert error["run_count"] == len(percent)
         assert error["median_percent"] == pytest.approx(np.median(percent))
         assert error["rms_percent"] == pytest.approx(np.sqrt(np.mean(percent**2)))
         assert error["worst_percent"] == pytest.approx(percent.max())

@@ -185,7 +185,7 @@ _AnyStepper = TypeVar("_AnyStepper", bound=Stepper)
 
 
 def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
-    """Return a controller or model with other configuration values: ``inverse__margin=-1.0``."""
+    """Return a controller or model with other configuration values: ``faults__fall_back=0.4``."""
     config = stepper.config
     for name, value in values.items():
         part, _, field = name.partition("__")

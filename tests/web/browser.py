@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +12,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 
 from tests.web.served import TOKENS
 
-__all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "log_in", "opened", "palettes", "shoot"]
+__all__ = ["SCREENS", "SHOTS", "chromium", "log_in", "opened", "shoot"]
 
 SHOTS = Path(__file__).parents[2] / "build" / "web"
 """Folder of the screenshots that ``MRDAMPER_SHOTS=1`` writes."""
@@ -79,24 +78,3 @@ def shoot(page: Page, name: str, *, whole: bool = False) -> None:
         return
     SHOTS.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=SHOTS / f"{name}.png", full_page=whole)
-
-
-def palettes(sheet: str) -> dict[Scheme, dict[str, str]]:
-    """Return the light and the dark colours of a style sheet by name."""
-    found = re.findall(r"--([\w-]+): light-dark\((#[0-9a-f]{6}), (#[0-9a-f]{6})\)", sheet)
-    return {
-        "light": {name: light for name, light, _ in found},
-        "dark": {name: dark for name, _, dark in found},
-    }
-
-
-def contrast(ink: str, back: str) -> float:
-    """Return the contrast ratio of two colours by WCAG 2 (relative luminance of sRGB)."""
-    high, low = sorted((_luminance(ink), _luminance(back)), reverse=True)
-    return (high + 0.05) / (low + 0.05)
-
-
-def _luminance(colour: str) -> float:
-    shares = [int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -9,14 +9,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
+from anyio.from_thread import start_blocking_portal
 from starlette.types import ASGIApp, Message
 
 from tests.support.pace import within_reach
@@ -43,7 +45,27 @@ class Answer:
         return found
 
 
-async def call(
+@contextmanager
+def started(app: ASGIApp) -> Iterator[Callable[..., Answer]]:
+    """Start an application with its processes in a thread; yield a function that calls it."""
+    with start_blocking_portal() as portal, portal.wrap_async_context_manager(_lifespan(app)):
+        yield lambda *request, **options: portal.call(partial(_call, app, *request, **options))
+
+
+@asynccontextmanager
+async def _lifespan(app: ASGIApp) -> AsyncIterator[None]:
+    inbox: asyncio.Queue[Message] = asyncio.Queue()
+    outbox: asyncio.Queue[Message] = asyncio.Queue()
+    running = asyncio.ensure_future(app({"type": "lifespan", "asgi": {}, "state": {}}, inbox.get, outbox.put))
+    await inbox.put({"type": "lifespan.startup"})
+    assert (await outbox.get())["type"] == "lifespan.startup.complete"
+    yield
+    await inbox.put({"type": "lifespan.shutdown"})
+    assert (await outbox.get())["type"] == "lifespan.shutdown.complete"
+    await running
+
+
+async def _call(
     app: ASGIApp,
     method: str,
     path: str,
@@ -53,7 +75,7 @@ async def call(
     query: str = "",
     pieces: int = 1,
 ) -> Answer:
-    """Call an application with exactly this path and these headers, without the corrections of a client."""
+    """Call an application without the corrections of a client."""
     sent = {"host": "127.0.0.1:8765", **(headers or {})}
     step = max(1, -(-len(body) // pieces))
     parts = [body[k : k + step] for k in range(0, len(body), step)] or [b""]
@@ -72,38 +94,18 @@ async def call(
     scope = {
         "type": "http",
         "asgi": {"version": "3.0"},
-        "http_version": "1.1",
         "method": method,
         "scheme": "http",
         "path": path,
-        "raw_path": path.encode(),
         "query_string": query.encode(),
         "root_path": "",
         "headers": [(key.lower().encode("latin-1"), value.encode("latin-1")) for key, value in sent.items()],
-        "client": ("127.0.0.1", 50000),
         "server": ("127.0.0.1", 8765),
-        "state": {},
     }
     await app(scope, receive, send)
     begin = outbox[0]
-    told = {key.decode("latin-1"): value.decode("latin-1") for key, value in begin["headers"]}
-    return Answer(begin["status"], told, b"".join(m.get("body", b"") for m in outbox[1:]))
-
-
-@asynccontextmanager
-async def living(app: ASGIApp) -> AsyncIterator[ASGIApp]:
-    """Start an application with its processes, and stop it."""
-    inbox: asyncio.Queue[Message] = asyncio.Queue()
-    outbox: asyncio.Queue[Message] = asyncio.Queue()
-    running = asyncio.ensure_future(app({"type": "lifespan", "asgi": {}, "state": {}}, inbox.get, outbox.put))
-    await inbox.put({"type": "lifespan.startup"})
-    assert (await outbox.get())["type"] == "lifespan.startup.complete"
-    try:
-        yield app
-    finally:
-        await inbox.put({"type": "lifespan.shutdown"})
-        assert (await outbox.get())["type"] == "lifespan.shutdown.complete"
-        await running
+    answered = {key.decode("latin-1"): value.decode("latin-1") for key, value in begin["headers"]}
+    return Answer(begin["status"], answered, b"".join(m.get("body", b"") for m in outbox[1:]))
 
 
 class Client:
@@ -194,12 +196,7 @@ def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[
 def is_alive(pid: int) -> bool:
     """Return True if a process runs; a zombie does not run."""
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    stat = Path(f"/proc/{pid}/stat")
-    try:
-        return stat.read_text().rpartition(")")[2].split()[0] != "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
 
@@ -207,15 +204,12 @@ def is_alive(pid: int) -> bool:
 def python_processes_of(folder: Path) -> list[int]:
     """Return the processes of jobs and queries that the server of a folder has started."""
     mark, found = f"{FOLDER_MARK}={folder}".encode(), []
-    for each in Path("/proc").iterdir():
-        if each.name.isdigit():
-            try:
-                is_marked = mark in (each / "environ").read_bytes().split(b"\0")
-                words = (each / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            is_marked = mark in (entry / "environ").read_bytes().split(b"\0")
+            words = (entry / "cmdline").read_bytes().split(b"\0")
             if is_marked and (b"mrdamper.web.job_worker" in words or b"anyio.to_process" in words):
-                found.append(int(each.name))
+                found.append(int(entry.name))
     return [pid for pid in found if is_alive(pid)]
 
 

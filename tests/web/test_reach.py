@@ -14,8 +14,6 @@ import pytest
 
 from mrdamper.cli import cli
 from mrdamper.jobs.previews.choices import choices
-from mrdamper.jobs.public_data.catalog import list_sets
-from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.web.forms import all_forms
 from mrdamper.web.schemas import order_kinds, read_order, request_fields
 from tests.web.walking import STATIC
@@ -76,7 +74,7 @@ def test_option_has_field_or_reason(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
     if told == "--resume":  # Resume is a separate request.
-        assert "resumeJob" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
+        assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
     if command in BY_ROUTE:
         assert name == "card"
@@ -116,30 +114,3 @@ def test_initial_form_values_are_valid(kind):
     begins = {one["name"]: one["begins"] for one in forms if one["begins"] is not None}
     needed = {one["name"]: ["a"] if one["many"] else "a" for one in forms if one["required"]}
     assert read_order(kind, {**begins, **needed}).kind == kind
-
-
-def test_data_list_has_a_route():
-    told = (STATIC / "api.js").read_text(encoding="utf-8")
-    assert '"/api/data"' in told
-
-
-def test_installed_maps_equal_examples():
-    names = {each.channels for each in list_sets()}
-    assert {path.name for path in MAPS.iterdir() if path.suffix == ".toml"} == names
-    for name in names:
-        assert (MAPS / name).read_bytes() == (ROOT / "examples" / name).read_bytes()
-
-
-# ---------------------------------------------------------------------------------------------- in a browser
-
-
-@pytest.mark.nightly
-def test_heating_sends_model_and_start_temperature(page, site):
-    page.goto("/#/thermal?card=strong")
-    page.get_by_text("More of the study").click()
-    page.select_option("#heat-model", "lumped")
-    page.get_by_label("Temperature at the start, °C").fill("35")
-    with page.expect_request("**/api/jobs") as sent:
-        page.click("#full-study")
-    asked = sent.value.post_data_json["options"]
-    assert (asked["model"], asked["start_degC"]) == ("lumped", 35)

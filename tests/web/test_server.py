@@ -10,31 +10,24 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
-from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry import QUERIES
-from mrdamper.web.query_worker import Query, find_function
+from mrdamper.web.queries import QueryLine, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
-from mrdamper.web.worker_client import WorkerClient
 from tests.support.campaigns import short_runs, write_csv, write_runs
 from tests.support.cards import PAPER_DRAWING, write_heated_card
 from tests.support.rigs import answer_of, command, mrdamper
 from tests.web.served import series_of, served
 
 pytestmark = pytest.mark.system
-
-"""A campaign of two runs."""
 
 
 @pytest.fixture(scope="module")
@@ -91,17 +84,6 @@ def test_order_defaults_equal_job_defaults(kind):
         assert option.option.local or orders[option.name].default == option.default, option.name
         described = replace(option.option, help=option.help)
         assert option.option.local or orders[option.name].option == described
-
-
-def test_server_loads_no_heavy_module():
-    """An idle server is small because other processes load the heavy modules."""
-    code = (
-        "import sys, tempfile, pathlib; from mrdamper.web.server import build;"
-        "build(pathlib.Path(tempfile.mkdtemp()));"
-        "print([m for m in ('scipy', 'polars', 'matplotlib', 'pint') if m in sys.modules])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
 
 
 def test_addresses_without_dot_are_pages(site):
@@ -269,42 +251,6 @@ def test_unsuitable_map_is_not_saved(clean, tmp_path):
     assert "force" in refused.json()["error"]  # Nearest window.
 
 
-# ------------------------------------------------------------------------------------------- windows
-
-
-@given(
-    force=st.lists(st.floats(-1e4, 1e4, width=32), min_size=65, max_size=600),
-    most=st.integers(64, 300),
-    data=st.data(),
-)
-def test_window_keeps_extremes_and_limit(tmp_path_factory, force, most, data):
-    folder = tmp_path_factory.mktemp("window")
-    n = len(force)
-    t = np.arange(n) / 100.0
-    columns = {
-        "time_s": t,
-        "displacement_mm": np.sin(7.0 * t),
-        "force_N": np.array(force),
-        "current_A": t * 0,
-    }
-    keep_runs(write_csv(folder / "run.csv", columns), folder)
-    low = data.draw(st.integers(0, n - 1))
-    high = data.draw(st.integers(low, n - 1))
-    place = folder / "part"
-    keep_window(folder / "0.series", place, most=most, from_s=t[low] - 1e-3, to_s=t[high] + 1e-3)
-    whole, part = read_series(folder / "0.series")[1], read_series(place)[1]
-    assert len(part["time_s"]) <= max(most, 64)
-    assert (np.diff(part["time_s"]) > 0.0).all()
-    kept = np.searchsorted(whole["time_s"], part["time_s"])
-    for name in ("force_N", "displacement_mm"):
-        np.testing.assert_array_equal(whole[name][kept], part[name])
-        inside = whole[name][low : high + 1]
-        assert part[name].max() == inside.max()
-        assert part[name].min() == inside.min()
-    assert part["time_s"][0] == whole["time_s"][low]
-    assert part["time_s"][-1] == whole["time_s"][high]
-
-
 def test_model_uses_samples_of_run(clean, runs, tmp_path):
     """The error of the drawn samples equals the error of ``mrdamper evaluate``."""
     root, client = clean
@@ -330,28 +276,10 @@ def test_model_uses_samples_of_run(clean, runs, tmp_path):
 # ------------------------------------------------------------------------------------------- heat
 
 
-def put_card(root, name="plain", **options):
-    (root / "cards" / name).mkdir()
-    return write_heated_card(root / "cards" / name, **options)
-
-
-@pytest.mark.nightly
-def test_quick_curve_equals_heating_job(clean):
-    root, client = clean
-    card = put_card(root)
-    order = {"card": "plain", "amplitude_mm": 10, "frequency_Hz": 1.2, "command": 1.5, "duration_s": 900}
-    quick = client.ask("POST", "/api/heat/curve", json=order).json()
-    duty = "sine:10mm:1.2Hz:1.5A:900s"
-    told = answer_of(mrdamper("heat", card, "--damper", "paper", "--duty", duty, "--json"))
-    for name in ("time_s", "fluid_degC", "coil_degC", "wall_degC"):
-        np.testing.assert_allclose(quick["curve"][name], told["curve"][name], rtol=1e-12)
-    assert quick["force_loss_percent"] == pytest.approx(told["force_loss_percent"])
-    assert quick["limit_degC"] == told["limit_degC"]
-
-
 def test_own_geometry_is_used(clean):
     root, client = clean
-    put_card(root)
+    (root / "cards" / "plain").mkdir()
+    write_heated_card(root / "cards" / "plain")
     drawing = PAPER_DRAWING.read_text(encoding="utf-8").replace("ambient_degC = 20", "ambient_degC = 33")
     assert client.ask("PUT", "/api/inputs/mine.toml", content=drawing.encode()).status_code == 201
     assert client.get("/api/dampers/mine.toml")["ambient_degC"] == pytest.approx(33.0)
@@ -365,39 +293,25 @@ def test_own_geometry_is_used(clean):
     assert "outer_diameter_mm" in bad.json()["error"]
 
 
-# ------------------------------------------------------------------------------------------- jobs
-
-
 # ------------------------------------------------------------------------------------------- queries
-
-
-CHANNELS = Query("channels", values={"document": {"session": {"name": "x"}}})
-
-
-def query_processes() -> list[int]:
-    """Return the query processes of this process."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            with suppress(OSError):
-                parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-                if parent == os.getpid() and b"anyio.to_process" in (entry / "cmdline").read_bytes():
-                    found.append(int(entry.name))
-    return found
 
 
 def test_query_after_dead_process_succeeds():
     """A query whose process dies raises an error; the next query gets a new process."""
 
+    def children() -> set[int]:
+        lists = Path("/proc/self/task").glob("*/children")
+        return {int(pid) for path in lists for pid in path.read_text().split()}
+
     async def kill_a_query() -> None:
-        client, others = WorkerClient(), set(query_processes())
-        asked = asyncio.create_task(client.ask(CHANNELS))
-        while not (found := set(query_processes()) - others):
+        queries, others = QueryLine(), children()
+        asked = asyncio.create_task(queries.ask("catalogue"))
+        while not (started := children() - others):
             await asyncio.sleep(0.01)
-        os.kill(found.pop(), signal.SIGKILL)
+        os.kill(started.pop(), signal.SIGKILL)
         with pytest.raises(InputError, match="the reader stopped"):
             await asked
-        assert "x" in await client.ask(CHANNELS)
+        assert await queries.ask("catalogue")
 
     asyncio.run(kill_a_query())
 

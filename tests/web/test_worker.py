@@ -11,7 +11,7 @@ import time
 import pytest
 
 from tests.support.campaigns import short_runs, write_runs
-from tests.support.cards import write_heated_card
+from tests.support.cards import write_card_of, write_heated_card
 from tests.support.pace import within_reach
 from tests.support.rigs import mrdamper
 from tests.web.served import Client, is_alive, python_processes_of, served
@@ -30,6 +30,8 @@ def a_folder(root, runs):
     shutil.copytree(runs[0].parent, root / "runs")
     (root / "cards" / "plain").mkdir(parents=True)
     write_heated_card(root / "cards" / "plain", temperature_dependent=False)
+    (root / "cards" / "strong").mkdir()
+    write_card_of(root / "cards" / "strong" / "card.json")
     return root
 
 
@@ -126,46 +128,6 @@ def test_third_job_waits(folder):
 
 
 @pytest.mark.nightly
-def test_reload_finds_job_with_progress(idle):
-    _, client = idle
-    job_id = client.job("fit", card="quick", law="bouc-wen", hold_out=["*10mm*"])
-    progress = []
-    while (job := client.get(f"/api/jobs/{job_id}"))["state"] in {"queued", "running"}:
-        progress.append(job["progress"])
-        time.sleep(0.05)
-    assert job["state"] == "done"
-    assert any(told and told["text"] for told in progress)
-    assert job["answer"]["law"] == "bouc-wen"
-    held_out = {row["name"] for row in job["answer"]["runs"] if row["split"] == "held_out"}
-    assert held_out == {run.name for run in short_runs() if "10mm" in run.name}
-    report = client.ask("GET", "/api/cards/quick/files/report.html")
-    assert report.headers["content-security-policy"].startswith("sandbox")
-
-
-@pytest.mark.nightly
-def test_power_cut_keeps_finished_results(folder):
-    with served(folder) as client:
-        client.read_all()
-        finished = client.job("evaluate", card="plain", files=[])
-        assert (
-            client.ended(finished)["state"] == "failed"
-        )  # The units differ, so the job fails; a failure is a result as well.
-        checked = client.ended(client.job("check"))
-        running, pid = a_long_fit(client)
-        client.kill()
-    assert gone_within(pid, 8.0)  # Otherwise the process would not end.
-    with served(folder) as client:
-        assert client.get(f"/api/jobs/{checked['id']}") == checked
-        assert client.get(f"/api/jobs/{finished}")["state"] == "failed"
-        left = client.get(f"/api/jobs/{running}")
-        assert left["state"] in {"interrupted"}
-        assert "server was stopped" in left["message"]
-        assert client.ask("GET", f"/api/jobs/{checked['id']}/files/check.html").status_code == 200
-        assert len(client.read_all()) == len(short_runs())
-        assert int(client.job("check").rpartition("-")[2]) > int(running.rpartition("-")[2])
-
-
-@pytest.mark.nightly
 def test_stopped_server_ends_its_processes(folder):
     with served(folder) as client:
         client.read_all()
@@ -206,3 +168,28 @@ def test_only_ended_jobs_are_removed(idle):
     assert thrown["names"][-1] == f"results/{job_id}"
     client.ask("POST", f"/api/trash/{thrown['id']}/restore", json={})
     assert client.get(f"/api/jobs/{job_id}")["state"] == "cancelled"
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("heatsink", {"card": "strong", "by_field": True, "members": 200}),
+        ("track", {"card": "strong"}),
+        ("export", {"card": "strong"}),
+        ("rig", {}),
+        ("demo", {"quick": True}),
+    ],
+)
+def test_cancelled_job_leaves_no_partial_files(idle, kind, options):
+    root, client = idle
+    before = {path.name for path in (root / "runs").iterdir()}
+    job_id = client.job(kind, **options)
+    pid = int(client.until(job_id, {"running"})["pid"])
+    time.sleep(1.5)  # The job computes.
+    client.ask("POST", f"/api/jobs/{job_id}/cancel")
+    assert client.ended(job_id, 5.0)["state"] == "cancelled"
+    assert gone_within(pid, 6.0)
+    assert not [path for path in root.rglob(".mrdamper-*") if ".cache" not in path.parts]
+    if kind == "rig":
+        assert {path.name for path in (root / "runs").iterdir()} == before

@@ -5,15 +5,18 @@ from __future__ import annotations
 import base64
 import csv
 import io
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from playwright.sync_api import Locator, Page
+import pytest
+from playwright.sync_api import Keyboard, Locator, Page
 
 __all__ = [
-    "AXES", "CUT", "FAINT", "PAGES", "STATIC", "UNNAMED", "VIEWS", "a_logger_file", "a_sine_run",
-    "download", "drop_files", "plot", "saved_table",
+    "AXES", "CUT", "FAINT", "PAGES", "STATIC", "UNNAMED", "VIEWS", "Actions", "a_logger_file", "a_sine_run",
+    "counted_actions", "download", "drop_files", "plot", "saved_table",
 ]  # fmt: skip
 
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
@@ -116,6 +119,37 @@ def a_logger_file(path: Path) -> Path:
             lines.append(f"{1500 * test + k + 1:8d},   05/13/2022 05:04:23.839 PM, {x:.5f}, {f:.5f}{event}")
     path.write_text(LOGGER + "\n".join(lines) + "\n")
     return path
+
+
+ACTIONS = {"click", "fill", "type", "press", "select_option", "check", "uncheck", "set_input_files"}
+
+
+class Actions(Counter[str]):
+    """Numbers of clicks, choices, entries and key presses of a user by part of a walk.
+
+    Actions with an empty part only make the test faster; they are not counted.
+    """
+
+    part = ""
+
+
+@contextmanager
+def counted_actions() -> Iterator[Actions]:
+    """Count each action of Playwright on a page."""
+    actions = Actions()
+
+    def counted(act: Callable[..., object]) -> Callable[..., object]:
+        def wrapped(*arguments: object, **options: object) -> object:
+            actions.update([actions.part] if actions.part else [])
+            return act(*arguments, **options)
+
+        return wrapped
+
+    with pytest.MonkeyPatch.context() as patch:
+        for kind in (Locator, Page, Keyboard):
+            for name in ACTIONS & set(dir(kind)):
+                patch.setattr(kind, name, counted(getattr(kind, name)))
+        yield actions
 
 
 def download(page: Page, press: Callable[[], object]) -> bytes:

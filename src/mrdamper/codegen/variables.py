@@ -17,14 +17,14 @@ import numpy as np
 from mrdamper.codegen.kernel_files import flag_texts
 from mrdamper.codegen.target import Target
 from mrdamper.codegen.variable import Kind, Variable, tunable
-from mrdamper.control.config import Config, FeedbackKind, InverseMethod
+from mrdamper.control.config import Config, FeedbackKind
 from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import PARTS, CompactModel
 from mrdamper.thermal.drawing import AIR_MAX_M_S
 
 _OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
-_OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
+_OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE
 _OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
 
 
@@ -185,16 +185,11 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     def number(name: str, of: str, unit: str, low: float, high: float, description: str) -> Variable:
         return tunable(name, unit, attrgetter(of)(config), low, high, description, f"{part}_data.{of}")
 
-    largest, inverse, feedback = config.axes.largest, config.inverse, config.feedback
+    largest, feedback = config.axes.largest, config.feedback
     coldest, hottest = config.thermometer.cold_limit, config.thermometer.hot_limit
     if part == "controller":
         description = "command while the motion is unknown"
         yield number("fall_back", "faults.fall_back", unit, 0.0, largest, description)
-        if inverse.method is InverseMethod.MODEL and not inverse.bank:
-            description = "reversal clamp: maximum above the static answer; negative: disabled"
-            yield number("clamp_margin", "inverse.margin", unit, -largest, largest, description)
-            description = "fraction of the remaining gap of the lags that the command compensates"
-            yield number("reach", "inverse.compensation", "1", 0.0, 1.0, description)
         if feedback.kind is FeedbackKind.PI:
             description = "gain of the force error"
             yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, gain_max, description)

@@ -15,7 +15,7 @@ class InverseMethod(IntEnum):
     """Source of the command."""
 
     NONE = 0  # feedback only
-    MODEL = 1  # inverse of the model, or of a bank of models
+    BANK = 1  # five models at constant currents at the present instant; the preview must be 0
     PREDICTIVE = 2  # model-predictive: several command changes over a horizon
 
 
@@ -101,13 +101,6 @@ class Actuation:
     second_ramp: float  # [-] fraction of a ramp of the first lag by which the second is late
     freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
-    second_ahead: float  # [-] second, from the last sample of the dead time to the preview
-    rise_couple_ahead: float  # [-] rise_couple, to the preview
-    fall_couple_ahead: float  # [-] fall_couple, to the preview
-    second_ramp_ahead: float  # [-] second_ramp, to the preview
-    freewheel_ratio_ahead: float  # [-] freewheel_ratio, to the preview
-    rise_answer: float  # [-] fraction of a command given now that has passed at the preview, command above
-    fall_answer: float  # [-] the same, command below
     hysteresis_width: float  # [A] half width of the magnetic hysteresis behind the lags
     hysteresis_weight: float  # [-] weight of the field that has this hysteresis, below 1
     wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: none
@@ -116,13 +109,10 @@ class Actuation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inverse:
-    """Method by which the command for a wanted force is found."""
+    """Source of the command, and its preview of the wanted force."""
 
     method: InverseMethod  # source of the command
-    bank: bool  # five models at constant currents at the present instant; the preview must be 0
-    preview: float  # [s] the command is chosen for the force at this time in the future
-    compensation: float  # [-] fraction of the remaining gap of the lags that the command compensates
-    margin: float  # [A] reversal clamp: maximum of command minus steady-state command; negative: disabled
+    preview: float  # [s] the wanted force is known this time ahead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +126,7 @@ class Prediction:
     stretch: int  # factor on the step length from the fourth step on
     dead: float  # [s] time from now to the start of the horizon
     fade: float  # [-] error weight of a step divided by the error weight of the previous step
+    settled: float  # [-] fraction of the unfinished hysteresis that is assumed to be complete
     calm: float  # [N/A] cost of a command change of one ampere, expressed as a force error
     rise: float  # [-] remaining fraction of the gap of the first lag after a step, command above the lag
     fall: float  # [-] the same, command below the lag

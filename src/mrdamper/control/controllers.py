@@ -3,12 +3,12 @@
 Each controller is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), which
 is the same for all controllers and for an export. Only the configuration (``config``) differs:
 
-- ``recommended``: predicts motion and hysteresis to the preview time, solves the model exactly for the
-  command that gives the target at this time, and limits the command at reversals (reversal clamp).
-  ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a disturbance observer for a
-  measured force;
-- ``predictive``: model-predictive control with the card's own law: the command is optimised over the horizon
-  in which it acts. For cards with the law ``chain``, this is the ``recommended`` controller;
+- ``recommended``: model-predictive control with the model of the card: the command is optimised over the
+  horizon in which it acts. After a reversal it assumes that the hysteresis builds up faster than in the model
+  (``tuning.SETTLED_RATIO``). ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a
+  disturbance observer for a measured force;
+- ``predictive``: the same, but it trusts the hysteresis of the card. For the laws ``chain`` and
+  ``series-valve`` both are equal;
 - ``paper``: five models at constant currents, evaluated at the present instant; the command is interpolated
   linearly between them. ``paper-unaware`` assumes 20 degC at all temperatures;
 - ``pi`` and ``clipped-on-off``: baselines with a force sensor.
@@ -217,7 +217,6 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     displacement_period_s: float | None = None,
     jerk_density: float = tuning.JERK_DENSITY,
     extra_delay_s: float = 0.0,
-    preview_s: float | None = None,
     safety: Safety | None = None,
     heating: Heating | None = None,
     speed_m_s: float = 1.0,
@@ -237,7 +236,6 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         controller periods; equal readings then count as frozen only after 2.5 of these periods
     jerk_density : jerk density of the motion that the filter expects [m/s^3 per root Hz]
     extra_delay_s : dead time of sensing, computing and driver in addition to the dead time of the card [s]
-    preview_s : preview [s]; None: by rule
     safety : limits of valid readings; None: the default
     heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
     speed_m_s : speed up to which the tables reach [m/s]
@@ -257,9 +255,6 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     actuation = replace(actuation, delay_s=actuation.delay_s + extra_delay_s)
     check_period("controller", period_s)
     tuning.check_sampling(actuation, period_s)
-    preview = tuning.preview_of(actuation, period_s) if preview_s is None else preview_s
-    if not (math.isfinite(preview) and preview >= 0.0):
-        raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
     held_s = max(displacement_period_s or 0.0, period_s)
     motion, swinging = (
         tuning.motion_of(period_s, held_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
@@ -274,8 +269,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         safety,
         envelope_of(source),
         motion=motion,
-        actuation=tuning.sampled_actuation(actuation, period_s, preview),
-        preview=preview,
+        actuation=tuning.sampled_actuation(actuation, period_s),
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
     )
     _check_yield_force(tables, damper)
@@ -289,9 +283,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         claimed / base.axes.largest,
         spread=tables.series is not None,
     )
-    predicting = replace(base, motion=swinging, prediction=horizon)
-    is_chain = damper.law.name == "chain"
-    variants = _variants(base, predicting, actuation, per_command, predictive=is_chain)
+    variants = _variants(base, swinging, horizon, actuation, per_command)
     return {
         name: ForceController(
             variants[name],
@@ -376,52 +368,46 @@ def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
 
 
 def _variants(
-    base: Config, predicting: Config, actuation: Actuation, force_per_command: float, *, predictive: bool
+    base: Config,
+    harmonic: config.MotionFilter,
+    prediction: config.Prediction,
+    actuation: Actuation,
+    force_per_command: float,
 ) -> dict[str, Config]:
     """Return the configuration of every controller.
 
     Parameters
     ----------
-    base : configuration of the recommended controller
-    predicting : the same configuration with the motion filter and the horizon of a prediction
+    base : configuration without a source of the command
+    harmonic : motion filter of a prediction
     force_per_command : growth of the force with the command in a steady, fast motion [N/A]
-    predictive : True if the recommended controller predicts
     """
     period = base.axes.period
-    method = replace(
-        base.inverse,
-        method=InverseMethod.PREDICTIVE,
-        preview=tuning.horizon_end(predicting.prediction),
-        compensation=0.0,
-        margin=-1.0,
-    )
-    predicting = replace(predicting, inverse=method)
-    base = predicting if predictive else base
-    present = replace(base, inverse=replace(base.inverse, compensation=0.0, margin=-1.0, preview=0.0))
+    method = config.Inverse(method=InverseMethod.PREDICTIVE, preview=tuning.horizon_end(prediction))
+    recommended = replace(base, motion=harmonic, inverse=method, prediction=prediction)
     # The paper assumes that the current is known and has neither lag nor magnetic hysteresis.
     paper = replace(
-        present,
+        base,
         actuation=tuning.sampled_actuation(Actuation(0.0, 0.0), period),
-        inverse=replace(present.inverse, bank=True),
+        inverse=config.Inverse(method=InverseMethod.BANK, preview=0.0),
     )
-    blind = replace(present, inverse=replace(present.inverse, method=InverseMethod.NONE))
     gain, rate = tuning.feedback_gains(actuation, period, force_per_command)
     observe = 1.0 - math.exp(-period / tuning.OBSERVER_S)
     return {
-        "recommended": base,
-        "recommended-causal": base,
-        "recommended-observer": replace(base, feedback=replace(base.feedback, observe=observe)),
-        "predictive": predicting,
+        "recommended": recommended,
+        "recommended-causal": recommended,
+        "recommended-observer": replace(recommended, feedback=replace(base.feedback, observe=observe)),
+        "predictive": replace(recommended, prediction=replace(prediction, settled=0.0)),
         "paper": paper,
         "paper-unaware": replace(paper, thermometer=replace(base.thermometer, fixed=REFERENCE_K)),
-        "pi": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)),
-        "clipped-on-off": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.ON_OFF)),
+        "pi": replace(base, feedback=replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)),
+        "clipped-on-off": replace(base, feedback=replace(base.feedback, kind=FeedbackKind.ON_OFF)),
     }
 
 
 _NO_PREDICTION = config.Prediction(
-    steps=0, samples=1, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0,
-    second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, freewheel_ratio=0.0,
+    steps=0, samples=1, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, settled=0.0, calm=0.0, rise=0.0,
+    fall=0.0, second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, freewheel_ratio=0.0,
 )  # fmt: skip
 
 
@@ -433,7 +419,6 @@ def base_configuration(
     *,
     motion: config.MotionFilter,
     actuation: config.Actuation,
-    preview: float,
     heating: config.HeatBalance,
 ) -> Config:
     """Return the configuration that the real-time model and all controllers share, for a period [s]."""
@@ -448,13 +433,7 @@ def base_configuration(
             gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_second_derivative=motion.gain_a
         ),
         actuation=actuation,
-        inverse=config.Inverse(
-            method=InverseMethod.MODEL,
-            bank=False,
-            preview=preview,
-            compensation=tuning.COMPENSATION_RATIO,
-            margin=tuning.CLAMP_RATIO * axes.largest,
-        ),
+        inverse=config.Inverse(method=InverseMethod.NONE, preview=0.0),
         prediction=_NO_PREDICTION,
         feedback=config.Feedback(
             kind=FeedbackKind.NONE, gain=0.0, rate=0.0, full_speed=4.0 * speed_noise, observe=0.0

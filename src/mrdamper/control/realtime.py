@@ -125,7 +125,6 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
         envelope_of(source),
         motion=motion,
         actuation=tuning.sampled_actuation(actuation, period_s),
-        preview=0.0,
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=extrapolate_temperature),
     )
     return RealtimeDamper(base, tables, single)

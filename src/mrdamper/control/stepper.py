@@ -31,7 +31,6 @@ class Flag(IntFlag):
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
     OUTSIDE_TEMPERATURE = 512  # outside the temperature range of the model: the end of the range is used
     INFEASIBLE = 1024  # no current gives the wanted force
-    CLAMPED = 2048  # the reversal clamp limits the command
     SATURATED = 4096  # the command is at its minimum or maximum, or the current of a model is beyond them
     NO_CURRENT = (
         8192  # current of a model: not a number, or far outside; the last valid one is used, then zero

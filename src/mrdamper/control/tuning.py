@@ -6,15 +6,6 @@ No value is tuned to one damper. The rules:
 and acceleration from displacement alone. A jerk density of 1 m/s^3 per root Hz gives a velocity noise of
 0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 
-*Preview.* The time until a step of the command has changed the force by the fraction ``PREVIEW_RATIO``, plus
-half a sampling period, which is the mean delay of a held command.
-
-*Lag compensation.* The command compensates ``COMPENSATION_RATIO`` of the gap that the lags have left at the
-preview. Full inversion gains little and moves the command twice as much.
-
-*Reversal clamp.* The command stays below the steady-state command for the wanted force plus ``CLAMP_RATIO``
-of the largest command.
-
 *Prediction.* The motion is assumed to be harmonic, so the filter expects ``HARMONIC_JERK_RATIO`` of the
 density. The horizon begins behind the dead time. It has ``HORIZON_STEPS`` steps and lasts until
 ``HORIZON_RATIO`` of a step of the command has passed the lags. No step is shorter than ``STEP_RATIO_MIN`` of
@@ -23,9 +14,12 @@ the time of the motion filter. If the driver cannot pull the current down, the h
 ``FREEWHEEL_STRETCH`` times as long. The dead time is rounded up to a period, or down if it would be late by
 more than ``LATE_RATIO_MAX`` of a step. The error of a step has ``HORIZON_FADE`` of the weight of the step
 before. A move of the command costs ``MOVE_COST_RATIO`` of its force, and ``MOVE_COST_ERROR_RATIO`` the error
-that the card states, because a wrong law makes the command swing from end to end. The prediction of a law
-with an implicit step is spread over at most ``SPREAD_SAMPLE_COUNT_MAX`` periods, and the steps through the
-dead time are ``DEAD_TIME_STRIDE`` times as long as those of the horizon.
+that the card states, because a wrong law makes the command swing from end to end. The cost is at most
+``MOVE_COST_RATIO_MAX`` of the force, or ``IMPLICIT_MOVE_COST_RATIO_MAX`` for a law with an implicit step.
+``recommended`` assumes that ``SETTLED_RATIO`` of the hysteresis that is still to build up after a reversal is
+complete. ``predictive`` trusts the card. The prediction of a law with an implicit step is spread over at most
+``SPREAD_SAMPLE_COUNT_MAX`` periods, and the steps through the dead time are ``DEAD_TIME_STRIDE`` times as
+long as those of the horizon.
 
 *Feedback.* Proportional and integral gain by Skogestad's rule on the actuation: the first lag is the time
 constant, all that follows is the dead time, and the closed loop is as slow as that dead time.
@@ -48,10 +42,6 @@ from mrdamper.models.damper import Damper
 JERK_DENSITY = 1.0
 """Jerk density of the motion filter [m/s^3 per root Hz]."""
 
-PREVIEW_RATIO = 0.57
-COMPENSATION_RATIO = 0.2
-CLAMP_RATIO = 0.05
-
 HORIZON_RATIO = 0.8
 HORIZON_STEPS = 6
 FREEWHEEL_RATIO = 0.95
@@ -63,6 +53,16 @@ SPREAD_SAMPLE_COUNT_MAX = 3
 DEAD_TIME_STRIDE = 2.25
 MOVE_COST_RATIO = 0.03
 MOVE_COST_ERROR_RATIO = 12.0
+MOVE_COST_RATIO_MAX = 0.25
+IMPLICIT_MOVE_COST_RATIO_MAX = 0.6
+
+SETTLED_RATIO = 0.4
+"""Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete.
+
+If the current rises after a reversal, the force of a Bouc-Wen law builds up too slowly because its state is
+relative to the yield force. With 0 the command is correct for a damper that is exactly the card, but on a
+virtual damper of the rig the force overshoots by up to 200 N after each reversal.
+"""
 
 FREQUENCY_FILTER_S = 1.0
 """Time constant of the mean squares that give the frequency of the motion [s]."""
@@ -93,16 +93,14 @@ def actuation_of(damper: Damper) -> Actuation:
     return Actuation(damper.command_lag_s, damper.command_lag_s)
 
 
-def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 0.0) -> config.Actuation:
-    """Return the discrete-time actuation for a sampling period [s], and for the time up to a preview [s].
+def sampled_actuation(actuation: Actuation, period_s: float) -> config.Actuation:
+    """Return the discrete-time actuation for a sampling period [s].
 
     ``rise_couple`` and ``fall_couple`` are the effect of the gap of the first lag on the second lag. With
     this effect, the response to a command that is constant during each period is exact.
     """
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
     (rise, fall), second = (actuation.rise_s, actuation.fall_s), actuation.second_s
-    past = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
-    rest, free = max(preview_s - past, 0.0), max(preview_s - actuation.delay_s, 0.0)
     return config.Actuation(
         dead_samples=int(samples),
         dead_part=part,
@@ -114,13 +112,6 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
         second_ramp=_ramp(second, period_s),
         freewheel_ratio=_freewheel_ratio(actuation, period_s),
         inverse_saturation_flux=1.0 / actuation.saturation if actuation.saturation > 0.0 else 0.0,
-        second_ahead=_remaining(second, rest),
-        rise_couple_ahead=_couple(rise, second, rest),
-        fall_couple_ahead=_couple(fall, second, rest),
-        second_ramp_ahead=_ramp(second, rest),
-        freewheel_ratio_ahead=_freewheel_ratio(actuation, rest),
-        rise_answer=1.0 - _remaining(second, free) - _couple(rise, second, free),
-        fall_answer=1.0 - _remaining(second, free) - _couple(fall, second, free),
         hysteresis_width=actuation.hysteresis_width_A,
         hysteresis_weight=actuation.hysteresis_weights[0],
         wide_hysteresis_width=actuation.wide_hysteresis_width_A,
@@ -154,11 +145,6 @@ def check_delay(actuation: Actuation, period_s: float) -> None:
             expected=f"at most {_DELAY_LINE - 3}",
             remedy="Sample more slowly",
         )
-
-
-def preview_of(actuation: Actuation, period_s: float) -> float:
-    """Return the preview of a controller [s]."""
-    return actuation.response_time(PREVIEW_RATIO) + 0.5 * period_s
 
 
 def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatArray, FloatArray]:
@@ -245,7 +231,11 @@ def prediction_of(
         stretch=stretch,
         dead=dead + (samples - 1) * period_s,
         fade=HORIZON_FADE,
-        calm=MOVE_COST_RATIO * abs(force_per_command) + MOVE_COST_ERROR_RATIO * error_per_command,
+        settled=SETTLED_RATIO,
+        calm=min(
+            MOVE_COST_RATIO * abs(force_per_command) + MOVE_COST_ERROR_RATIO * error_per_command,
+            (IMPLICIT_MOVE_COST_RATIO_MAX if spread else MOVE_COST_RATIO_MAX) * abs(force_per_command),
+        ),
         rise=_remaining(actuation.rise_s, step),
         fall=_remaining(actuation.fall_s, step),
         second=_remaining(actuation.second_s, step),

@@ -120,7 +120,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         next(steps)
         literal_options = FitOptions(temperature="paper", hold_out=hold_out)
         literal = fit(dataset, "bouc-wen", options=literal_options, settings=settings)
-        # All controllers, including the controller of the paper, need a model with an explicit inverse.
+        # The controllers of the paper need a Bouc-Wen model.
         all_runs = FitData.prepare(dataset, settings=settings, hold_out=hold_out)
         control = fit_law(all_runs, CONTROL_LAW)
         control_card = control.card(title=f"{CONTROL_LAW} for controllers", sources=(LABEL,))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,21 +12,17 @@ from mrdamper.models.characteristics import pick_evenly
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.palette import colour_of_temperature
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import (
     HELD_OUT,
     INK,
     MEASURED,
     TRAINING,
-    WIDTH_INCH,
     colour_of,
-    drawing_style,
-    svg_of,
+    colour_of_temperature,
+    svg_drawn_by,
 )
 from mrdamper.report.identification.campaign import Campaign
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _MOST_LOOPS = 4
 # Plotted duration of a tracked force, and time between two plotted points.
@@ -99,57 +94,56 @@ def sections_of(found: Findings) -> list[Section]:
 
 def way_figure(found: Findings) -> Figure:
     """Return one figure with three panels: loops, heating, and force tracking."""
-    figure = Figure(figsize=(WIDTH_INCH, 3.3))
-    loops, heating, tracking = figure.subplots(1, 3)
-    _draw_loops(loops, Campaign(found.fitted, found.judged.runs))
-    _draw_heating(heating, found)
-    _draw_tracking(tracking, found.track.traced[0])
-    figure.subplots_adjust(left=0.055, right=0.99, top=0.92, bottom=0.14, wspace=0.24)
+    drawn = [_loops(Campaign(found.fitted, found.judged.runs)), _heating(found)]
+    traced = found.track.traced[0]
+    figure = panel_figure([*drawn, _tracking(traced)], height=2.6)
+    axes, most = figure.axes[-1], 1.5 * float(np.abs(traced.course.target).max())
+    axes.set_ylim(-most, most)
+    axes.legend(loc="upper right", ncols=2)
     return figure
 
 
-def _draw_loops(axes: Axes, campaign: Campaign) -> None:
+def _loops(campaign: Campaign) -> Panel:
     level = campaign.levels.values[0] if campaign.warm else None
-    for command in pick_evenly(campaign.commands, _MOST_LOOPS):
-        run = None if campaign.main is None else campaign.find_run(campaign.main, level, command)
-        if run is None:
-            continue
-        trace = campaign.trace(run)
-        axes.plot(trace.velocity_mm_s, trace.measured_N, color=MEASURED, linewidth=2.6)
-        colour, label = colour_of(command, campaign.highest), f"{command:g} {run.command_unit}"
-        axes.plot(trace.velocity_mm_s, trace.modelled_N, color=colour, linewidth=0.9, label=label)
-    axes.set_title("Loops, measured and modelled", loc="left")
-    axes.set_xlabel("velocity, mm/s")
-    axes.set_ylabel("force, N")
-    axes.legend(loc="upper left")
+    runs = [
+        run
+        for command in pick_evenly(campaign.commands, _MOST_LOOPS)
+        if campaign.main is not None and (run := campaign.find_run(campaign.main, level, command)) is not None
+    ]
+    lines = []
+    for trace in campaign.traces(runs):
+        command = trace.error.command
+        colour, label = colour_of(command, campaign.highest), f"{command:g} {trace.error.command_unit}"
+        lines += [
+            Line(trace.velocity_mm_s, trace.measured_N, MEASURED, width=2.6),
+            Line(trace.velocity_mm_s, trace.modelled_N, colour, label, 0.9),
+        ]
+    return Panel("Loops, measured and modelled", "velocity, mm/s", lines, y_label="force, N")
 
 
-def _draw_heating(axes: Axes, found: Findings) -> None:
-    for (title, rise), colour in zip(found.warm_up.rises, (TRAINING, HELD_OUT), strict=False):
-        axes.plot(rise.time / 60.0, rise.fluid_degC, color=colour, linewidth=1.4, label=title)
-    limit = found.warm_up.rise.limit_K - ZERO_CELSIUS_K
-    axes.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (5, 2)), label="limit of the fluid")
-    axes.set_title("Heating of the fluid", loc="left")
-    axes.set_xlabel("minutes")
-    axes.set_ylabel("fluid, °C")
-    axes.margins(y=0.12)
-    axes.legend(loc="lower right")
+def _heating(found: Findings) -> Panel:
+    rises = found.warm_up.rises
+    lines = [
+        Line(rise.time / 60.0, rise.fluid_degC, colour, title, 1.4)
+        for (title, rise), colour in zip(rises, (TRAINING, HELD_OUT), strict=False)
+    ]
+    limit, last = rises[0][1].limit_K - ZERO_CELSIUS_K, max(rise.time[-1] for _, rise in rises) / 60.0
+    lines.append(Line((0.0, last), (limit, limit), INK, "limit of the fluid", 0.8, "--"))
+    return Panel("Heating of the fluid", "minutes", lines, y_label="fluid, °C")
 
 
-def _draw_tracking(axes: Axes, traced: Traced) -> None:
+def _tracking(traced: Traced) -> Panel:
     course, run = traced.course, traced.runs[0]
     last = course.scored_from + round(_SHOWN_S / course.step_s)
     shown = slice(course.scored_from, last, max(round(_THIN_S / course.step_s), 1))
-    time = course.time[shown]
-    axes.fill_between(time, traced.reach.low[shown], traced.reach.high[shown], color="#ececec", linewidth=0)
-    axes.plot(time, run.force[shown], color=TRAINING, linewidth=1.4, label=run.controller)
-    axes.plot(time, course.target[shown], color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label="target")
-    axes.set_title(f"Force control, {traced.target} at {traced.temperature_degC:g} °C", loc="left")
-    axes.set_xlabel("time, s")
-    axes.set_ylabel("force, N")
-    most = 1.5 * float(np.abs(course.target).max())
-    axes.set_ylim(-most, most)
-    axes.legend(loc="upper right", ncols=2)
+    time, reach = course.time[shown], (traced.reach.low[shown], traced.reach.high[shown])
+    lines = [
+        Line(time, reach[0], MEASURED, width=0.0, band=reach),
+        Line(time, run.force[shown], TRAINING, run.controller, 1.4),
+        Line(time, course.target[shown], INK, "target", 1.0, "--"),
+    ]
+    title = f"Force control, {traced.target} at {traced.temperature_degC:g} °C"
+    return Panel(title, "time, s", lines, y_label="force, N")
 
 
 def _fluid_plate(fluid: Fluid) -> PaperFigure:
@@ -158,77 +152,50 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
     viscosity = fluid.viscosity_Pa_s * np.asarray(fluid.viscosity_factor.value(over + ZERO_CELSIUS_K))
     if fluid.collapse is not None:
         viscosity = viscosity * fluid.collapse.value(over + ZERO_CELSIUS_K)
-    with drawing_style():
-        figure = Figure(figsize=(WIDTH_INCH, 2.9))
-        left, right = figure.subplots(1, 2)
-        left.plot(over, 1e3 * viscosity, color=HELD_OUT, linewidth=1.6)
-        left.axvspan(20.0, 60.0, color="#f1efe9", linewidth=0, zorder=0)
-        left.annotate("20 to 60 °C", (21.5, 4.0), fontsize=6.5, color="#777777")
-        left.set_ylim(bottom=0.0)
-        left.set_ylabel("viscosity, mPa s")
-        for k, tesla in enumerate(_FIELDS_T):
-            stress = fluid.yield_stress(warm + ZERO_CELSIUS_K, flux_density_T=tesla)
-            right.plot(
-                warm,
-                stress / 1e3,
-                color=colour_of_temperature(k, range(len(_FIELDS_T))),
-                label=f"{1e3 * tesla:.0f} mT",
-            )
-        right.set_ylim(bottom=0.0)
-        right.set_ylabel("yield stress, kPa")
-        right.legend(ncols=4, loc="lower left")
-        for axes in (left, right):
-            axes.set_xlabel("temperature, °C", labelpad=1.5)
-            axes.margins(x=0.0)
-        figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.15, wspace=0.14)
-        svg = svg_of(figure, "Viscosity and yield stress over temperature")
+    stresses = [
+        Line(
+            warm,
+            1e-3 * fluid.yield_stress(warm + ZERO_CELSIUS_K, flux_density_T=tesla),
+            colour_of_temperature(tesla, _FIELDS_T),
+            f"{1e3 * tesla:.0f} mT",
+        )
+        for tesla in _FIELDS_T
+    ]
+    drawn = [
+        Panel("", "temperature, °C", [Line(over, 1e3 * viscosity, HELD_OUT)], y_label="viscosity, mPa s"),
+        Panel("", "temperature, °C", stresses, y_label="yield stress, kPa"),
+    ]
     return PaperFigure(
         "4 and 5",
         "Viscosity without field, yield stress at four fields",
         "A law with the decrease of 65 % from the paper and a collapse above 138 °C; the formula of Carlson, "
         "with a linear decrease.",
-        svg,
+        svg_drawn_by(lambda: panel_figure(drawn, height=2.2), "Viscosity and yield stress over temperature"),
     )
 
 
 def _error_plate(found: Findings) -> PaperFigure:
+    lines = []
+    for judged, colour, label in (
+        (found.paper_law, HELD_OUT, "law of the paper"),
+        (found.judged, TRAINING, f"{found.fitted.damper.law.name}, selected law"),
+    ):
+        points = [
+            (round(e.temperature_degC), e.rmse_N)
+            for e in judged.runs
+            if e.command is not None and e.temperature_degC is not None
+        ]
+        levels = sorted({degrees for degrees, _ in points})
+        means = [float(np.mean([rmse for at, rmse in points if at == level])) for level in levels]
+        x, y = ([point[k] for point in points] for k in (0, 1))
+        lines += [Line(x, y, colour, style="."), Line(levels, means, colour, label, 1.6)]
+    paper = ((20.0, 40.0, 80.0, 120.0), (65.2, 64.8, 71.3, 72.6))
+    lines.append(Line(*paper, INK, "values of the paper (another damper)", style="D"))
+    panel = Panel("", "temperature, °C", lines, y_label="RMS error, N")
     return PaperFigure(
         "21 to 27",
         "RMS error over temperature",
         "All runs with constant current; the line joins the means. The law of the paper, one Bouc-Wen "
         "element with polynomials in current and temperature, is fitted to the same runs.",
-        _errors(found),
+        svg_drawn_by(lambda: panel_figure([panel], height=2.2), "RMS error over temperature"),
     )
-
-
-def _errors(found: Findings) -> str:
-    with drawing_style():
-        figure = Figure(figsize=(WIDTH_INCH, 2.7))
-        axes = figure.add_subplot()
-        for judged, colour, label in (
-            (found.paper_law, HELD_OUT, "law of the paper"),
-            (found.judged, TRAINING, f"{found.fitted.damper.law.name}, selected law"),
-        ):
-            points = [
-                (round(e.temperature_degC), e.rmse_N)
-                for e in judged.runs
-                if e.command is not None and e.temperature_degC is not None
-            ]
-            levels = sorted({degrees for degrees, _ in points})
-            axes.plot(*zip(*points, strict=True), "o", color=colour, markersize=2.4, alpha=0.4)
-            means = [float(np.mean([rmse for at, rmse in points if at == level])) for level in levels]
-            axes.plot(levels, means, color=colour, linewidth=1.6, label=label)
-        axes.plot(
-            (20.0, 40.0, 80.0, 120.0),
-            (65.2, 64.8, 71.3, 72.6),
-            "D",
-            color=INK,
-            markersize=4.0,
-            label="values of the paper (another damper)",
-        )
-        axes.set_ylim(bottom=0.0)
-        axes.set_xlabel("temperature, °C", labelpad=1.5)
-        axes.set_ylabel("RMS error, N")
-        axes.legend(loc="upper right", ncols=3)
-        figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.16)
-        return svg_of(figure, "RMS error over temperature")

@@ -12,7 +12,7 @@ from mrdamper.identify.scores import summary
 from mrdamper.paper.claims import Claim, Origin, Verdict
 from mrdamper.paper.demo import DemoResult
 from mrdamper.paper.figures import sections_of, way_figure
-from mrdamper.report.base import FirstScreen, Page, Tile
+from mrdamper.report.page import FirstScreen, Page, Tile
 
 _FILES = (
     ("card.json", "model card, the input of all other jobs"),

@@ -17,27 +17,27 @@ from mrdamper.paper.page import PAGE, target_in_words
 from mrdamper.report.base import Place, Report, WrittenFile, write_report
 from mrdamper.report.export import REPORT as EXPORT_REPORT
 from mrdamper.report.identification.report import REPORT as IDENTIFY_REPORT
-from mrdamper.report.identification.scores import summaries
+from mrdamper.report.identification.scores import percent, summaries
 from mrdamper.report.rig import REPORT as RIG_REPORT
 from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.heat import REPORT as HEAT_REPORT
 from mrdamper.report.thermal.heatsink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
-from mrdamper.schema import Json, finite_or_none
+from mrdamper.schema import Json
 
 # ------------------------------------------------------------------------------------------- the answer
 
 
-def _answer(found: DemoResult) -> Json:
+def _fields(found: DemoResult) -> dict[str, object]:
     findings = found.findings
     rise = findings.warm_up.rise
     searched, tracked = SINK_REPORT.answer(findings.sink), TRACK_REPORT.answer(findings.track)
     return {
-        **IDENTIFY_REPORT.answer(found.fitted),
+        **IDENTIFY_REPORT.fields(found.fitted),
         "simulated": True,
         "runs_are": LABEL,
         "laws": [_law_line(each) for each in (found.fitted, found.paper_law)],
-        "claims": [claim.to_json() for claim in found.claims],
+        "claims": _rows(found),
         "heating": {
             "time_to_limit_s": rise.time_to_limit_s,
             "force_loss_percent": rise.force_loss_percent,
@@ -58,7 +58,7 @@ def _law_line(found: FitResult) -> Json:
         "summary": summaries(found.assessment.runs),
         "cost_percent": found.cost_percent,
         "cpu_s": round(found.cpu_s, 4),
-        "passivity_min": finite_or_none(found.assessment.passivity_min),
+        "passivity_min": found.assessment.passivity_min,
     }
 
 
@@ -100,11 +100,7 @@ def _median_worst(values: Json | None) -> str:
     if values is None:
         return ""
     median, worst = (values[f"{key}_nrmse_percent"] for key in ("median", "worst"))
-    return f"{_percent(median)} ({_percent(worst)})"
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f} %"
+    return f"{percent(median)} ({percent(worst)})"
 
 
 def _figure(value: float | str | None) -> str:
@@ -179,7 +175,7 @@ def _rows(found: DemoResult) -> list[Json]:
 
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     summary=_summary,
     page=PAGE,

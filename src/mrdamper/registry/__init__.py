@@ -52,7 +52,7 @@ _ROWS = (
         name="evaluate",
         help="Compute the errors of a model on test data.",
         run="mrdamper.jobs.evaluate:evaluate",
-        report="mrdamper.report.cards.evaluate:REPORT",
+        report="mrdamper.report.evaluate:REPORT",
         files_help="Write evaluate.html and errors.csv to this folder.",
         progress_word="",
     ),
@@ -61,7 +61,7 @@ _ROWS = (
         help="Simulate the damper force for a motion.",
         run="mrdamper.jobs.simulate:simulate",
         report="mrdamper.report.simulate:REPORT",
-        files_help="Write simulate.html, simulate.svg, simulate.json and simulate.csv to this folder.",
+        files_help="Write simulate.html, simulate.json and simulate.csv to this folder.",
         progress_word="",
     ),
     Job(
@@ -72,7 +72,7 @@ _ROWS = (
         cards. Differences are the second card minus the first.
         """,
         run="mrdamper.models.comparison:compare_cards",
-        report="mrdamper.report.cards.compare:REPORT",
+        report="mrdamper.report.compare:REPORT",
         files_help="Write compare.html and compare.json to this folder.",
         progress_word="",
     ),
@@ -121,7 +121,7 @@ _ROWS = (
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
         progress_word="",
-        files_help="Write fluid.html, fluid.toml and fluid.svg to this folder.",
+        files_help="Write fluid.html and fluid.toml to this folder.",
     ),
     Job(
         name="track",
@@ -238,7 +238,7 @@ PICTURES: Mapping[str, str] = MappingProxyType(
     {
         "Dataset": "mrdamper.report.figures.runs:plot_runs",
         "RigRun": "mrdamper.report.figures.runs:plot_runs",
-        "ModelCard": "mrdamper.report.cards.picture:card_figure",
+        "ModelCard": "mrdamper.report.figures.characteristics:card_figure",
     }
 )
 """Function that draws a value, by the name of its class."""

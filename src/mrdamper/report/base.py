@@ -10,33 +10,13 @@ from typing import TYPE_CHECKING, Generic
 from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
-from mrdamper.report.page import FirstScreen, Page, Result, Tile, sentence
-from mrdamper.report.sections import table_of
+from mrdamper.report.page import Page, Result, sentence
 from mrdamper.runtime.outputs import write_json, write_table
-from mrdamper.schema import Json
+from mrdamper.schema import Json, json_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
-
-__all__ = [
-    "BEST_SO_FAR",
-    "DONE",
-    "FirstScreen",
-    "Outcome",
-    "Page",
-    "Place",
-    "Report",
-    "Tile",
-    "WrittenFile",
-    "course_report",
-    "interrupted",
-    "picture_file",
-    "print_notes",
-    "table_of",
-    "write_report",
-]
-
 
 Rows = Sequence[Mapping[str, object]]
 NOTE_COUNT_MAX = 3  # More notes would hide the values of the result in a terminal.
@@ -112,9 +92,7 @@ class WrittenFile(Generic[Result]):
 def wrote_sentence(_: object, answer: Json) -> list[str]:
     """Return a sentence that names the written files which a user would open."""
     paths = [
-        answer[key]
-        for key in ("report", "file", "picture", "drawing", "channel_map")
-        if answer.get(key) is not None
+        answer[key] for key in ("report", "file", "drawing", "channel_map") if answer.get(key) is not None
     ]
     return [f"Wrote {' and '.join(paths)}." if paths else NO_FILES]
 
@@ -125,7 +103,7 @@ class Report(Generic[Result]):
 
     Attributes
     ----------
-    answer : the object that ``--json`` prints; its keys are documented
+    fields : the values of the answer by key; the keys are documented
     show : prints the result to a terminal, the most important values first
     closing : returns the last lines on a terminal; the first line names the written files
     summary : returns a few lines with the main values; if None, the first screen of the page has them
@@ -139,7 +117,7 @@ class Report(Generic[Result]):
     outcome : exit code and messages
     """
 
-    answer: Callable[[Result], Json]
+    fields: Callable[[Result], Mapping[str, object]]
     show: Callable[[Result, Console], None]
     closing: Callable[[Result, Json], Sequence[str]] = wrote_sentence
     summary: Callable[[Result], Sequence[str]] | None = None
@@ -148,14 +126,19 @@ class Report(Generic[Result]):
     beside: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
     in_folder: Callable[[Result, Path], Json] = lambda _, __: {}
     lists_files: bool = False
-    curves: Callable[[Result], Json] = lambda _: {}
+    curves: Callable[[Result], Mapping[str, object]] = lambda _: {}
     rows: Callable[[Result], Rows] | None = None
     outcome: Callable[[Result], Outcome] = lambda _: DONE
 
     @property
     def figure(self) -> Callable[[Result], Figure | None] | None:
         """The main figure of the page, or None if the page has no figure."""
-        return None if self.page is None else self.page.figure
+        return None if self.page is None else self.page.picture
+
+    def answer(self, result: Result) -> Json:
+        """Return the object that ``--json`` prints, without the paths of the files."""
+        answer: Json = json_value(self.fields(result))
+        return answer
 
     def lines(self, result: Result) -> Sequence[str]:
         """Return a few lines with the main values of the result."""
@@ -166,20 +149,15 @@ class Report(Generic[Result]):
     def for_page(self, result: Result) -> Json:
         """Return the data that a web page needs in addition to the answer: curves, first screen, tables."""
         shown = {} if self.page is None else {"shown": self.page.web_json(result)}
-        return {**self.curves(result), **shown}
+        return {**json_value(self.curves(result)), **shown}
 
     @property
     def output_files(self) -> tuple[WrittenFile[Result], ...]:
         """All files of a result, the page first."""
         if self.page is None:
             return self.files
-        page = WrittenFile(
-            name=self.page.name,
-            key="report",
-            write=self.page.write,
-            when=self.page.when,
-        )
-        return (page, *self.files)
+        page = self.page
+        return (WrittenFile(name=page.name, key="report", write=page.write, when=page.when), *self.files)
 
 
 def write_report(
@@ -215,47 +193,15 @@ def write_report(
     return answer
 
 
-def picture_file(name: str, draw: Callable[[Result], Figure], label: str) -> WrittenFile[Result]:
-    """Return the SVG file of a figure, written next to the page."""
-
-    def write(result: Result, path: Path) -> None:
-        from mrdamper.report.figures.style import drawing_style, svg_of  # imports Matplotlib
-
-        with drawing_style():
-            path.write_text(svg_of(draw(result), label), encoding="utf-8")
-
-    return WrittenFile(name=name, key="picture", write=write)
+def csv_file(name: str, rows: Callable[[Result], Rows]) -> WrittenFile[Result]:
+    """Return the CSV file of a result's rows."""
+    return WrittenFile(name=name, write=lambda result, path: write_table(path, rows(result)))
 
 
-def course_report(
-    name: str,
-    *,
-    answer: Callable[[Result], Json],
-    show: Callable[[Result, Console], None],
-    summary: Callable[[Result], Sequence[str]],
-    first: Callable[[Result], FirstScreen],
-    picture: Callable[[Result], Figure],
-    label: str,
-    rows: Callable[[Result], Rows],
-) -> Report[Result]:
-    """Return the report of a time series. The page and a CSV file contain its rows."""
-    return Report(
-        answer=answer,
-        show=show,
-        summary=summary,
-        page=Page(
-            name=f"{name}.html",
-            first=first,
-            picture=picture,
-            label=label,
-            sections=lambda found: table_of(rows(found)),
-        ),
-        files=(
-            picture_file(f"{name}.svg", picture, label),
-            WrittenFile(name=f"{name}.json", key="file"),
-            WrittenFile(name=f"{name}.csv", write=lambda found, path: write_table(path, rows(found))),
-        ),
-        rows=rows,
+def text_file(name: str, text: Callable[[Result], str], *, key: str = "") -> WrittenFile[Result]:
+    """Return a file with a text of a result."""
+    return WrittenFile(
+        name=name, key=key, write=lambda result, path: path.write_text(text(result), encoding="utf-8")
     )
 
 

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
+import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.data.finding import Finding, Severity, by_kind
+from mrdamper.data.finding import SEVERITIES, Finding, Severity, by_kind
 from mrdamper.data.readers import UnreadableFile
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
-from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
-from mrdamper.report.page import sentence
-from mrdamper.report.sections import Column, Section, Table, print_compact
-from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, csv_file, text_file
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import TRAINING
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of, range_of, sentence
+from mrdamper.report.sections import Column, Section, Table
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+# The terminal shows the most important lines. The report has all of them.
+PANEL_COUNT_MAX = 8
+FINDING_COUNT_MAX = 4
+QUESTION_COUNT_MAX = 4
+FORMAT_COUNT_MAX = 2
+INFERENCE_COUNT_MAX = 3
 
 _COLOUR: dict[Severity, str] = {"fault": "red", "warning": "yellow", "note": "cyan"}
 _COLUMNS = (
@@ -37,11 +41,12 @@ _COLUMNS = (
     "effect",
     "remedy",
 )
+_RUN_FIELDS = ("name", "source", "samples", "rate_Hz", "duration_s", "stroke_mm", "force_range_N")
 
 
 def _first(result: CheckResult) -> FirstScreen:
     runs = result.runs
-    number = _run_count(len(runs))
+    number = count_of("run", len(runs))
     verdict, counts = _verdict(result)
     worst = next((finding for finding, _ in by_kind(result.findings)), None)
     forces = [run.force_range_N for run in runs if run.force_range_N is not None]
@@ -54,8 +59,8 @@ def _first(result: CheckResult) -> FirstScreen:
         + ("" if worst is None else f". The worst is in {worst.run or 'all runs'}: {worst.found}"),
         tiles=(
             Tile(number, "were read", f"{clean} without findings"),
-            Tile(_range(forces, "N"), "force range of the runs, peak to peak"),
-            Tile(_range(strokes, "mm"), "stroke of the runs, peak to peak"),
+            Tile(range_of(forces, "N"), "force range of the runs, peak to peak"),
+            Tile(range_of(strokes, "mm"), "stroke of the runs, peak to peak"),
         ),
         caption="Measured force versus displacement, evenly spaced samples of each run. Runs with a fault "
         "are red.",
@@ -63,24 +68,27 @@ def _first(result: CheckResult) -> FirstScreen:
     )
 
 
-def _run_count(count: int) -> str:
-    return f"{count} run{'' if count == 1 else 's'}"
-
-
-def _range(values: Sequence[float], unit: str) -> str:
-    if not values:
-        return "–"
-    low, high = min(values), max(values)
-    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
-
-
 def _figure(result: CheckResult) -> Figure | None:
-    from mrdamper.report.figures.check import runs_figure  # imports Matplotlib
+    """Return force versus displacement of the runs with the worst findings, or None without runs."""
+    drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
+    if not drawable:
+        return None
+    return panel_figure(
+        [
+            Panel(
+                run.name,
+                "displacement, mm",
+                [Line(run.samples_drawn[:, 0], run.samples_drawn[:, 1], TRAINING, style=",")],
+                run.max_severity == "fault",
+                "force, N",
+            )
+            for run in sorted(drawable, key=_severity)[:PANEL_COUNT_MAX]
+        ]
+    )
 
-    return runs_figure(result)
 
-
-# ------------------------------------------------------------------------------------------- the tables
+def _severity(run: CheckedRun) -> int:
+    return len(SEVERITIES) if run.max_severity is None else SEVERITIES.index(run.max_severity)
 
 
 def _sections(result: CheckResult) -> list[Section]:
@@ -90,12 +98,14 @@ def _sections(result: CheckResult) -> list[Section]:
         found.append(Table(title="Files that could not be read", columns=[error], rows=result.unreadable))
     if result.findings:
         found.append(findings_table(result.findings, of_runs=True))
-    columns: list[Column[CheckedFile]] = [
-        Column("file", lambda file: str(file.path)),
-        Column("format", lambda file: file.layout.in_words()),
-        Column("columns", lambda file: "; ".join(f"{c.role}: {c.name} in {c.unit}" for c in file.columns)),
-    ]
-    files = Table(title="Formats of the files", columns=columns, rows=result.files)
+    files = Table(
+        title="Formats of the files",
+        columns=[
+            Column("files", lambda each: each[1]),
+            Column("format and columns", lambda each: each[0]),
+        ],
+        rows=list(_by_layout(result.files).items()),
+    )
     return [*found, _runs_table(result.runs), files]
 
 
@@ -142,45 +152,32 @@ def _runs_table(runs: Sequence[CheckedRun]) -> Table[CheckedRun]:
     return Table(title="Runs", columns=columns, rows=runs)
 
 
-# ------------------------------------------------------------------------------------------- the answer
-
-
-def _answer(result: CheckResult) -> Json:
+def _fields(result: CheckResult) -> dict[str, object]:
     return {
         "usable": result.usable,
         "counts": result.counts,
         "files": [
             {
-                "path": str(file.path),
+                "path": file.path,
                 "understood": file.layout.in_words(),
                 "layout": file.layout.to_dict(),
-                "columns": [
-                    {"role": each.role, "name": each.name, "unit": each.unit, "source": each.source}
-                    for each in file.columns
-                ],
-                "runs": list(file.runs),
-                "inferred": [asdict(each) for each in file.inferred],
+                "columns": file.columns,
+                "runs": file.runs,
+                "inferred": file.inferred,
             }
             for file in result.files
         ],
-        "runs": [_run(run) for run in result.runs],
-        "findings": [dict(finding.to_dict()) for finding in result.findings],
-        "questions": [dict(question.to_dict()) for question in result.questions],
-        "unreadable": [{"path": str(each.path), "error": each.error} for each in result.unreadable],
-    }
-
-
-def _run(run: CheckedRun) -> Json:
-    return {
-        "name": run.name,
-        "source": run.source,
-        "samples": run.samples,
-        "rate_Hz": run.rate_Hz,
-        "duration_s": run.duration_s,
-        "stroke_mm": run.stroke_mm,
-        "force_range_N": run.force_range_N,
-        "worst": run.max_severity,
-        "findings": [finding.kind for finding in run.findings],
+        "runs": [
+            {
+                **{name: getattr(run, name) for name in _RUN_FIELDS},
+                "worst": run.max_severity,
+                "findings": [finding.kind for finding in run.findings],
+            }
+            for run in result.runs
+        ],
+        "findings": [finding.to_dict() for finding in result.findings],
+        "questions": [question.to_dict() for question in result.questions],
+        "unreadable": [{"path": each.path, "error": each.error} for each in result.unreadable],
     }
 
 
@@ -190,62 +187,43 @@ def _rows(result: CheckResult) -> list[dict[str, object]]:
     return [{name: row[name] for name in _COLUMNS} for row in rows]
 
 
-# --------------------------------------------------------------------------------------------- the terminal
-
-
 def _show(result: CheckResult, console: Console) -> None:
-    """Print the verdict, the findings, the runs with findings, open questions, and the file formats."""
-    # The terminal shows the most important lines. The report has all of them.
-    run_count_max = 8
-    format_count_max = 2
+    """Print the verdict, the findings, open questions, and the file formats."""
     verdict, counts = _verdict(result)
-    runs = [run for run in result.runs if run.findings]
     if result.runs:
-        console.print(f"[bold]{verdict}[/bold]: {counts} in {_run_count(len(result.runs))}.")
+        console.print(f"[bold]{verdict}[/bold]: {counts} in {count_of('run', len(result.runs))}.")
     else:
         console.print("[bold]No run could be read.[/bold]")
     show_findings(result.findings, console)
-    if len(runs) > 1:
-        columns: list[Column[CheckedRun]] = [
-            Column("run with findings", "name"),
-            Column("findings", lambda run: ", ".join(finding.kind for finding in run.findings)),
-        ]
-        table = Table(title="", columns=columns, rows=runs[:run_count_max])
-        print_compact(table.printed(whole=True), console)
-        _print_rest(len(runs) - run_count_max, "runs with findings", console)
     _show_questions(result, console)
     layouts = _by_layout(result.files)
-    for words, paths in list(layouts.items())[:format_count_max]:
-        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        console.print(f"{escape(paths[0])}{more}: {escape(words)}")
-    _print_rest(len(layouts) - format_count_max, "formats", console)
+    for words, paths in list(layouts.items())[:FORMAT_COUNT_MAX]:
+        console.print(f"{escape(paths)}: {escape(words)}")
+    _print_rest(len(layouts) - FORMAT_COUNT_MAX, "formats", console)
 
 
 def _show_questions(result: CheckResult, console: Console) -> None:
     """Print values that were read from words, and questions that the files leave open."""
-    question_count_max = 4
-    inference_count_max = 3
     inferred = [inference for file in result.files for inference in file.inferred]
-    for inference in inferred[:inference_count_max]:
+    for inference in inferred[:INFERENCE_COUNT_MAX]:
         console.print(escape(inference.in_words()))
-    _print_rest(len(inferred) - inference_count_max, "values from the names of files and folders", console)
-    for question in result.questions[:question_count_max]:
+    _print_rest(len(inferred) - INFERENCE_COUNT_MAX, "values from the names of files and folders", console)
+    for question in result.questions[:QUESTION_COUNT_MAX]:
         choice = f" ({escape(', '.join(question.candidates[:6]))})" if question.candidates else ""
         console.print(f"[cyan]Question[/cyan] {escape(question.file)}: {escape(question.text)}{choice}.")
         console.print(f"  Answer it with --answer {question.key}=VALUE", markup=False)
-    _print_rest(len(result.questions) - question_count_max, "questions", console)
+    _print_rest(len(result.questions) - QUESTION_COUNT_MAX, "questions", console)
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
     """Print the largest finding of each kind, the worst first."""
-    finding_count_max = 4
     kinds = by_kind(findings)
-    for finding, run_count in kinds[:finding_count_max]:
+    for finding, run_count in kinds[:FINDING_COUNT_MAX]:
         colour, others = _COLOUR[finding.severity], max(run_count - 1, 0)
         more = f" (and in {others} more run{'s' if others > 1 else ''})" if others else ""
         text = f"{finding.run or 'all runs'}: {finding.found}{more}. {finding.effect}. {finding.remedy}"
         console.print(f"[{colour}]{finding.severity.capitalize()}[/{colour}]: {escape(sentence(text))}")
-    _print_rest(len(kinds) - finding_count_max, "kinds of findings", console)
+    _print_rest(len(kinds) - FINDING_COUNT_MAX, "kinds of findings", console)
 
 
 def _print_rest(count: int, name: str, console: Console) -> None:
@@ -256,19 +234,20 @@ def _print_rest(count: int, name: str, console: Console) -> None:
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
     """Return whether the runs can be fitted, and the number of findings."""
-    counts = ", ".join(
-        f"{number} {severity}{'s' if number != 1 else ''}" for severity, number in result.counts.items()
-    )
+    counts = ", ".join(count_of(severity, number) for severity, number in result.counts.items())
     return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 
-def _by_layout(files: Sequence[CheckedFile]) -> dict[str, list[str]]:
-    """Return the paths of the files by format and columns."""
+def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
+    """Return the first path and the number of other paths, by format and columns."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)
         paths.setdefault(f"{file.layout.in_words()}; {columns}", []).append(str(file.path))
-    return paths
+    return {
+        words: first + (f" and {len(others)} more" if others else "")
+        for words, (first, *others) in paths.items()
+    }
 
 
 def _outcome(result: CheckResult) -> Outcome:
@@ -281,19 +260,14 @@ def _outcome(result: CheckResult) -> Outcome:
 _PAGE = Page(name="check.html", first=_first, picture=_figure, label="Measured loops", sections=_sections)
 
 REPORT: Report[CheckResult] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=_PAGE,
     files=(
         WrittenFile(name="check.json"),
-        WrittenFile(
-            name="findings.csv",
-            write=lambda result, path: write_table(path, _rows(result) or [dict.fromkeys(_COLUMNS)]),
-        ),
-        WrittenFile(
-            name="channels.toml",
-            key="channel_map",
-            write=lambda result, path: path.write_text(result.channel_map.text, encoding="utf-8"),
+        csv_file("findings.csv", lambda result: _rows(result) or [dict.fromkeys(_COLUMNS)]),
+        replace(
+            text_file("channels.toml", lambda result: result.channel_map.text, key="channel_map"),
             when=lambda _: False,  # Only --write-map writes it.
             output="write_map",
         ),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -12,17 +11,12 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.jobs.cycles import CyclesResult, FigureSummary
-from mrdamper.report.base import (
-    FirstScreen,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-)
+from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.check import findings_table
-from mrdamper.report.figures.style import HELD_OUT, TRAINING, WIDTH_INCH
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import HELD_OUT, TRAINING
+from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Column, Section, Table
-from mrdamper.schema import Json
 
 TITLES = {
     "energy_J": "energy per cycle, J",
@@ -40,9 +34,10 @@ _PANELS = (
     ("temperature_degC",),
 )
 
+FLAG_COUNT_MAX = 2  # The first screen has space for two findings.
+
 
 def _first(result: CyclesResult) -> FirstScreen:
-    flag_count_max = 2  # The first screen has space for two findings.
     count = len(result.cycles)
     stroke = f"a cycle has a stroke of more than {1e3 * result.stroke_min_m:.4g} mm"
     size = result.group_size
@@ -53,7 +48,7 @@ def _first(result: CyclesResult) -> FirstScreen:
         verdict=f"{count:,} cycles dissipate {result.energy_J:.5g} J",
         tiles=_tiles(result),
         caption=f"Values versus cycle number{groups}",
-        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:flag_count_max]],
+        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:FLAG_COUNT_MAX]],
     )
 
 
@@ -80,32 +75,17 @@ def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
 def _over_cycles(result: CyclesResult) -> Figure | None:
     """Return one panel for each value versus cycle number, with the means and ranges of the groups."""
     groups, number = result.groups, result.group_number
-    panels = [panel for panel in _PANELS if panel[0] in groups]
-    if not panels:
-        return None
-    count = -(-len(panels) // 2)
-    height = 1.35 * count + 0.4
-    figure = Figure(figsize=(WIDTH_INCH, height))
-    places = figure.subplots(count, min(len(panels), 2), sharex=True, squeeze=False).ravel(order="F")
-    for axes, panel in zip(places, panels, strict=False):
-        for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
-            mean, low, high = groups[name]
-            if result.group_size > 1:
-                axes.fill_between(number, low, high, color=colour, alpha=0.25, linewidth=0)
-            axes.plot(number, mean, "-" if len(number) > 1 else ".", color=colour, linewidth=1.0)
-        text = "; ".join(TITLES[name] for name in panel)
-        axes.set_title(text[0].upper() + text[1:], loc="left", pad=3)
-    for axes in places[len(panels) :]:
-        axes.remove()
-    for axes in places[count - 1 : len(panels) : count]:
-        axes.set_xlabel("cycle", labelpad=1.5)
-    figure.subplots_adjust(
-        left=0.06, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.3, wspace=0.14
-    )
-    return figure
-
-
-# ------------------------------------------------------------------------------------------- the tables
+    drawn = []
+    for names in (panel for panel in _PANELS if panel[0] in groups):
+        text = "; ".join(TITLES[name] for name in names)
+        lines = [
+            Line(number, mean, colour, style="-" if len(number) > 1 else ".", band=(low, high))
+            for (mean, low, high), colour in zip(
+                (groups[name] for name in names), (TRAINING, HELD_OUT), strict=False
+            )
+        ]
+        drawn.append(Panel(text[0].upper() + text[1:], "cycle", lines))
+    return panel_figure(drawn, 2) if drawn else None
 
 
 def _sections(result: CyclesResult) -> list[Section]:
@@ -144,11 +124,7 @@ def _change(name: str, figure: FigureSummary) -> float | None:
     return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
 
 
-# ------------------------------------------------------------------------------------------- the answer
-
-
-def _answer(result: CyclesResult) -> Json:
-    """Return the object that ``mrdamper cycles --json`` prints, without the paths of the files."""
+def _fields(result: CyclesResult) -> dict[str, object]:
     return {
         "record": result.source,
         "understood": result.understood,
@@ -158,8 +134,8 @@ def _answer(result: CyclesResult) -> Json:
         "breaks": result.breaks,
         "energy_J": result.energy_J,
         "group_cycles": result.group_size,
-        "figures": {name: asdict(summary) for name, summary in result.figures.items()},
-        "findings": [dict(finding.to_dict()) for finding in result.findings],
+        "figures": result.figures,
+        "findings": [finding.to_dict() for finding in result.findings],
     }
 
 
@@ -189,9 +165,6 @@ def _write_table(result: CyclesResult, path: Path) -> None:
             table.writerow(["" if value != value else value for value in row])  # noqa: PLR0124 - NaN
 
 
-# --------------------------------------------------------------------------------------------- the terminal
-
-
 def _show(result: CyclesResult, console: Console) -> None:
     """Print the values of the cycles and the findings of the record."""
     title = f"{len(result.cycles):,} cycles in {result.rows:,} rows"
@@ -209,7 +182,7 @@ _PAGE = Page(
 )
 
 REPORT: Report[CyclesResult] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=_PAGE,
     files=(

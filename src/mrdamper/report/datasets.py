@@ -9,28 +9,26 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.files import MAP_SUFFIX
-from mrdamper.jobs.public_data.catalog import DataSet
 from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.schema import Json
 
 
-def _entry(each: DataSet) -> Json:
-    return {
-        "name": each.name,
-        "title": each.title,
-        "files": len(each.files),
-        "licence": each.licence,
-        "doi": each.doi or None,
-        "repository": each.repository,
-        "commit": each.commit,
-        "channels": each.channels,
-        "notes": each.notes,
-    }
-
-
 def _entries(found: PublicData) -> list[Json]:
-    return [_entry(each) for each in found.sets]
+    return [
+        {
+            "name": each.name,
+            "title": each.title,
+            "files": len(each.files),
+            "licence": each.licence,
+            "doi": each.doi or None,
+            "repository": each.repository,
+            "commit": each.commit,
+            "channels": each.channels,
+            "notes": each.notes,
+        }
+        for each in found.sets
+    ]
 
 
 def _show_list(found: PublicData, console: Console) -> None:
@@ -43,7 +41,7 @@ def _show_list(found: PublicData, console: Console) -> None:
 
 
 LISTED = Report(
-    answer=lambda found: {"datasets": _entries(found)},
+    fields=lambda found: {"datasets": _entries(found)},
     show=_show_list,
     closing=lambda _, __: [],
     summary=lambda found: [f"{each.name}: {each.title}" for each in found.sets],
@@ -82,7 +80,7 @@ def _write_runs(found: FetchedData, folder: Path) -> None:
 
 
 FETCHED = Report(
-    answer=_fetched,
+    fields=_fetched,
     show=_show_fetched,
     closing=lambda _, __: [],
     summary=lambda found: [f"{found.data.name}: {len(found.runs)} files in {found.folder}"],

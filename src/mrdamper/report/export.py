@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -13,15 +14,19 @@ from mrdamper.codegen.matlab import write_matlab
 from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
-from mrdamper.report.cards.picture import card_figure
+from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.figures.characteristics import card_figure
+from mrdamper.report.identification.verdict import expected_tile
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json
 
+LISTED_FILE_COUNT_MAX = 3  # The closing line gives only the number of files if there are more.
 _CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
 
 
-def _answer(found: ExportResult) -> Json:
+def _fields(found: ExportResult) -> dict[str, object]:
     return {
         "title": found.card.title,
         "law": found.card.damper.law.name,
@@ -43,7 +48,7 @@ def _code_answer(code: CodeExport, notes: tuple[str, ...]) -> Json:
         "command_unit": target.command_unit,
         **{f"{part}_bytes": record.sizes_bytes.get(part) for part in ("tables", "state", "code")},
         "verification": record.as_json(),
-        "notes": list(notes),
+        "notes": notes,
     }
 
 
@@ -101,13 +106,10 @@ def _show(found: ExportResult, console: Console) -> None:
 def _closing(_: ExportResult, answer: Json) -> list[str]:
     """Return the written files, or their number and folders if there are many."""
     files = [Path(name) for name in answer["files"]]
-    if len(files) <= 3:  # The closing line gives only the number of files if there are more.
+    if len(files) <= LISTED_FILE_COUNT_MAX:
         return [f"Wrote {', '.join(map(str, files))}."]
     folders = dict.fromkeys(str(file.parent) for file in files)
     return [f"Wrote {len(files)} files to {', '.join(folders)}."]
-
-
-# -------------------------------------------------------------------------------------------- the page
 
 
 def _first(found: ExportResult) -> FirstScreen:
@@ -117,18 +119,20 @@ def _first(found: ExportResult) -> FirstScreen:
         title=f"Exported: {found.card.title or 'a card'}",
         subject="" if code is None else _summary(found)[0] + ".",
         verdict="No code was exported" if code is None else _verdict(code.record),
-        tiles=(_comparison_tile(code), _size_tile(code), _error_tile(found)),
+        tiles=(
+            _comparison_tile(code),
+            _size_tile(code),
+            expected_tile(found.card.force_band) or Tile("–", "the card has no expected error"),
+        ),
         caption="Force versus peak velocity of the card's damper, one curve for each command",
         notes=() if code is None else [*_thermal(code.target, code.record), *found.notes],
     )
 
 
 def _verdict(record: Verification) -> str:
-    same = (
-        "is identical to the model in all bits"
-        if record.max_ulp == 0
-        else "differs from the model only in the last digits"
-    )
+    same = "is identical to the model in all bits"
+    if record.max_ulp:
+        same = "differs from the model only in the last digits"
     return f"The compiled code {same}, in {record.samples:,} samples ({record.compiler_version})"
 
 
@@ -149,14 +153,6 @@ def _size_tile(code: CodeExport | None) -> Tile:
     return Tile(f"{1e-3 * sizes['code']:.1f} kB", "code size, compiled on this computer", rest)
 
 
-def _error_tile(found: ExportResult) -> Tile:
-    band = found.card.force_band
-    if band is None:
-        return Tile("–", "the card has no expected error")
-    worst = f"worst {band.worst_nrmse_percent:.1f} %, over {band.folds} left-out {band.left_out}"
-    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of the model", worst)
-
-
 def _output_rows(found: ExportResult) -> list[dict[str, object]]:
     """Return one row for each compared output."""
     outputs = {} if found.code is None else found.code.record.outputs
@@ -169,9 +165,6 @@ def _output_rows(found: ExportResult) -> list[dict[str, object]]:
         }
         for name, each in outputs.items()
     ]
-
-
-# ------------------------------------------------------------------------------------------- the files
 
 
 def _write_folder(found: ExportResult, folder: Path) -> None:
@@ -201,8 +194,17 @@ def _write_matlab(found: ExportResult, folder: Path) -> None:
     write_matlab(found.table, folder)
 
 
+def _output(key: str, ending: str, write: Callable[[ExportResult, Path], None]) -> WrittenFile[ExportResult]:
+    return WrittenFile(
+        name=lambda found: f"{found.name}{ending}",
+        output=key,
+        write=write,
+        when=lambda found: key in found.what,
+    )
+
+
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     closing=_closing,
     summary=_summary,
@@ -214,30 +216,10 @@ REPORT = Report(
         sections=lambda found: table_of(_output_rows(found), "Compiled code compared with the model"),
     ),
     files=(
-        WrittenFile(
-            name=lambda found: f"{found.name}_c",
-            output="c",
-            write=_write_folder,
-            when=lambda found: "c" in found.what,
-        ),
-        WrittenFile(
-            name=lambda found: f"{found.name}.fmu",
-            output="fmu",
-            write=_write_fmu,
-            when=lambda found: "fmu" in found.what,
-        ),
-        WrittenFile(
-            name=lambda found: f"{found.name}_map.csv",
-            output="table",
-            write=_write_table,
-            when=lambda found: "table" in found.what,
-        ),
-        WrittenFile(
-            name=lambda found: f"{found.name}_matlab",
-            output="matlab",
-            write=_write_matlab,
-            when=lambda found: "matlab" in found.what,
-        ),
+        _output("c", "_c", _write_folder),
+        _output("fmu", ".fmu", _write_fmu),
+        _output("table", "_map.csv", _write_table),
+        _output("matlab", "_matlab", _write_matlab),
     ),
     lists_files=True,
 )

@@ -5,28 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 
 from mrdamper.jobs.fluid import FluidResult
 from mrdamper.models.fluids.fits import LawFit, Study
 from mrdamper.models.fluids.fluid_file import fluid_to_toml
 from mrdamper.quantities import to_degC
-from mrdamper.report.base import (
-    FirstScreen,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-    picture_file,
-    print_notes,
-    table_of,
-)
+from mrdamper.report.base import Report, print_notes, text_file
 from mrdamper.report.figures.fluid import fluid_figure
-from mrdamper.schema import Json, finite_or_none
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of
+from mrdamper.schema import finite_or_none
 
 
-def _answer(result: FluidResult) -> Json:
+def _fields(result: FluidResult) -> dict[str, object]:
     return {
         "fluid": result.fluid.name,
         "viscosity": None if result.viscosity is None else _study(result.viscosity),
@@ -34,13 +26,12 @@ def _answer(result: FluidResult) -> Json:
         "particle_fraction": result.fluid.particle_fraction,
         "like": result.like.name,
         "valid_degC": [to_degC(end) for end in result.fluid.valid_K],
-        "notes": list(result.notes),
+        "notes": result.notes,
         "file": None,
-        "picture": None,
     }
 
 
-def _study(study: Study) -> Json:
+def _study(study: Study) -> dict[str, object]:
     kelvin = study.temperature_K[study.used]
     return {
         **_law(study.best),
@@ -50,21 +41,14 @@ def _study(study: Study) -> Json:
     }
 
 
-def _law(fit: LawFit) -> Json:
+def _law(fit: LawFit) -> dict[str, object]:
     return {
         "law": fit.name,
-        "numbers": {
-            each.name: {
-                "value": each.value,
-                "unit": each.unit,
-                "standard_error": finite_or_none(each.standard_error),
-            }
-            for each in fit.parameters
-        },
+        "numbers": {each.name: each for each in fit.parameters},
         "rms_percent": fit.rms_percent,
-        "aicc": finite_or_none(fit.aicc),
-        "fall_20_to_100_degC_percent": finite_or_none(fit.fall_percent),
-        "fall_standard_error_percent": finite_or_none(fit.fall_standard_error_percent),
+        "aicc": fit.aicc,
+        "fall_20_to_100_degC_percent": fit.fall_percent,
+        "fall_standard_error_percent": fit.fall_standard_error_percent,
     }
 
 
@@ -107,10 +91,6 @@ def _show(result: FluidResult, console: Console) -> None:
     print_notes(result.notes, console)
 
 
-def _figure(result: FluidResult) -> Figure:
-    return fluid_figure(result.viscosity, result.yield_stress)
-
-
 def _first(result: FluidResult) -> FirstScreen:
     studies = list(_studies(result))
     falls = [
@@ -136,22 +116,15 @@ def _first(result: FluidResult) -> FirstScreen:
 
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=Page(
         name="fluid.html",
         first=_first,
-        picture=_figure,
+        picture=lambda result: fluid_figure(result.viscosity, result.yield_stress),
         label="Laws of the fluid",
         sections=lambda result: table_of(_rows(result)),
     ),
-    files=(
-        WrittenFile(
-            name="fluid.toml",
-            key="file",
-            write=lambda result, path: path.write_text(fluid_to_toml(result.fluid), encoding="utf-8"),
-        ),
-        picture_file("fluid.svg", _figure, "Laws of the fluid"),
-    ),
+    files=(text_file("fluid.toml", lambda result: fluid_to_toml(result.fluid), key="file"),),
     rows=_rows,
 )

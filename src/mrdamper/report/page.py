@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Result = TypeVar("Result")
+LEGIBLE_PX_PER_PT = 0.92  # Letters of 7 points are then 6.5 CSS pixels high.
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +102,9 @@ class Page(Generic[Result]):
 
     def render(self, result: Result) -> str:
         """Return the HTML text of the page."""
-        first, picture = self.first(result), self._svg(result)
+        from mrdamper.report.figures.style import svg_drawn_by  # imports Matplotlib
+
+        first, picture = self.first(result), svg_drawn_by(lambda: self.picture(result), self.label)
         template = environment().get_template(self.template)
         context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
         return template.render(**context, **self.values(result))
@@ -116,17 +119,6 @@ class Page(Generic[Result]):
             "notes": [sentence(note) for note in first.notes],
             "tables": [each.web_json() for each in self.sections(result) if isinstance(each, Table)],
         }
-
-    def _svg(self, result: Result) -> str:
-        from mrdamper.report.figures.style import drawing_style, svg_of  # imports Matplotlib
-
-        with drawing_style():
-            figure = self.picture(result)
-            return "" if figure is None else svg_of(figure, self.label)
-
-    def figure(self, result: Result) -> Figure | None:
-        """Return the figure of the first screen. The caller sets the drawing style."""
-        return self.picture(result)
 
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""
@@ -144,15 +136,27 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper() if first.isalpha() else text[:1]}{text[1:]}."
 
 
+def count_of(name: str, count: int) -> str:
+    """Return a count with the singular or plural of a name."""
+    return f"{count} {name}{'' if count == 1 else 's'}"
+
+
+def range_of(values: Sequence[float], unit: str) -> str:
+    """Return the range of values as text; a dash without values."""
+    if not values:
+        return "–"
+    low, high = min(values), max(values)
+    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
+
+
 def _zoomed(svg: str) -> str:
     """Return the HTML of a figure that is enlarged by a click or a key.
 
     The variable ``--legible`` is the smallest width with legible letters on a phone. Matplotlib has escaped
     the texts of the figure.
     """
-    legible_px_per_pt = 0.92  # Letters of 7 points are then 6.5 CSS pixels high.
     width = re.search(r'width="([\d.]+)pt"', svg)
-    legible = round(legible_px_per_pt * float(width[1])) if width else 0
+    legible = round(LEGIBLE_PX_PER_PT * float(width[1])) if width else 0
     box = '<input type="checkbox" aria-label="enlarge">'
     return f'<label class="zoom" style="--legible: {legible}px">{box}{svg}</label>'
 

@@ -26,7 +26,7 @@ from mrdamper.virtual_rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.virtual_rig.measurement import Truth
 
 
-def _answer(found: RigResult) -> Json:
+def _fields(found: RigResult) -> dict[str, object]:
     return {
         "damper": found.damper.name,
         "seed": found.seed,
@@ -39,7 +39,18 @@ def _answer(found: RigResult) -> Json:
 
 
 def _rows(found: RigResult) -> list[Json]:
-    return [_row(each) for each in found.runs]
+    return [
+        {
+            "name": each.plan.name,
+            "motion": each.plan.label,
+            "current_A": each.run.constant_command,  # None if the current changes.
+            "temperature_degC": each.plan.temperature_degC,
+            "duration_s": each.plan.duration_s,
+            "samples": len(each.run),
+            "held_out": each.plan.held_out,
+        }
+        for each in found.runs
+    ]
 
 
 def _in_folder(found: RigResult, out: Path) -> Json:
@@ -100,9 +111,6 @@ def _summary(found: RigResult) -> list[str]:
     ]
 
 
-# ------------------------------------------------------------------------------------------- the files
-
-
 def write_runs(found: RigResult, folder: Path) -> None:
     """Write the runs as CSV files with a channel map, in the format of a data logger."""
     for each in found.runs:
@@ -124,19 +132,6 @@ def truth_folder(out: Path) -> Path:
     if not path.name:
         raise InputError("has no parent folder for DIR.truth", place=out, remedy="choose another --out")
     return path.with_name(f"{path.name}.truth")
-
-
-def _row(each: MeasuredRun) -> Json:
-    plan, run = each.plan, each.run
-    return {
-        "name": plan.name,
-        "motion": plan.label,
-        "current_A": run.constant_command,  # None if the current changes.
-        "temperature_degC": plan.temperature_degC,
-        "duration_s": plan.duration_s,
-        "samples": len(run),
-        "held_out": plan.held_out,
-    }
 
 
 def _write_run(path: Path, run: RigRun) -> None:
@@ -182,7 +177,7 @@ def _channel_map(damper: VirtualDamper) -> str:
 
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     closing=_closing,
     summary=_summary,

@@ -10,12 +10,17 @@ from mrdamper.arrays import FloatArray, rms
 from mrdamper.jobs.simulate import SimulateResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Tile, course_report
-from mrdamper.report.figures.style import INK, MEASURED, colour_of
+from mrdamper.report.base import Report, WrittenFile, csv_file
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import INK, MEASURED, TRAINING
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of
 from mrdamper.schema import Json
 
+POINT_COUNT_MAX = 4000  # More points make the figure large but not more accurate.
 
-def _answer(found: SimulateResult) -> Json:
+
+def _fields(found: SimulateResult) -> Json:
     path = found.trajectory
     scored = slice(found.scored_from, None)
     error = None if found.measured is None else rms((found.force - found.measured)[scored])
@@ -37,7 +42,7 @@ def _width(interval: tuple[FloatArray, FloatArray]) -> float:
 
 
 def _summary(found: SimulateResult) -> list[str]:
-    answer = _answer(found)
+    answer = _fields(found)
     low, high = answer["force_N"]
     lines = [
         f"{found.motion}: {answer['samples']} samples of {1e3 * answer['step_s']:g} ms",
@@ -58,22 +63,17 @@ def _show(found: SimulateResult, console: Console) -> None:
 
 def _figure(found: SimulateResult) -> Figure:
     """Return the loops of force versus displacement and velocity, with a measured force in grey."""
-    point_count_max = 4000  # More points make the figure large but not more accurate.
     path = found.trajectory
-    thin = slice(None, None, max(1, len(path) // point_count_max))
-    level = float(np.abs(path.command).max())
-    figure = Figure(figsize=(8.0, 3.4))
-    both = zip(figure.subplots(1, 2, sharey=True), (path.displacement, path.velocity), strict=True)
-    for (axes, x), label in zip(both, ("displacement, mm", "velocity, mm/s"), strict=True):
+    thin = slice(None, None, max(1, len(path) // POINT_COUNT_MAX))
+    drawn: list[Panel] = []
+    for x_m, label in ((path.displacement, "displacement, mm"), (path.velocity, "velocity, mm/s")):
+        x = 1e3 * x_m[thin]
+        lines = [Line(x, end[thin], INK, width=0.5, style=":") for end in found.interval or ()]
         if found.measured is not None:
-            axes.plot(1e3 * x[thin], found.measured[thin], color=MEASURED, linewidth=2.6)
-        for end in found.interval or ():
-            axes.plot(1e3 * x[thin], end[thin], color=INK, linewidth=0.5, linestyle=":")
-        axes.plot(1e3 * x[thin], found.force[thin], color=colour_of(level, level), linewidth=0.9)
-        axes.set_xlabel(label)
-    figure.axes[0].set_ylabel("force, N")
-    figure.subplots_adjust(left=0.08, right=0.98, top=0.96, bottom=0.14, wspace=0.06)
-    return figure
+            lines.insert(0, Line(x, found.measured[thin], MEASURED, width=2.6))
+        lines.append(Line(x, found.force[thin], TRAINING, width=0.9))
+        drawn.append(Panel("", label, lines, y_label="" if drawn else "force, N"))
+    return panel_figure(drawn, height=2.7, share="row")
 
 
 def _rows(found: SimulateResult) -> list[dict[str, object]]:
@@ -96,17 +96,13 @@ def _rows(found: SimulateResult) -> list[dict[str, object]]:
 
 
 def _first(found: SimulateResult) -> FirstScreen:
-    answer, path = _answer(found), found.trajectory
+    answer, path = _fields(found), found.trajectory
     low, high = answer["force_N"]
     error = Tile(f"{len(path)}", "samples", f"time step {1e3 * path.step:g} ms")
     if found.measured is not None:
         spread = float(np.std(found.measured[found.scored_from :]))
-        share = (
-            f"{100.0 * answer['rmse_N'] / spread:.1f} % of the standard deviation of the measured force"
-            if spread > 0.0
-            else ""
-        )
-        error = Tile(f"{answer['rmse_N']:.4g} N", "RMS error of the measured force", share)
+        ratio = f"{100.0 * answer['rmse_N'] / spread:.1f} % of its standard deviation" if spread else ""
+        error = Tile(f"{answer['rmse_N']:.4g} N", "RMS error of the measured force", ratio)
     return FirstScreen(
         title=f"Simulated force: {found.title or 'the card'}",
         subject=f"{found.motion}.",
@@ -121,13 +117,17 @@ def _first(found: SimulateResult) -> FirstScreen:
     )
 
 
-REPORT = course_report(
-    "simulate",
-    answer=_answer,
+REPORT = Report(
+    fields=_fields,
     show=_show,
     summary=_summary,
-    first=_first,
-    picture=_figure,
-    label="Simulated loops",
+    page=Page(
+        name="simulate.html",
+        first=_first,
+        picture=_figure,
+        label="Simulated loops",
+        sections=lambda found: table_of(_rows(found)),
+    ),
+    files=(WrittenFile(name="simulate.json", key="file"), csv_file("simulate.csv", _rows)),
     rows=_rows,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,22 +12,15 @@ from rich.markup import escape
 
 from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.jobs.sweep.sweep import FigureSummary, SweepResult, SweptTask
-from mrdamper.report.base import (
-    DONE,
-    FirstScreen,
-    Outcome,
-    Page,
-    Report,
-    Tile,
-    WrittenFile,
-    interrupted,
-    wrote_sentence,
-)
-from mrdamper.report.figures.style import INK, TRAINING, WIDTH_INCH
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, csv_file, interrupted, wrote_sentence
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import INK, TRAINING
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of
 from mrdamper.report.sections import Column, Section, Table
-from mrdamper.runtime.outputs import write_json, write_table
-from mrdamper.schema import Json
+from mrdamper.runtime.outputs import write_json
+from mrdamper.schema import Json, json_value
 
+PANEL_COUNT_MAX = 12  # More panels do not fit on the page.
 _TITLES = {
     "campaigns": "Fits of many campaigns",
     "samples": "Tracking on random dampers",
@@ -35,19 +28,19 @@ _TITLES = {
 }
 
 
-def _table(run: SweepResult) -> Json:
+def _table(run: SweepResult) -> dict[str, object]:
     """Return the content of ``sweep.json``, which does not depend on time, machine or order."""
     return {
         "kind": run.plan.kind,
         "seed": run.plan.seed,
         "tasks": len(run.plan.tasks),
         "failed": [{"name": task.name, "error": task.error} for task in run.failed],
-        "summary": {name: asdict(found) for name, found in run.statistics.items()},
+        "summary": run.statistics,
         "rows": [{"name": task.name, **task.figures} for task in run.tasks_with_values],
     }
 
 
-def _answer(run: SweepResult) -> Json:
+def _fields(run: SweepResult) -> dict[str, object]:
     if run.cancelled:
         return {
             "kind": run.plan.kind,
@@ -77,8 +70,7 @@ def _show(run: SweepResult, console: Console) -> None:
     """Print the statistics of each value, and the failed tasks."""
     if run.cancelled:
         return
-    count = len(run.tasks)
-    title = f"{count} task{'' if count == 1 else 's'}, of which {run.resumed} are from an earlier run"
+    title = f"{count_of('task', len(run.tasks))}, of which {run.resumed} are from an earlier run"
     console.print(_figures_table(run, title).printed())
     for task in run.failed:
         console.print(escape(f"Failed: {task.name}: {task.error}"))
@@ -122,9 +114,6 @@ def _outcome(run: SweepResult) -> Outcome:
     return interrupted(remaining) if run.cancelled else DONE
 
 
-# ------------------------------------------------------------------------------------------- the files
-
-
 def _write_cards(run: SweepResult, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for task in run.tasks_with_values:
@@ -134,29 +123,16 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 def _figure(run: SweepResult) -> Figure | None:
     """Return the cumulative distribution of each value, or None if all values are constant."""
-    panel_count_max = 12  # More panels do not fit on the page.
-    panels_per_row = 4
-    names = [name for name, found in run.statistics.items() if found.least < found.most][:panel_count_max]
+    names = [name for name, found in run.statistics.items() if found.least < found.most][:PANEL_COUNT_MAX]
     if not names:
         return None
-    rows = -(-len(names) // panels_per_row)
-    height = 1.75 * rows + 0.2
-    figure = Figure(figsize=(WIDTH_INCH, height))
-    for panel, name in enumerate(names):
-        axes = figure.add_subplot(rows, panels_per_row, panel + 1)
+    drawn = []
+    for name in names:
         values = np.sort([v for task in run.tasks_with_values if (v := task.figures.get(name)) is not None])
         percent = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
-        axes.plot(values, percent, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
-        axes.axvline(float(np.median(values)), color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
-        axes.set_title(name, loc="left", pad=3, fontsize=6.5)
-        axes.set_ylim(0.0, 100.0)
-        axes.locator_params(axis="x", nbins=4)
-        if panel % panels_per_row == 0:
-            axes.set_ylabel("% of tasks below")
-    figure.subplots_adjust(
-        left=0.05, right=0.985, top=1.0 - 0.22 / height, bottom=0.25 / height, wspace=0.22, hspace=0.45
-    )
-    return figure
+        median = Line(2 * [float(np.median(values))], (0.0, 100.0), INK, width=0.6, style="--")
+        drawn.append(Panel(name, "", [Line(values, percent, TRAINING, width=0.9, style=".-"), median]))
+    return panel_figure(drawn)
 
 
 def _first(run: SweepResult) -> FirstScreen:
@@ -177,7 +153,7 @@ def _first(run: SweepResult) -> FirstScreen:
         subject=f"{tasks} tasks, seed {plan.seed}.",
         verdict=f"{done} of {tasks} tasks have a result" + (f"; median of {medians}" if medians else ""),
         tiles=(tiles[0], tiles[1], tiles[2]),
-        caption="Cumulative distribution of each value in the tasks. The dashed line is the median.",
+        caption="Percentage of the tasks below each value. The dashed line is the median.",
         notes=[f"Task {task.name} failed: {task.error}" for task in run.failed[:5]],
     )
 
@@ -192,21 +168,17 @@ _PAGE = Page(
 )
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     closing=_closing,
     page=_PAGE,
     files=(
         WrittenFile(
             name="sweep.json",
-            write=lambda run, path: write_json(path, _table(run)),
+            write=lambda run, path: write_json(path, json_value(_table(run))),
             when=lambda run: not run.cancelled,
         ),
-        WrittenFile(
-            name="sweep.csv",
-            write=lambda run, path: write_table(path, _rows(run)),
-            when=lambda run: not run.cancelled,
-        ),
+        replace(csv_file("sweep.csv", _rows), when=lambda run: not run.cancelled),
         WrittenFile(
             name="cards",
             write=_write_cards,

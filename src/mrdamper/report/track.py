@@ -12,18 +12,13 @@ from rich.markup import escape
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
-from mrdamper.report.figures.track import (
-    draw_temperatures,
-    draw_tracking,
-    error_figure,
-    tracking_figure,
-)
-from mrdamper.report.page import sentence
+from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes
+from mrdamper.report.figures.track import error_figure, tracking_figure
+from mrdamper.report.page import FirstScreen, Page, Tile, sentence
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
-from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
+SAMPLE_COUNT_MAX = 2000  # A browser plots longer traces slowly.
 _CAPTION = (
     "Tracking at the highest temperature. The grey band is the attainable force. The lower panels have a "
     "grey background if the target is not feasible"
@@ -34,7 +29,7 @@ def _first(run: TrackResult) -> FirstScreen:
     best = {target: _best(run, target) for target in run.targets}
     hardest = max(best.values(), key=lambda row: _feasible(row.score))
     card, score = run.card, hardest.score
-    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
+    temperatures = _temperatures(run)
     return FirstScreen(
         title=f"Force tracking on {run.plant}",
         subject=f"Controllers from the card {card.title or card.damper.law.name}, at {run.rate_Hz:g} Hz "
@@ -60,12 +55,7 @@ def _first(run: TrackResult) -> FirstScreen:
             ),
         ),
         caption=_CAPTION,
-        flags=[
-            (
-                "This is a simulation, not a measurement",
-                "The damper is virtual. The controllers use only the card",
-            )
-        ],
+        flags=[("This is a simulation, not a measurement", "The controllers use only the card")],
         notes=[*_posterior_words(run), *run.notes],
     )
 
@@ -104,7 +94,7 @@ def _sections(run: TrackResult) -> list[Section]:
     best = [_best(run, target) for target in run.targets]
     target: Column[Row] = Column("target", "target")
     degrees: Column[Row] = Column("at", "temperature_degC", "degC", "g")
-    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
+    temperatures = _temperatures(run)
     return [
         Table(
             title=f"Worst of {temperatures} °C",
@@ -116,8 +106,8 @@ def _sections(run: TrackResult) -> list[Section]:
             "The lowest error is highlighted.",
             held=lambda row: row in best,
         ),
-        Picture("Errors versus temperature", lambda: draw_temperatures(run)),
-        *(Picture(f"Target {each.target}", partial(draw_tracking, each)) for each in run.traced[1:]),
+        *([Picture("Errors versus temperature", lambda: error_figure(run))] if "," in temperatures else []),
+        *(Picture(f"Target {each.target}", partial(tracking_figure, each)) for each in run.traced[1:]),
         Table(
             title="All temperatures",
             columns=_columns(target, degrees),
@@ -149,19 +139,17 @@ def _posterior_words(run: TrackResult) -> list[str]:
     ]
 
 
-def _temperatures(run: TrackResult) -> list[float]:
-    return sorted({row.temperature_degC for row in run.rows})
+def _temperatures(run: TrackResult) -> str:
+    """Return the temperatures [degC] as text."""
+    return ", ".join(f"{degrees:g}" for degrees in sorted({row.temperature_degC for row in run.rows}))
 
 
-# ------------------------------------------------------------------------------------------- the answer
-
-
-def _answer(run: TrackResult) -> Json:
+def _fields(run: TrackResult) -> dict[str, object]:
     return {
-        "rows": [_row(row, run.plant) for row in run.rows],
+        "rows": _rows(run),
         "worst": [_row(row, run.plant) for row in run.max_error_rows],
         "plant": run.plant,
-        "seeds": list(run.seeds),
+        "seeds": run.seeds,
         "rate_Hz": run.rate_Hz,
         "scored": "worse of the seeds; all samples after the first second, at the time steps of the plant",
         "posterior": [
@@ -169,13 +157,13 @@ def _answer(run: TrackResult) -> Json:
                 "target": each.target,
                 "temperature_degC": each.temperature_degC,
                 "controller": error.controller,
-                "rmse_interval_N": list(error.rmse_N),
-                "max_interval_N": list(error.max_N),
+                "rmse_interval_N": error.rmse_N,
+                "max_interval_N": error.max_N,
             }
             for each in run.traced
             for error in each.posterior
         ],
-        "notes": list(run.notes),
+        "notes": run.notes,
         "cpu_s": round(run.cpu_s, 3),
     }
 
@@ -190,35 +178,28 @@ def _row(row: Row, plant: str) -> Json:
     }
 
 
-def _trace(each: Traced) -> Json:
+def _trace(each: Traced) -> dict[str, object]:
     """Return evenly spaced samples of a target's test at the highest temperature."""
     course, reach = each.course, each.reach
-    part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer traces slowly.
+    part = slice(None, None, max(1, -(-len(course) // SAMPLE_COUNT_MAX)))
     return {
         "target": each.target,
         "temperature_degC": each.temperature_degC,
-        "time_s": course.time[part].tolist(),
-        "wanted_N": course.target[part].tolist(),
-        "low_N": reach.low[part].tolist(),
-        "high_N": reach.high[part].tolist(),
+        "time_s": course.time[part],
+        "wanted_N": course.target[part],
+        "low_N": reach.low[part],
+        "high_N": reach.high[part],
         "runs": [
-            {
-                "controller": one.controller,
-                "force_N": one.force[part].tolist(),
-                "command_A": one.current[part].tolist(),
-            }
+            {"controller": one.controller, "force_N": one.force[part], "command_A": one.current[part]}
             for one in each.runs
         ],
     }
 
 
-# ------------------------------------------------------------------------------------------- a terminal
-
-
 def _show(run: TrackResult, console: Console) -> None:
     """Print the best controller, the errors for each target at its worst temperature, and notes."""
     console.print(escape(sentence(_verdict({target: _best(run, target) for target in run.targets}))))
-    temperatures = ", ".join(f"{temperature:g}" for temperature in _temperatures(run))
+    temperatures = _temperatures(run)
     for target in run.targets:
         rows = [row for row in run.max_error_rows if row.target == target]
         feasible = rows[0].score.feasible_share
@@ -244,12 +225,12 @@ PAGE = Page(
 )
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=PAGE,
     files=(
         WrittenFile(name="track.json", key="file"),
-        WrittenFile(name="track.csv", write=lambda run, path: write_table(path, _rows(run))),
+        csv_file("track.csv", _rows),
     ),
     curves=lambda run: {"traces": [_trace(each) for each in run.traced]},
     rows=_rows,

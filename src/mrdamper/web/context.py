@@ -1,65 +1,48 @@
-"""Shared state of the routes, reading of requests, and responses."""
+"""Dampers of a server with their folders and processes, the reading of requests, and files as responses."""
 
 from __future__ import annotations
 
+import asyncio
 import json
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TextIO, TypeVar
 
+from fastapi import Depends
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, Response
 
 from mrdamper.errors import InputError
 from mrdamper.jobs.previews.choices import choices, run_formats
 from mrdamper.schema import read_record
-from mrdamper.web.changes import Changes
-from mrdamper.web.job_queue import JobQueue
+from mrdamper.web.job_queue import JOBS_AT_ONCE_MAX, JobQueue
+from mrdamper.web.queries import QueryLine
 from mrdamper.web.run_index import RunIndex
 from mrdamper.web.security import REPORT_POLICY
-from mrdamper.web.worker_client import WorkerClient
-from mrdamper.web.workspace import WorkFolder
+from mrdamper.web.workspace import ConflictError, TooLargeError, WorkFolder
 
-MOST_UPLOAD = 200_000_000  # bytes
+UPLOAD_MAX_BYTES = 200_000_000
+_BODY_MAX_BYTES = 1 << 20  # Uploads have their own limits.
 
 Wanted = TypeVar("Wanted")
 
-_TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".json": "application/json",
-    ".csv": "text/csv; charset=utf-8",
-    ".svg": "image/svg+xml",
-    ".zip": "application/zip",
-    ".fmu": "application/zip",
-    **dict.fromkeys((".toml", ".c", ".h", ".md", ".txt"), "text/plain; charset=utf-8"),
-}
+_TEXTS = frozenset({".c", ".h", ".md", ".toml", ".txt"})  # Browsers display these files.
+_DOWNLOADS = frozenset({".fmu", ".zip"})
 
 
 class AppContext:
-    """Folder and processes of one damper.
+    """Folder and processes of one damper; ``slots`` limits the running jobs of all dampers."""
 
-    Parameters
-    ----------
-    beside : context of the server's own folder, if this damper is in its ``dampers/``
-    """
-
-    def __init__(
-        self,
-        root: Path,
-        *,
-        most_upload: int = MOST_UPLOAD,
-        local: bool = True,
-        beside: AppContext | None = None,
-    ) -> None:
+    def __init__(self, root: Path, *, most_upload: int, local: bool, slots: asyncio.Semaphore) -> None:
         self.folder = WorkFolder(root)
         self.most_upload, self.local = most_upload, local
         self.formats = tuple(run_formats())
         self.choices = choices()
-        self.changes = Changes(self.folder)
-        self.queue: JobQueue = JobQueue(self.folder, self.changes.publish, beside.queue if beside else None)
-        self.reader = WorkerClient()  # Reads whole files for a page.
-        self.previewer = WorkerClient()  # Reads the beginning of large files.
-        self.heater = WorkerClient()  # Computes heating curves for sliders.
-        self.index = RunIndex(self.folder, self.formats, WorkerClient(), self.changes.publish)
+        self.queue = JobQueue(self.folder, slots)
+        self.reader = QueryLine()  # Reads whole files for a page.
+        self.previewer = QueryLine()  # Reads the beginning of large files.
+        self.heater = QueryLine()  # Computes heating curves for sliders.
+        self.index = RunIndex(self.folder, self.formats)
 
     def open(self) -> None:
         """Recover the jobs of the previous server, and clean the cache."""
@@ -71,11 +54,117 @@ class AppContext:
         await self.index.close()
         await self.queue.close()
 
+    def change_numbers(self) -> dict[str, str]:
+        """Return a text for each kind of item that differs after a change by any program."""
+        folder = self.folder
+        places = {
+            "files": folder.runs,
+            "records": folder.records,
+            "inputs": folder.inputs,
+            "cards": folder.cards,
+            "jobs": folder.results,
+        }
+        numbers = {what: f"{_signature(place):x}" for what, place in places.items()}
+        return {**numbers, "files": f"{self.index.changes}-{numbers['files']}"}
+
+
+def _signature(place: Path) -> int:
+    """Return a number that changes with the names and times in a folder."""
+    found = []
+    with suppress(OSError):
+        for path in place.iterdir():
+            with suppress(OSError):
+                found.append((path.name, path.stat().st_mtime_ns))
+    return hash(tuple(sorted(row for row in found if not row[0].startswith("."))))
+
+
+class Dampers:
+    """The dampers of a server: its own folder, and each folder in ``dampers/`` with the same structure."""
+
+    def __init__(self, root: Path, *, most_upload: int, local: bool) -> None:
+        self._options: dict[str, Any] = {
+            "most_upload": most_upload,
+            "local": local,
+            "slots": asyncio.Semaphore(JOBS_AT_ONCE_MAX),
+        }
+        self.main = AppContext(root, **self._options)
+        self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # With the locks on their folders.
+
+    def find(self, name: str | None) -> AppContext:
+        """Return the context of a damper, which starts with its first request; None: the server's folder."""
+        if name is None:
+            return self.main
+        if name not in self._opened:
+            place = self._place(name)
+            claim = WorkFolder(place).claim()
+            context = AppContext(place, **self._options)
+            context.open()
+            self._opened[name] = context, claim
+        return self._opened[name][0]
+
+    def folders(self) -> dict[str, Path]:
+        """Return the folders in ``dampers/`` by name."""
+        place = self.main.folder.dampers
+        paths = sorted(place.iterdir()) if place.is_dir() else []
+        return {
+            path.name: path
+            for path in paths
+            if not path.name.startswith(".") and self.main.folder.has(place, path.name, folder=True)
+        }
+
+    def add(self, name: str) -> None:
+        """Create an empty damper."""
+        path = self.main.folder.new(self.main.folder.dampers, name)
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError as fault:
+            raise ConflictError(f"there is a damper {name!r} already; choose another name") from fault
+
+    async def discard(self, name: str) -> str:
+        """Move a damper with its files into the trash of the server's folder; return the entry's name."""
+        path = self._place(name)
+        if name in self._opened:
+            if self._opened[name][0].queue.is_busy:
+                raise ConflictError(f"jobs of {name!r} have not ended; cancel them first")
+            context, claim = self._opened.pop(name)
+            await context.close()
+            claim.close()
+        return self.main.folder.discard(path)
+
+    async def close(self) -> None:
+        """End the processes of all dampers."""
+        await asyncio.gather(self.main.close(), *(context.close() for context, _ in self._opened.values()))
+        for _, claim in self._opened.values():
+            claim.close()
+
+    def _place(self, name: str) -> Path:
+        return self.main.folder.there(self.main.folder.dampers, name, folder=True)
+
+
+async def dampers_of(request: Request) -> Dampers:
+    """Return the dampers of the server."""
+    dampers: Dampers = request.app.state.dampers
+    return dampers
+
+
+async def context_of(request: Request) -> AppContext:
+    """Return the context of the damper that the address names."""
+    return (await dampers_of(request)).find(request.path_params.get("damper"))
+
+
+All = Annotated[Dampers, Depends(dampers_of)]
+Context = Annotated[AppContext, Depends(context_of)]
+
 
 async def read_body(request: Request) -> dict[str, Any]:
     """Return the JSON object in a request."""
+    body = b""
+    async for piece in request.stream():
+        body += piece
+        if len(body) > _BODY_MAX_BYTES:
+            raise TooLargeError(f"the request is larger than {_BODY_MAX_BYTES} bytes; expected a shorter one")
     try:
-        found = json.loads(await request.body())
+        found = json.loads(body)
     except (ValueError, RecursionError) as fault:
         raise InputError(found="the request is not JSON", expected="an object") from fault
     if not isinstance(found, dict):
@@ -88,26 +177,12 @@ async def read_request(request: Request, kind: type[Wanted]) -> Wanted:
     return read_record(kind, await read_body(request), "the request")
 
 
-def send_file(path: Path, *, download: bool = False) -> Response:
+def send_file(path: Path) -> Response:
     """Return a file of the folder with a policy that forbids scripts."""
-    kind = _TYPES.get(path.suffix.lower(), "application/octet-stream")
-    download = download or kind in {"application/zip", "application/octet-stream"}
+    suffix = path.suffix.lower()
     return FileResponse(
         path,
-        media_type=kind,
-        filename=path.name if download else None,
+        media_type="text/plain" if suffix in _TEXTS else None,
+        filename=path.name if suffix in _DOWNLOADS else None,
         headers={"content-security-policy": REPORT_POLICY},
     )
-
-
-def json_response(answer: dict[str, Any], status: int = 200) -> Response:
-    """Return an answer as JSON."""
-    return JsonAnswer(answer, status)
-
-
-class JsonAnswer(JSONResponse):
-    """JSON response. Lone surrogates in texts are replaced by question marks."""
-
-    def render(self, content: Any) -> bytes:  # noqa: ANN401 - as Starlette has it
-        text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-        return text.encode(errors="replace")

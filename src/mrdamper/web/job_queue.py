@@ -1,42 +1,36 @@
 """Queue of jobs: one server runs two jobs at a time, each in its own process.
 
-The state of a job is in its record on disk. The queue holds only the running processes.
+The state of a job is in its record on disk. The queue holds only the tasks of waiting and running jobs.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
-import shutil
 import signal
 import sys
-import time
-from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from mrdamper.errors import InputError
 from mrdamper.runtime.outputs import recover_staging
 from mrdamper.web.job_record import GRACE_S, JobRecord, job_ids, new_id
 from mrdamper.web.schemas import Order, job_of
-from mrdamper.web.workspace import WorkFolder
+from mrdamper.web.workspace import ConflictError, WorkFolder
 
-MOST_AT_ONCE = 2
+JOBS_AT_ONCE_MAX = 2
 _KEEPING_S = 20.0  # A fit writes its best result in this time.
-_MOST_WAITING = 100
-
-
-class ConflictError(InputError):
-    """A request conflicts with an existing item."""
+_STOPPED = "the server was stopped before it was done"
 
 
 @dataclass(slots=True)
-class _Running:
-    """A running job; it has no process while the process is started."""
+class _Work:
+    """A waiting or running job; it has no process until a slot is free and the process is started."""
 
-    process: asyncio.subprocess.Process | None = None
+    task: asyncio.Task[None] = field(init=False)
+    waiting: bool = True
     cancelled: bool = False
+    process: asyncio.subprocess.Process | None = None
 
     def interrupt(self) -> None:
         """Send the signal of Ctrl-C to the process."""
@@ -45,33 +39,25 @@ class _Running:
 
     def kill(self) -> None:
         """Kill the process and its child processes."""
-        if self.process is None:
-            return
-        if hasattr(os, "killpg"):
+        if self.process is not None and hasattr(os, "killpg"):
             with suppress(ProcessLookupError):
                 os.killpg(self.process.pid, signal.SIGKILL)
-        elif self.process.returncode is None:
+        elif self.process is not None and self.process.returncode is None:
             self.process.kill()
-
-    def hang_up(self) -> None:
-        """Close the standard input of the process, which interrupts the job and kills it a moment later."""
-        if self.process is not None and self.process.stdin is not None:
-            self.process.stdin.close()
 
 
 class JobQueue:
-    """Start and stop of the processes of a damper's jobs."""
+    """Start and stop of the processes of a damper's jobs; all dampers share the slots of running jobs."""
 
-    def __init__(
-        self, folder: WorkFolder, changed: Callable[[str], None], beside: JobQueue | None = None
-    ) -> None:
-        self._folder, self._changed = folder, changed
-        self._waiting: deque[str] = deque()
-        self._running: dict[str, _Running] = {}
-        self._tasks: set[asyncio.Task[None]] = set()
+    def __init__(self, folder: WorkFolder, slots: asyncio.Semaphore) -> None:
+        self._folder, self._slots = folder, slots
+        self._jobs: dict[str, _Work] = {}
         self._closing = False
-        self.queues: list[JobQueue] = beside.queues if beside else []  # All share the limit.
-        self.queues.append(self)
+
+    @property
+    def is_busy(self) -> bool:
+        """Return True if a job runs or waits."""
+        return bool(self._jobs)
 
     def recover(self) -> None:
         """Mark the jobs that the previous server left running, and remove its unfinished files."""
@@ -79,7 +65,7 @@ class JobQueue:
             record = self.record(job_id)
             with suppress(InputError):
                 if not record.read().has_ended:
-                    record.end("interrupted", _stopped_early(record))
+                    record.end("interrupted", f"{_STOPPED}; {_next_step(record)}")
             _clear(record)
         self._folder.clear()
 
@@ -87,151 +73,111 @@ class JobQueue:
         """Return the record of a job."""
         return JobRecord(self._folder.results, job_id)
 
-    @property
-    def busy(self) -> int:
-        """Number of running jobs."""
-        return len(self._running)
-
     def submit(self, order: Order) -> str:
         """Queue a job; return its id."""
-        if len(self._waiting) >= _MOST_WAITING:
-            raise ConflictError(f"{_MOST_WAITING} jobs wait already; wait, or cancel some")
         kind, options = order.kind, order.options
         card = options["card"] if kind == "fit" else None
         if card is not None:
             self._claim(card, replace=options["replace"])
         job_id = new_id(self._folder.results, kind)
         self.record(job_id).open(kind, options, card)
-        self._queue(job_id)
+        self._start(job_id)
         return job_id
 
-    def resume(self, job_id: str) -> None:
+    async def resume(self, job_id: str) -> None:
         """Queue a job again that ended early; it continues after its finished tasks."""
-        record = self.record(job_id)
-        job = record.read()
-        if job_id in self._waiting or job_id in self._running:
-            raise ConflictError(f"{job_id} is at work")
-        if not record.is_resumable(job):
+        record = await self._ended(job_id)
+        if not record.is_resumable(record.read()):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
         record.reopen()
-        self._queue(job_id)
+        self._start(job_id)
 
-    async def settled(self, job_id: str) -> None:
-        """Wait a moment until the process of an ended job has exited."""
-        end = time.monotonic() + GRACE_S
-        while job_id in self._running and self.record(job_id).read().has_ended:
-            if time.monotonic() > end:
-                return
-            await asyncio.sleep(0.02)
+    async def _ended(self, job_id: str) -> JobRecord:
+        """Return the record of an ended job; wait a moment until its process has exited."""
+        record = self.record(job_id)
+        if job_id in self._jobs and record.read().has_ended:
+            await asyncio.wait([self._jobs[job_id].task], timeout=GRACE_S)
+        if job_id in self._jobs:
+            raise ConflictError(f"{job_id} has not ended; cancel it first")
+        return record
 
     def _claim(self, card: str, *, replace: bool) -> None:
         """Raise ConflictError if the name of a card is used."""
         place = self._folder.new(self._folder.cards, card)
         if place.exists() and not replace:
             raise ConflictError(f"there is a card {card!r} already; choose another name, or replace it")
-        for job_id in (*self._waiting, *self._running):
+        for job_id in self._jobs:
             if self.record(job_id).read().card == card:
                 raise ConflictError(f"{job_id} is to write the card {card!r}; wait, or choose another name")
 
     def cancel(self, job_id: str) -> None:
         """Cancel a job: a waiting job at once, a running job by an interrupt and a later kill."""
-        record = self.record(job_id)
-        if record.read().has_ended:
+        record, work = self.record(job_id), self._jobs.get(job_id)
+        job = record.read()
+        if work is None or work.cancelled or job.has_ended:
             return
-        if job_id in self._waiting:
-            self._waiting.remove(job_id)
+        work.cancelled = True
+        if work.waiting:
             record.end("cancelled", "cancelled before it began")
-            self._changed("jobs")
-        elif job_id in self._running and not self._running[job_id].cancelled:
-            running = self._running[job_id]
-            running.cancelled = True
-            running.interrupt()
-            grace_s = _KEEPING_S if job_of(record.read().kind).ctrl_c else GRACE_S
-            asyncio.get_running_loop().call_later(grace_s, running.kill)
+            work.task.cancel()
+        else:
+            work.interrupt()
+            grace_s = _KEEPING_S if job_of(job.kind).ctrl_c else GRACE_S
+            asyncio.get_running_loop().call_later(grace_s, work.kill)
 
-    def discard(self, job_id: str) -> str:
+    async def discard(self, job_id: str) -> str:
         """Move an ended job with its files into the trash; return its name there."""
-        folder = self.record(job_id).folder
-        if job_id in self._waiting or job_id in self._running:
-            raise ConflictError(f"{job_id} has not ended; cancel it first")
-        kept = self._folder.discard(folder)
-        self._changed("jobs")
-        return kept
+        return self._folder.discard((await self._ended(job_id)).folder)
 
     async def close(self) -> None:
         """Stop all processes because the server stops."""
         self._closing = True
-        for job_id in self._waiting:
-            self.record(job_id).end("interrupted", "the server was stopped before it began; ask for it again")
-        self._waiting.clear()
-        self.queues.remove(self)
-        for running in self._running.values():
-            running.hang_up()
-        if self._tasks:
-            await asyncio.wait(self._tasks, timeout=GRACE_S + 2.0)
+        for job_id, work in self._jobs.items():
+            if work.waiting:
+                self.record(job_id).end("interrupted", "the server stopped before the job; ask for it again")
+                work.task.cancel()
+            elif work.process is not None and work.process.stdin is not None:
+                work.process.stdin.close()  # The process interrupts the job, and kills it a moment later.
+        if self._jobs:
+            await asyncio.wait([work.task for work in self._jobs.values()], timeout=GRACE_S + 2.0)
 
-    def _queue(self, job_id: str) -> None:
-        self._waiting.append(job_id)
-        self.advance()
-        self._changed("jobs")
+    def _start(self, job_id: str) -> None:
+        work = self._jobs[job_id] = _Work()
+        work.task = asyncio.create_task(self._run(job_id, work))
+        work.task.add_done_callback(lambda _: self._jobs.pop(job_id))
 
-    @property
-    def is_idle(self) -> bool:
-        """Return True if no job runs or waits."""
-        return not self._waiting and not self._running
-
-    def advance(self) -> None:
-        """Start waiting jobs up to the limit."""
-        while self._waiting and sum(queue.busy for queue in self.queues) < MOST_AT_ONCE and not self._closing:
-            job_id = self._waiting.popleft()
-            running = self._running[job_id] = _Running()
-            task = asyncio.get_running_loop().create_task(self._run(job_id, running))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
-
-    async def _run(self, job_id: str, running: _Running) -> None:
-        record, code = self.record(job_id), None
-        try:
-            # -P: no file in the working folder is imported.
-            running.process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-P", "-m", "mrdamper.web.job_worker", str(self._folder.root), job_id),
-                stdin=asyncio.subprocess.PIPE,
-                start_new_session=True,
-            )
-            self._changed("jobs")
-            if running.cancelled:
-                running.interrupt()
-            code = await running.process.wait()
-        finally:
-            running.kill()  # The job may have left processes behind.
-            self._settle(record, code, cancelled=running.cancelled)
-            del self._running[job_id]
-            for queue in self.queues:
-                queue.advance()
-            for what in ("jobs", "cards", "files"):
-                self._changed(what)
+    async def _run(self, job_id: str, work: _Work) -> None:
+        """Wait for a slot, run the process of a job, and check the end in its record."""
+        async with self._slots:
+            work.waiting, code = False, None
+            try:
+                # -P: no file in the working folder is imported.
+                work.process = await asyncio.create_subprocess_exec(
+                    *(sys.executable, "-P", "-m", "mrdamper.web.job_worker", str(self._folder.root), job_id),
+                    stdin=asyncio.subprocess.PIPE,
+                    start_new_session=True,
+                )
+                if work.cancelled:
+                    work.interrupt()
+                code = await work.process.wait()
+            finally:
+                work.kill()  # The job may have left processes behind.
+                self._settle(self.record(job_id), code, cancelled=work.cancelled)
 
     def _settle(self, record: JobRecord, code: int | None, *, cancelled: bool) -> None:
         """Write the end of a job whose process did not write it."""
         with suppress(InputError, OSError):
-            if record.read().has_ended:
-                pass
-            elif self._closing:
-                record.end("interrupted", _stopped_early(record))
-            elif cancelled:
-                record.end("cancelled", f"cancelled; it was ended by force; {_next_step(record)}")
-            else:
-                record.end(
-                    "failed",
-                    f"the job's process ended by itself (exit code {code}); was there enough memory? "
-                    f"Then {_next_step(record)}",
-                )
+            if not record.read().has_ended:
+                next_step = _next_step(record)
+                if self._closing:
+                    record.end("interrupted", f"{_STOPPED}; {next_step}")
+                elif cancelled:
+                    record.end("cancelled", f"cancelled; it was ended by force; {next_step}")
+                else:
+                    words = f"the job's process ended by itself (exit code {code})"
+                    record.end("failed", f"{words}; was there enough memory? Then {next_step}")
         _clear(record)
         recover_staging(self._folder.cards)
-
-
-def _stopped_early(record: JobRecord) -> str:
-    return f"the server was stopped before it was done; {_next_step(record)}"
 
 
 def _next_step(record: JobRecord) -> str:
@@ -242,7 +188,7 @@ def _next_step(record: JobRecord) -> str:
 
 
 def _clear(record: JobRecord) -> None:
+    """Remove the unfinished files of a job."""
     recover_staging(record.folder)
-    for pattern in (".record-*", ".reserve"):
-        for left in record.folder.glob(pattern):
-            shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
+    for path in (*record.folder.glob(".upload-*"), *record.folder.glob(".reserve")):
+        path.unlink(missing_ok=True)

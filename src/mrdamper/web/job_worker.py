@@ -18,7 +18,6 @@ import traceback
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mrdamper.errors import MrdamperError
 from mrdamper.runtime.signals import Interrupted
@@ -29,11 +28,6 @@ from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 _NICENESS = 10  # Pages have priority over jobs.
 INTERVAL_MIN_S, INTERVAL_MAX_S = 0.02, 2.0  # Time between two progress lines.
 
-_KEPT = {
-    "fit": "the card contains the best result so far and is marked as cancelled",
-}
-"""Message about the files of an interrupted job, by kind."""
-
 _server_is_gone = threading.Event()
 
 
@@ -42,29 +36,23 @@ class _ProgressFile:
 
     def __init__(self, path: Path) -> None:
         self._path, self._begin, self._next = path, time.monotonic(), 0.0
-        self._held: dict[str, object] | None = None
+        self._pending = ""
 
-    def progress(self, **told: object) -> None:
+    def progress(self, **values: object) -> None:
+        """Write a line if the previous one is old enough; otherwise keep it for ``flush``."""
         spent = time.monotonic() - self._begin
-        self._held = {"event": "progress", "t_s": round(spent, 3), **told}
+        line = {"event": "progress", "t_s": round(spent, 3), **values}
+        self._pending = json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
         if spent >= self._next:
             self._next = spent + min(INTERVAL_MIN_S + spent / 500.0, INTERVAL_MAX_S)
             self.flush()
 
-    def message(self, text: str) -> None:
-        self.flush()
-        self._write({"event": "message", "t_s": round(time.monotonic() - self._begin, 3), "text": text})
-
     def flush(self) -> None:
         """Write the pending line."""
-        if self._held is not None:
-            self._write(self._held)
-            self._held = None
-
-    def _write(self, line: dict[str, object]) -> None:
         # A full disk must not stop the job, so the line is dropped.
         with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
+            file.write(self._pending)
+        self._pending = ""
 
 
 def main() -> None:
@@ -95,25 +83,25 @@ def run_job(folder: WorkFolder, job_id: str) -> None:
     try:
         record.begin()
         progress = _ProgressFile(record.folder / "progress.jsonl")
-        progress.message("started")
-        answer = _do(record, folder, progress)
+        job = record.read()
+        resume = job.resumed > 0
+        answer = do(job.kind, job.options, folder, record.folder, progress.progress, resume=resume)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # A finished job is not cancelled.
         progress.flush()
         write_object(record.folder / "answer.json", answer)
-        if answer.get("cancelled"):
-            kept = _KEPT.get(record.read().kind, "finished parts are kept")
-            record.end(*_stopped(kept))
-        else:
+        if not answer.get("cancelled"):
             record.end("done")
+        elif job.kind == "fit":
+            record.end(*_stopped("the card contains the best result so far and is marked as cancelled"))
+        else:
+            record.end(*_stopped("finished parts are kept"))
     except (KeyboardInterrupt, Interrupted):
-        record.end(*_stopped(_without_result(record)))
+        if record.is_resumable(replace(record.read(), state="cancelled")):
+            record.end(*_stopped("the job had no result; its finished parts are kept for Resume"))
+        else:
+            record.end(*_stopped("the job had no result; no files were written"))
     except BaseException as fault:
         _fail(record, fault)
-
-
-def _do(record: JobRecord, folder: WorkFolder, progress: _ProgressFile) -> dict[str, Any]:
-    job = record.read()
-    return do(job.kind, job.options, folder, record.folder, progress.progress, resume=job.resumed > 0)
 
 
 def _fail(record: JobRecord, fault: BaseException) -> None:
@@ -129,12 +117,6 @@ def _fail(record: JobRecord, fault: BaseException) -> None:
     else:
         traceback.print_exception(fault)
         record.end("failed", FAULT)
-
-
-def _without_result(record: JobRecord) -> str:
-    if not record.is_resumable(replace(record.read(), state="cancelled")):
-        return "the job had no result; no files were written"
-    return "the job had no result; its finished parts are kept for Resume"
 
 
 def _stopped(kept: str) -> tuple[EndState, str]:

@@ -12,84 +12,55 @@ import socket
 import threading
 import webbrowser
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import uvicorn
 from fastapi import FastAPI
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.runtime.signals import on_interrupt
-from mrdamper.web.context import MOST_UPLOAD, AppContext, JsonAnswer
-from mrdamper.web.job_queue import ConflictError
-from mrdamper.web.routes.cards import card_routes
-from mrdamper.web.routes.files import file_routes
-from mrdamper.web.routes.inputs import input_routes
-from mrdamper.web.routes.jobs import job_routes
-from mrdamper.web.routes.runs import run_routes
-from mrdamper.web.routes.state import state_routes
-from mrdamper.web.routes.workspaces import Workspaces, workspace_routes
-from mrdamper.web.run_index import SameNameError
-from mrdamper.web.security import Guard, ListenAddress
-from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, WorkFolder, is_full
+from mrdamper.web.context import UPLOAD_MAX_BYTES, Context, Dampers
+from mrdamper.web.routes import items, jobs, runs
+from mrdamper.web.security import Guard, ListenAddress, refusal
+from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, WorkFolder, is_full
 
 DEFAULT_PORT = 8765
 
 _STATIC = Path(__file__).parent / "static"
 _CONNECTIONS_MAX_COUNT = 200  # A browser has six; further ones get status 503.
 _TOKEN_SIGNS = 32
-_STATUS: tuple[tuple[type[Exception], int], ...] = (
-    (NotThereError, 404),
-    (ConflictError, 409),
-    (SameNameError, 409),
-    (TooLargeError, 413),
-    (NoSpaceError, 507),
-    (MrdamperError, 422),
-)
 
 
-def build(root: Path, address: ListenAddress | None = None, *, most_upload: int = MOST_UPLOAD) -> ASGIApp:
+def build(
+    root: Path, address: ListenAddress | None = None, *, most_upload: int = UPLOAD_MAX_BYTES
+) -> ASGIApp:
     """Return the server of a folder as an ASGI application; its lifespan starts and ends its processes."""
     address = address or ListenAddress()
-    context = AppContext(root, most_upload=most_upload, local=address.is_loopback)
-    workspaces = Workspaces(context, _app_of)
+    dampers = Dampers(root, most_upload=most_upload, local=address.is_loopback)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        context.open()
+        dampers.main.open()
         yield
-        await workspaces.close()
+        await dampers.close()
 
-    app = _app_of(context, workspaces, lifespan)
-    return Guard(app, address)
-
-
-def _app_of(
-    context: AppContext,
-    workspaces: Workspaces,
-    lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
-) -> FastAPI:
-    """Return the application of a damper; the one of the server's folder contains the other dampers."""
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-    for routes in (state_routes, file_routes, input_routes, run_routes, card_routes, job_routes):
-        app.include_router(routes(context))
-    app.include_router(workspace_routes(workspaces))
-    if lifespan is not None:
-        app.mount("/damper", workspaces)
-    app.mount("/static", StaticFiles(directory=_STATIC, check_dir=False))
-    app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)
-    for kind, status in _STATUS:
-        app.add_exception_handler(kind, _error_handler(status))
-    app.add_exception_handler(OSError, _no_space)
-    app.add_exception_handler(FileNotFoundError, _gone)
-    app.add_exception_handler(HTTPException, _plain)
-    app.add_exception_handler(Exception, _fault)
-    return app
+    app.state.dampers = dampers
+    for routes in (items.routes, runs.routes, jobs.routes):
+        app.include_router(routes)
+        app.include_router(routes, prefix="/damper/{damper}")
+    app.mount("/static", StaticFiles(directory=_STATIC))
+    app.add_api_route("/damper/{damper}/{path:path}", _damper_page)
+    app.add_api_route("/{path:path}", _page)
+    for kind in (MrdamperError, OSError, HTTPException, ClientDisconnect, Exception):
+        app.add_exception_handler(kind, _answer)
+    return Guard(app, address)
 
 
 def serve(
@@ -156,12 +127,9 @@ def _kept_token(place: Path) -> str:
         if len(kept) == _TOKEN_SIGNS and kept.isprintable() and not place.stat().st_mode & 0o077:
             return kept
     place.unlink(missing_ok=True)
-    token = secrets.token_urlsafe(_TOKEN_SIGNS)[:_TOKEN_SIGNS]
-    with os.fdopen(
-        os.open(place, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii"
-    ) as file:
-        file.write(token)
-    return token
+    place.touch(0o600, exist_ok=False)
+    place.write_text(secrets.token_urlsafe(_TOKEN_SIGNS)[:_TOKEN_SIGNS], encoding="ascii")
+    return place.read_text(encoding="ascii")
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -181,6 +149,11 @@ def _listening(host: str, port: int) -> socket.socket:
     return listener
 
 
+async def _damper_page(path: str, _: Context) -> Response:
+    """Send the page of a damper; raise NotThereError if there is no such damper."""
+    return await _page(path)
+
+
 async def _page(path: str) -> Response:
     """Send the page for each address that is not a file."""
     if path.startswith("api/") or "." in path:
@@ -188,38 +161,20 @@ async def _page(path: str) -> Response:
     return FileResponse(_STATIC / "index.html", media_type="text/html; charset=utf-8")
 
 
-def _error_handler(status: int) -> Callable[[Request, Exception], Response]:
-    """Return the handler that sends message and parts of an error."""
-
-    def answer(_: Request, fault: Exception) -> Response:
-        if not isinstance(fault, MrdamperError):
-            return JsonAnswer({"error": str(fault), "status": status}, status)
-        return JsonAnswer({"error": str(fault), "status": status, **fault.parts()}, status)
-
-    return answer
-
-
-def _no_space(request: Request, fault: Exception) -> Response:
-    """Report a full disk; raise any other OSError again."""
-    if not is_full(fault):
-        raise fault
-    return _error_handler(507)(request, NoSpaceError("nothing was written"))
-
-
-def _gone(request: Request, fault: Exception) -> Response:
-    """Report that a listed file was deleted or moved."""
+def _answer(_: Request, fault: Exception) -> Response:
+    """Return the response to an error: its message and parts, without internal details."""
     name = Path(str(getattr(fault, "filename", None) or "a file")).name
-    return _error_handler(404)(request, NotThereError(place=f"{name!r}", found="is no longer there"))
-
-
-def _fault(_: Request, _fault: Exception) -> Response:
-    return JSONResponse({"error": FAULT, "status": 500}, 500)
-
-
-def _plain(_: Request, fault: Exception) -> Response:
-    assert isinstance(fault, HTTPException)
-    said = {404: "nothing is at this address", 405: "this is not answered here"}
-    status = fault.status_code
-    return JSONResponse(
-        {"error": said.get(status, "the request cannot be answered"), "status": status}, status
-    )
+    if is_full(fault):
+        fault = NoSpaceError("nothing was written")
+    elif isinstance(fault, FileNotFoundError):
+        fault = NotThereError(place=f"{name!r}", found="is no longer there")
+    elif isinstance(fault, OSError):
+        fault = InputError(place=f"{name!r}", found=f"cannot be used ({fault.strerror})")
+    if isinstance(fault, MrdamperError):
+        return refusal(getattr(fault, "status", 422), str(fault), **fault.parts())
+    if isinstance(fault, ClientDisconnect):  # The client closed the connection during an upload.
+        return Response(status_code=400)
+    if isinstance(fault, HTTPException):
+        reasons = {404: "nothing is at this address", 405: "this is not answered here"}
+        return refusal(fault.status_code, reasons.get(fault.status_code, "the request cannot be answered"))
+    return refusal(500, FAULT)

@@ -20,7 +20,7 @@ import os
 import re
 import secrets
 import shutil
-import tempfile
+import time
 import unicodedata
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -37,9 +37,7 @@ FAULT = "internal fault: this is a fault of mrdamper; the server's terminal show
 """Message of an internal error, without details."""
 
 _SIGNS = frozenset(" ._-+=,()[]@#%&")
-_WRITTEN = frozenset("LMN")  # Letters, marks and numbers of all scripts.
-_PRINTED = frozenset("LMNPS")
-_LONGEST = 150  # Most file systems allow 255 bytes for a name.
+_NAME_MAX_BYTES = 150  # Most file systems allow 255 bytes.
 INPUT_SUFFIXES = (".toml", ".csv", ".json")
 _ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Other programs may interpret these characters.
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
@@ -48,18 +46,29 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 class NotThereError(InputError):
     """The folder contains no item of this name."""
 
+    status = 404
+
+
+class ConflictError(InputError):
+    """A request conflicts with an existing item."""
+
+    status = 409
+
 
 class TooLargeError(InputError):
-    """An upload exceeds its size limit."""
+    """A request exceeds its size limit."""
+
+    status = 413
 
 
 class NoSpaceError(MrdamperError):
     """The disk or the user's quota is full."""
 
+    status = 507
+
     def __init__(self, what: str) -> None:
-        super().__init__(
-            found=f"the disk is full: {what}", remedy="Free space on the disk of the folder, then try again"
-        )
+        remedy = "Free space on the disk of the folder, then try again"
+        super().__init__(f"the disk is full: {what}", remedy=remedy)
 
 
 def is_full(fault: BaseException) -> bool:
@@ -69,13 +78,13 @@ def is_full(fault: BaseException) -> bool:
 
 def is_text(name: str) -> bool:
     """Return True if a name can be encoded in UTF-8."""
-    return not any("\ud800" <= each <= "\udfff" for each in name)
+    return not re.search("[\ud800-\udfff]", name)
 
 
 def _is_plain(sign: str) -> bool:
     """Return True if a character is allowed in a new name."""
-    kind = unicodedata.category(sign)[0]
-    return sign in _SIGNS or kind in (_WRITTEN if sign.isascii() else _PRINTED)
+    # Letters, marks and numbers of all scripts; punctuation and symbols only outside ASCII.
+    return sign in _SIGNS or unicodedata.category(sign)[0] in ("LMN" if sign.isascii() else "LMNPS")
 
 
 class WorkFolder:
@@ -92,22 +101,18 @@ class WorkFolder:
             for place in own:
                 place.mkdir(parents=True, exist_ok=True)
                 if not place.resolve().is_relative_to(self.root):
-                    raise InputError(
-                        place=f"{place}", found="is a link that leads out of the folder; remove it"
-                    )
+                    raise InputError("is a link that leads out of the folder; remove it", place=place)
         except OSError as fault:
-            raise InputError(
-                place=root, found=f"cannot be worked in: {fault.strerror}; choose another --folder"
-            ) from fault
+            words = f"cannot be worked in: {fault.strerror}; choose another --folder"
+            raise InputError(words, place=root) from fault
 
     def claim(self) -> TextIO:
         """Lock the folder for this server until the returned file is closed."""
         file = (self.cache / "server.lock").open("w")
         if lock(file.fileno()) is False:
             file.close()
-            raise InputError(
-                place=self.root, found="another server works in this folder; stop it, or choose another"
-            )
+            words = "another server works in this folder; stop it, or choose another"
+            raise InputError(place=self.root, found=words)
         return file
 
     def clear(self) -> None:
@@ -115,7 +120,7 @@ class WorkFolder:
         for place in (self.runs, self.inputs, self.cards):
             recover_staging(place)
             for left in place.glob(".upload-*"):
-                self.remove(left)
+                left.unlink(missing_ok=True)
 
     # ---------------------------------------------------------------------------------- names to paths
 
@@ -126,7 +131,7 @@ class WorkFolder:
             not all(map(_is_plain, name or "/"))
             or name.startswith((".", " "))
             or name.endswith((".", " "))
-            or len(name.encode()) > _LONGEST
+            or len(name.encode()) > _NAME_MAX_BYTES
             or _RESERVED.fullmatch(name)
             or _ESCAPED.search(name)
         ):
@@ -135,7 +140,7 @@ class WorkFolder:
                 found="cannot be used",
                 expected=(
                     "letters and digits of any script, blanks, signs such as ° and ._-+=,()[]@#%&, not "
-                    f"beginning with a dot, at most {_LONGEST} bytes"
+                    f"beginning with a dot, at most {_NAME_MAX_BYTES} bytes"
                 ),
                 remedy="Rename the file",
             )
@@ -176,7 +181,7 @@ class WorkFolder:
 
     def record(self, name: str) -> Path:
         """Return the path of a long record or of a measured file."""
-        if self._is_there(self.records, name) and not name.endswith(MAP_SUFFIX):
+        if self.has(self.records, name) and not name.endswith(MAP_SUFFIX):
             return self.there(self.records, name)
         return self.run_file(name)
 
@@ -203,22 +208,16 @@ class WorkFolder:
 
     def run_files(self, formats: tuple[str, ...]) -> list[Path]:
         """Return the measured files, by name."""
-        return self._measured(self.runs, formats)
+        return self.listed(self.runs, formats)
 
-    def record_files(self, formats: tuple[str, ...]) -> list[Path]:
-        """Return the long records, by name."""
-        return self._measured(self.records, formats)
-
-    def _measured(self, place: Path, formats: tuple[str, ...]) -> list[Path]:
-        found = [path for path in self._listed(place) if path.suffix.lower() in formats]
-        return [path for path in found if not path.name.endswith(MAP_SUFFIX)]
-
-    def input_files(self) -> list[Path]:
-        return [path for path in self._listed(self.inputs) if path.suffix.lower() in INPUT_SUFFIXES]
+    def listed(self, place: Path, suffixes: tuple[str, ...]) -> list[Path]:
+        """Return the files in a subfolder with one of the suffixes, by name."""
+        paths = [path for path in place.iterdir() if path.suffix.lower() in suffixes]
+        return sorted(path for path in paths if path.name[0] != "." and self.has(place, path.name))
 
     def card_names(self) -> list[str]:
-        names = sorted(path.name for path in self.cards.iterdir() if not path.name.startswith("."))
-        return [name for name in names if is_text(name) and self._is_there(self.cards, name, "card.json")]
+        names = sorted(path.name for path in self.cards.glob("[!.]*"))
+        return [name for name in names if self.has(self.cards, name, "card.json")]
 
     def unnamed(self) -> list[str]:
         """Return the escaped names of items that are not UTF-8 and cannot be requested."""
@@ -226,60 +225,33 @@ class WorkFolder:
         found = [path.name for place in places for path in place.iterdir() if not is_text(path.name)]
         return sorted(os.fsencode(name).decode(errors="backslashreplace") for name in found)
 
-    def _listed(self, place: Path) -> list[Path]:
-        found = sorted(path for path in place.iterdir() if not path.name.startswith("."))
-        return [path for path in found if is_text(path.name) and self._is_there(place, path.name)]
-
-    def _is_there(self, place: Path, *names: str) -> bool:
-        try:
-            self.there(place, *names)
-        except NotThereError:
-            return False
-        return True
+    def has(self, place: Path, *names: str, folder: bool = False) -> bool:
+        """Return True if ``there`` returns a path."""
+        with suppress(NotThereError):
+            return all(map(is_text, names)) and bool(self.there(place, *names, folder=folder))
+        return False
 
     # ---------------------------------------------------------------------------------------- writing
 
-    async def store(self, path: Path, body: AsyncIterator[bytes], most_bytes: int, stated: str | None) -> int:
+    async def store(self, path: Path, body: AsyncIterator[bytes], most_bytes: int) -> int:
         """Write an upload to a temporary file and move it to its path; return its size [bytes]."""
-        too_large = TooLargeError(
-            place=path.name,
-            found=(
-                f"is larger than {most_bytes / 1e6:g} MB; split the file, or put it into the folder by hand"
-            ),
-        )
-        if stated is not None and (not stated.isdigit() or int(stated) > most_bytes):
-            raise too_large
-        beside = path.with_name(f".upload-{secrets.token_hex(8)}")
+        unfinished = path.with_name(f".upload-{secrets.token_hex(8)}")
         size = 0
         try:
-            with beside.open("xb") as file:
+            with unfinished.open("xb") as file:
                 async for piece in body:
                     size += len(piece)
                     if size > most_bytes:
-                        raise too_large
+                        raise TooLargeError(
+                            place=path.name,
+                            found=f"is larger than {most_bytes / 1e6:g} MB",
+                            remedy="split the file, or put it into the folder by hand",
+                        )
                     file.write(piece)
-            self.move(beside, path)
-        except OSError as fault:
-            if is_full(fault):
-                raise NoSpaceError(f"{path.name} was not stored") from fault
-            raise TooLargeError(place=path.name, found=f"cannot be written: {fault.strerror}") from fault
+            unfinished.replace(path)  # A link is replaced, not followed.
         finally:
-            beside.unlink(missing_ok=True)
+            unfinished.unlink(missing_ok=True)
         return size
-
-    def move(self, beside: Path, path: Path) -> None:
-        """Move a finished file to its path; a link there is replaced, not followed."""
-        self._require_no_folder(path)
-        beside.replace(path)
-
-    def _require_no_folder(self, path: Path) -> None:
-        if path.is_dir() and not path.is_symlink():
-            raise InputError(place=path.name, found="is a folder; choose another name")
-
-    def write(self, path: Path, text: str) -> None:
-        """Write a text atomically; a link at the path is replaced, not followed."""
-        self._require_no_folder(path)
-        write_whole(path, text)
 
     def discard(self, *paths: Path) -> str:
         """Move files or folders into the trash; return the name of the entry."""
@@ -292,12 +264,10 @@ class WorkFolder:
                 path.rename(place / path.name)
         return name
 
-    def discarded(self) -> list[tuple[str, list[Path]]]:
-        """Return the entries of the trash, newest first: name and original paths."""
+    def discarded(self) -> dict[str, list[Path]]:
+        """Return the original paths of the entries of the trash, newest first."""
         names = sorted((path.name for path in self.trash.iterdir() if path.is_dir()), reverse=True)
-        return [
-            (name, [path.relative_to(self.trash / name) for path in self._thrown(name)]) for name in names
-        ]
+        return {name: [path.relative_to(self.trash / name) for path in self._thrown(name)] for name in names}
 
     def restore(self, name: str) -> list[Path]:
         """Move an entry of the trash to its original paths; return these paths.
@@ -309,46 +279,35 @@ class WorkFolder:
         InputError
             An original path is used by another item.
         """
-        thrown = self._thrown(self.there(self.trash, name, folder=True).name)
-        places = [self.root / path.relative_to(self.trash / name) for path in thrown]
-        for place in places:
+        entry = self.there(self.trash, name, folder=True)
+        places = {path: self.root / path.relative_to(entry) for path in self._thrown(name)}
+        for place in places.values():
             if os.path.lexists(place):
-                raise InputError(
-                    place=place.name, found="something of this name is there again", remedy="Remove it first"
-                )
-        for path, place in zip(thrown, places, strict=True):
+                words = "something of this name is there again"
+                raise InputError(place=place.name, found=words, remedy="Remove it first")
+        for path, place in places.items():
             path.rename(place)
-        self.remove(self.trash / name)
-        return places
+        shutil.rmtree(entry, ignore_errors=True)
+        return list(places.values())
 
     def _thrown(self, name: str) -> list[Path]:
         places = ("runs", "inputs", "cards", "results", "dampers")
         return [path for each in places for path in sorted((self.trash / name / each).glob("*"))]
 
-    def remove(self, path: Path) -> None:
-        """Delete a file, a link or a folder."""
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            with suppress(FileNotFoundError):
-                path.unlink()
 
-
-def write_whole(path: Path, text: str, mark: str = ".upload-") -> None:
-    """Write a text atomically; the name of an unfinished file begins with ``mark``."""
-    handle, name = tempfile.mkstemp(prefix=mark, dir=path.parent)
+def write_whole(path: Path, text: str) -> None:
+    """Write a text atomically; a link at the path is replaced, not followed."""
+    unfinished = path.with_name(f".upload-{secrets.token_hex(8)}")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
+        unfinished.write_text(text, encoding="utf-8")
+        unfinished.replace(path)
     finally:
-        Path(name).unlink(missing_ok=True)
+        unfinished.unlink(missing_ok=True)
 
 
 def now() -> str:
     """Return the time in UTC and ISO 8601."""
-    return timestamp(datetime.now(UTC).timestamp())
+    return timestamp(time.time())
 
 
 def timestamp(seconds: float) -> str:

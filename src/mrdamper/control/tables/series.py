@@ -3,8 +3,8 @@
 The tables are: yield force on an even grid of commands and temperatures, other coefficients against
 temperature, powers of speed, and two functions that are the same for all dampers: tanh u and exp(-u^2).
 
-The inverse of the series valve is explicit because only its yield force depends on the command. In the chain,
-shear thinning, bristles and memory can also depend on the command (``PLANES``). The exponents are constant.
+Of the series valve only the yield force can depend on the command. In the chain, shear thinning, bristles and
+memory can also depend on it (``PLANES``). The exponents are constant.
 All other coefficients can depend on temperature.
 """
 

@@ -48,7 +48,7 @@ int mrd_track_is_sound(const mrd_track *t)
     if (!(t->axes.period > zero && t->axes.largest > zero && t->axes.coldest > zero && t->axes.warmest >= t->axes.coldest))
         return 0;
     if (t->law.elements < 0 || t->law.elements > 2) return 0;
-    if (t->inverse.bank && (t->inverse.preview > zero || t->law.series || t->law.chain)) return 0;
+    if (t->inverse.method == MRD_INVERSE_BANK && (t->inverse.preview > zero || t->law.series || t->law.chain)) return 0;
     if (!(t->gains.yield_force > zero && t->gains.viscous_force > zero && t->gains.friction_force > zero)) return 0;
     if (dead < 0 || dead > (int32_t)MRD_TRACK_DELAY_LINE - 3) return 0;
     if (!(t->actuation.dead_part >= zero && t->actuation.dead_part <= one)) return 0;

@@ -180,7 +180,6 @@ enum {
     MRD_OUTSIDE_MOTION = 256, /* displacement or velocity outside the identified range */
     MRD_OUTSIDE_TEMPERATURE = 512, /* temperature outside the identified range: its edge is used */
     MRD_INFEASIBLE = 1024, /* no command gives the wanted force */
-    MRD_CLAMPED = 2048, /* the reversal clamp limits the command */
     MRD_SATURATED = 4096, /* the command is at one of its ends, or beyond them */
     MRD_NO_CURRENT = 8192, /* command is not a number, or far outside: the last valid one is used, then zero */
     MRD_FROZEN_TEMPERATURE = 16384, /* temperature is constant although the damper warms */
@@ -231,7 +230,7 @@ typedef struct {
 
 /* Inputs of a step; NaN if unknown. */
 typedef struct {
-    mrd_real now, ahead;   /* wanted force [N], and the same at `preview` later */
+    mrd_real now, ahead;   /* wanted force [N], and the same at `preview` later; only a prediction uses `ahead` */
     mrd_real displacement; /* [m] */
     mrd_real temperature;  /* [K] */
     mrd_real force;        /* [N] */

@@ -20,7 +20,7 @@
 /* Source of the command. */
 typedef enum {
     MRD_INVERSE_NONE = 0,      /* feedback only */
-    MRD_INVERSE_MODEL = 1,     /* inverse of the model, or of a bank of models */
+    MRD_INVERSE_BANK = 1,      /* inverse of a bank of models at constant currents at the present instant */
     MRD_INVERSE_PREDICTIVE = 2 /* moves of the command over the horizon in which it acts */
 } mrd_inverse_method;
 
@@ -88,13 +88,6 @@ typedef struct {
     mrd_real second_ramp; /* fraction of a ramp of the first lag by which the second is late [-] */
     mrd_real freewheel_ratio; /* period divided by the free-wheeling time constant; 0: no free-wheeling [-] */
     mrd_real inverse_saturation_flux; /* b in the flux I / (1 + b I) [1/A] */
-    mrd_real second_ahead; /* second, from the last sample of the dead time to the preview [-] */
-    mrd_real rise_couple_ahead; /* rise_couple, to the preview [-] */
-    mrd_real fall_couple_ahead; /* fall_couple, to the preview [-] */
-    mrd_real second_ramp_ahead; /* second_ramp, to the preview [-] */
-    mrd_real freewheel_ratio_ahead; /* freewheel_ratio, to the preview [-] */
-    mrd_real rise_answer; /* fraction of a command given now that has passed at the preview, command above [-] */
-    mrd_real fall_answer; /* the same, command below [-] */
     mrd_real hysteresis_width; /* half width of the magnetic hysteresis behind the lags [A] */
     mrd_real hysteresis_weight; /* weight of the field that has this hysteresis, below 1 [-] */
     mrd_real wide_hysteresis_width; /* half width of a second, wider hysteresis; 0: none [A] */
@@ -104,10 +97,7 @@ typedef struct {
 /* Method by which the command for a wanted force is found. */
 typedef struct {
     mrd_inverse_method method; /* source of the command */
-    bool bank; /* five models at constant currents at the present instant; the preview must be 0 */
-    mrd_real preview; /* the force is set for this time later [s] */
-    mrd_real compensation; /* fraction of the remaining gap of the lags that the command compensates [-] */
-    mrd_real margin; /* reversal clamp: maximum above the static answer; negative: disabled [A] */
+    mrd_real preview; /* the wanted force is known this time ahead; 0 for a bank [s] */
 } mrd_config_inverse;
 
 /* Horizon over which the law is stepped, and the moves of the command in it. */
@@ -119,6 +109,7 @@ typedef struct {
     int32_t stretch; /* factor of the length from the fourth step on */
     mrd_real dead; /* time from now to the start of the horizon [s] */
     mrd_real fade; /* weight of the error of a step divided by the weight of the step before [-] */
+    mrd_real settled; /* fraction of the unfinished hysteresis that is assumed to be complete [-] */
     mrd_real calm; /* force error that is worth a move of the command by one ampere [N/A] */
     mrd_real rise; /* remaining fraction of the gap of the first lag after a step, command above the lag [-] */
     mrd_real fall; /* the same, command below the lag [-] */

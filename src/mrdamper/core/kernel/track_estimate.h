@@ -7,8 +7,6 @@
 
 #include "track_chain.h"
 
-enum { HYSTERESIS_INVERSE_ITERATIONS = 4 }; /* inverse of two dead bands; one iteration leaves a third of the error */
-
 /* Predict displacement and velocity after the time h for constant acceleration. */
 static inline void predict_constant_acceleration(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
 {
@@ -323,37 +321,6 @@ static inline mrd_real apply_hysteresis(const mrd_track *c, mrd_real flux, mrd_r
     return felt;
 }
 
-/* Return the current before one dead band at the position `at` that gives the effective current `felt`. */
-static inline mrd_real invert_one_hysteresis(const mrd_track *c, mrd_real felt, mrd_real width, mrd_real share, mrd_real at)
-{
-    const mrd_real rest = felt - share * (at + width);
-    mrd_real inside = rest / (R(1.0) - share); /* I - share * flux(I) = rest */
-    if (c->actuation.inverse_saturation_flux > R(0.0)) {
-        const mrd_real bend = c->actuation.inverse_saturation_flux, linear = R(1.0) - share - bend * rest;
-        const mrd_real root = square_root(linear * linear + R(4.0) * bend * rest);
-        inside = linear > R(0.0) ? R(2.0) * rest / (linear + root) : R(0.5) * (root - linear) / bend;
-    }
-    const mrd_real flux = flux_of(c, inside);
-    if (flux > at + width) return felt;
-    if (flux < at - width) return felt - R(2.0) * share * width;
-    return inside;
-}
-
-/* Return the current that gives the effective current `felt`. Two dead bands are inverted alternately. */
-static inline mrd_real invert_hysteresis(const mrd_track *c, mrd_real felt, const mrd_real *play)
-{
-    const mrd_config_actuation *a = &c->actuation;
-    const bool wide = a->wide_hysteresis_width > R(0.0);
-    mrd_real command = felt;
-    if (!wide) return a->hysteresis_width > R(0.0) ? invert_one_hysteresis(c, felt, a->hysteresis_width, a->hysteresis_weight, play[0]) : felt;
-    for (int i = 0; i < HYSTERESIS_INVERSE_ITERATIONS; i++) {
-        mrd_real narrow = play[0];
-        const mrd_real held = a->hysteresis_width > R(0.0) ? a->hysteresis_weight * hysteresis_excess(flux_of(c, command), a->hysteresis_width, &narrow) : R(0.0);
-        command = invert_one_hysteresis(c, felt - held, a->wide_hysteresis_width, a->wide_hysteresis_weight, play[1]);
-    }
-    return command;
-}
-
 /* Update the effective current of the commands. Return its mean over the period. */
 static mrd_real update_applied_current(const mrd_track *c, mrd_track_state *s)
 {
@@ -422,7 +389,7 @@ static mrd_real update_hysteresis(const mrd_track *c, mrd_track_state *s, const 
     const segment way = segment_of(s->direction, v0, s->v, c->axes.period);
     mrd_real rho[MRD_TRACK_BANK];
     s->direction = way.side;
-    if (c->inverse.bank) {
+    if (c->inverse.method == MRD_INVERSE_BANK) {
         for (int e = 0; e < elements; e++) {
             rho_of_models(c, warm, e, rho);
             for (int b = 0; b < MRD_TRACK_BANK; b++) s->curve_position[b][e] = position_after(c, s->curve_position[b][e], rho[b], &way);

@@ -4,6 +4,9 @@
  *
  *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
  *
+ * While the hysteresis builds up after a reversal, a fraction `settled` of the rest is assumed to be complete, because a
+ * real damper builds up its force faster than a Bouc-Wen model when the current rises.
+ *
  * u0 is the command in the first step of the horizon, u1 in the next two, u2 in the rest; the controller uses u0. An
  * iteration is a Gauss-Newton step; the derivatives are integrated with the state. The moves are kept between
  * samples, so that one iteration is sufficient after they have settled.
@@ -106,7 +109,8 @@ static void step_travel_law(const mrd_track *c, const mrd_track_state *s, const 
     moment m = {w->x, w->v, w->a, {sign, sign}};
     for (int e = 0; e < c->law.elements; e++) {
         w->curve_position[e] = position_after(c, w->curve_position[e], rho[e], &way);
-        m.w[e] = way.side * hysteresis_at(c, w->curve_position[e]);
+        const mrd_real at = hysteresis_at(c, w->curve_position[e]);
+        m.w[e] = way.side * (at + c->prediction.settled * (R(1.0) - at));
     }
     multipliers(c, &m, by);
     for (int32_t k = 0; k < c->levels; k++) level += by[c->row[k]] * law->factor[k];
@@ -218,6 +222,23 @@ static void store_target(const mrd_track *c, mrd_track_state *s, bool first, mrd
         since += c->axes.period;
         const mrd_real share = clamp(since / c->inverse.preview, R(0.0), R(1.0));
         s->wanted_line[(slot - i) % MRD_TRACK_DELAY_LINE] = ahead + share * (now - ahead);
+    }
+}
+
+/* Update the filter of the wanted force, which extrapolates it, and store the force that is wanted at the preview. */
+static void update_target(const mrd_track *c, mrd_track_state *s, bool known_ahead, mrd_real now, mrd_real ahead)
+{
+    static const mrd_real most = R(1e9); /* [N/s], [N/s2] */
+    predict_constant_acceleration(&s->target, &s->target_rate, s->target_second_derivative, c->axes.period);
+    const mrd_real off = now - s->target;
+    s->target += c->reference.gain_f * off;
+    s->target_rate = clamp(s->target_rate + c->reference.gain_rate * off, -most, most);
+    s->target_second_derivative = clamp(s->target_second_derivative + c->reference.gain_second_derivative * off, -most, most);
+    if (known_ahead) {
+        store_target(c, s, s->target_known_ahead == 0, now, ahead);
+        s->target_known_ahead = 1;
+    } else {
+        store_target(c, s, false, now, target_at(c, s, false, now, c->inverse.preview));
     }
 }
 

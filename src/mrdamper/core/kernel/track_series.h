@@ -1,4 +1,4 @@
-/* The series valve in real time: step, force, and current for a wanted force.
+/* The series valve in real time: step and force.
  *
  *     F = S(e) + cB |e'|^mB sgn e'  =  f0 + k0 y + A [tanh(y'/vr) + rK |y'|^m sgn y'],   e + y = x
  *     S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)],   A = fy(I, T) (1 + bx x)
@@ -12,16 +12,10 @@
 
 #include "track_tables.h"
 
-enum { SERIES_STRIDES = 2,       /* steps to the preview */
-       SERIES_ROUNDS = 5,        /* iterations for the velocity of the valve */
-       SERIES_AHEAD_ROUNDS = 4,  /* the same up to the preview */
-       SERIES_SPRING_ROUNDS = 6 /* iterations for the travel of the spring */ };
+enum { SERIES_ROUNDS = 5 }; /* iterations for the velocity of the valve */
 
 /* Maximum velocity of the valve [m/s], so that the state recovers after an invalid reading. */
 static const mrd_real series_fastest = R(8.0);
-
-/* Time in which the spring reaches the wanted force [s]. */
-static const mrd_real series_horizon = R(4e-3);
 
 /* Return the position of a current among `count` evenly spaced ones from zero. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
@@ -100,21 +94,6 @@ static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real cu
     const axis_point at = series_axis(current, c->axes.largest, c->series->currents);
     const mrd_real below = yield_of(c, warm, at.index);
     return below + at.share * (yield_of(c, warm, at.index + 1) - below);
-}
-
-/* Return the current for a yield force, or the nearest if there is none, by bisection of the table. */
-static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, bool *found)
-{
-    int32_t low = 0, width = c->series->currents - 1;
-    const mrd_real pitch = c->axes.largest / (mrd_real)width;
-    while (width > 1) {
-        width /= 2;
-        if (yield_of(c, warm, low + width) <= wanted) low += width;
-    }
-    const mrd_real below = yield_of(c, warm, low), above = yield_of(c, warm, low + 1);
-    const mrd_real share = above > below ? (wanted - below) / (above - below) : R(0.0);
-    *found = share >= R(0.0) && share <= R(1.0);
-    return pitch * ((mrd_real)low + clamp(share, R(0.0), R(1.0)));
 }
 
 /* Return the rounded corner (u + sqrt(u^2 + 1)) / 2 and its slope. */
@@ -274,94 +253,6 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
     parts[0] = amplitude * lookup_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
     parts[1] += amplitude * k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, speed, &slope);
     parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
-}
-
-/* Predict the chain over h with the estimated acceleration and a linear change of the current, by implicit Euler.
- * Return its force. */
-static mrd_real predict_series(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
-                             mrd_real h, mrd_real from, mrd_real to)
-{
-    const mrd_real stride = h / (mrd_real)SERIES_STRIDES, grows = (to - from) / (mrd_real)SERIES_STRIDES;
-    mrd_real x = s->x, v = s->v, force = R(0.0), current = from;
-    for (int i = 0; i < SERIES_STRIDES; i++) {
-        const mrd_real travel = stride * (v + R(0.5) * stride * s->a), y = x - w[0];
-        x += travel;
-        v += stride * s->a;
-        current += grows;
-        mrd_real q = w[1] + stride * s->a;
-        force = solve_valve(c->series, k, valve_amplitude(c, k, warm, current, x), w[0] + travel, y, v, stride,
-                            SERIES_AHEAD_ROUNDS, &q);
-        w[0] += travel - stride * q;
-        w[1] = q;
-    }
-    return force;
-}
-
-/* Return the travel of the spring after `h` for the wanted force of the chain, by implicit Euler. The balance rises
- * between the initial and the final travel. */
-static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real wanted, mrd_real h)
-{
-    mrd_real by_spring, by_leak, at = e;
-    mrd_real gap = spring_at(k, e, &by_spring) - wanted;
-    const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
-                       + R(2.0) * magnitude(wanted) / k->at[MRD_CHAIN_SPRING];
-    mrd_real low = gap > R(0.0) ? -far : e, high = gap > R(0.0) ? e : far;
-    for (int i = 0; i < SERIES_SPRING_ROUNDS; i++) {
-        gap = spring_at(k, at, &by_spring) + leak_at(t, k, (at - e) / h, &by_leak) - wanted;
-        if (gap > R(0.0)) high = at;
-        else low = at;
-        mrd_real next = at - gap / (by_spring + by_leak / h);
-        if (!(next >= low && next <= high)) next = R(0.5) * (low + high);
-        at = next;
-    }
-    return at;
-}
-
-/* Return the current for a force of the valve at the velocity q; `per` is the force divided by the yield force. *found
- * is true if there is one. There is none if the valve would move against its force. Then the largest current is used
- * if the force has the direction of the motion v, otherwise zero. */
-static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force, mrd_real q, mrd_real per, mrd_real v,
-                            bool *found)
-{
-    const mrd_real along = q < R(0.0) ? -force : force;
-    if (along > R(0.0) && per > R(0.0)) return current_of(c, warm, along / per, found);
-    *found = false;
-    return force * v > R(0.0) ? c->axes.largest : R(0.0);
-}
-
-/* Return the current for the wanted force at the preview with the motion *m. `applied` is the effective current of the
- * last command then. */
-static mrd_real command_of_series(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
-                              mrd_real applied, mrd_real wanted, bool *found)
-{
-    const mrd_series *t = c->series;
-    valve_chain k;
-    chain_at(c, warm, &k);
-    mrd_real viscous, friction, inertia, w[2];
-    series_parallel_forces(t, &k, m->v, m->a, &viscous, &friction, &inertia);
-    const mrd_real force = wanted - viscous - friction - inertia;
-    const mrd_real before = c->inverse.preview - series_horizon;
-    w[0] = s->curve_position[0][0];
-    w[1] = s->curve_position[0][1];
-    if (before > R(0.0))
-        (void)predict_series(c, s, &k, warm, w, before, s->applied_current,
-                           s->applied_current + before / c->inverse.preview * (applied - s->applied_current));
-    const mrd_real e = solve_spring(t, &k, w[0], force, series_horizon);
-    const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
-    /* settled: the valve has yielded and moves with the damper */
-    bool settled;
-    mrd_real slope;
-    const mrd_real gain = valve_gain(c, &k, m->x);
-    const mrd_real yielded = R(1.0) + k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, magnitude(m->v), &slope);
-    mrd_real current = current_for(c, warm, carried, m->v, gain * yielded, m->v, &settled);
-    const mrd_real most = c->inverse.margin >= R(0.0) ? current + c->inverse.margin : c->axes.largest;
-    const mrd_real q = m->v - (e - w[0]) / series_horizon;
-    current = current_for(c, warm, carried, q, gain * valve_at_speed(t, &k, magnitude(q), &slope), m->v, found);
-    if (current > most) {
-        current = most;
-        s->flags |= MRD_CLAMPED;
-    }
-    return current;
 }
 
 #endif

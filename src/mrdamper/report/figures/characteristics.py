@@ -2,75 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-from mrdamper.models.characteristics import PeakVelocityCurve
-from mrdamper.report.figures.palette import WIDTH_INCH, colour_of
-from mrdamper.report.figures.style import add_legend, axes_table, svg_drawn_by
+from mrdamper.models.card import ModelCard
+from mrdamper.models.characteristics import PeakVelocityCurve, characterise, default_scope
+from mrdamper.quantities import to_degC
+from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_figure
+from mrdamper.report.figures.style import INK, colour_of
 
 LINE_STYLES = ("-", "--")
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredPick:
-    """A measured force at peak velocity: (velocity [m/s], extension [N], retraction [N]) at a current."""
-
-    command: float
-    velocity: float
-    extension: float
-    retraction: float
-    split: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PickPanel:
-    """The curves of each damper and the measured points at one temperature."""
+    """The curves of each damper and the measured points (velocity [mm/s], force [N]) at one temperature.
+
+    ``measured`` contains the points by current.
+    """
 
     title: str
-    dampers: tuple[tuple[PeakVelocityCurve, ...], ...]
-    measured: tuple[MeasuredPick, ...] = ()
+    dampers: Sequence[Sequence[PeakVelocityCurve]]
+    measured: Mapping[float, Sequence[Point]] = field(default_factory=dict)
 
 
-def peak_velocity(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> str:
-    """Return ``peak_velocity_figure`` as SVG."""
-    return svg_drawn_by(
-        lambda: peak_velocity_figure(panels, command_unit, names), "Peak-velocity-pick curves"
-    )
-
-
-def peak_velocity_figure(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
+def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
     """Return force versus peak velocity, a panel for each temperature, coloured by current.
 
     Extension is above zero, retraction below. The second of two dampers is dashed; the
     legend shows their ``names``.
     """
-    curves = [curve for panel in panels for damper in panel.dampers for curve in damper]
-    highest = max(abs(curve.command) for curve in curves)
-    fastest = 1e3 * max(float(curve.velocity.max()) for curve in curves)
-    figure = Figure(figsize=(WIDTH_INCH if len(panels) > 1 else 5.4, 3.3))
-    margins = (0.62, 0.43, 1.1 if names else 0.8, 0.23)
-    table = axes_table(figure, 1, len(panels), margins=margins, gaps=(0.12, 0.0), share_y=True)
-    for axes, panel in zip(table, panels, strict=True):
-        axes.axhline(0.0, color="#888888", lw=0.6)
+    highest = max(abs(curve.command) for each in drawn for damper in each.dampers for curve in damper)
+
+    def lines(panel: PickPanel) -> list[Line]:
+        found = [
+            Line([], [], INK, name, style=style) for name, style in zip(names, LINE_STYLES, strict=False)
+        ]
         for style, damper in zip(LINE_STYLES, panel.dampers, strict=False):
-            for curve in damper:
-                for force in (curve.extension, curve.retraction):
-                    colour = colour_of(curve.command, highest)
-                    axes.plot(1e3 * curve.velocity, force, color=colour, lw=1.2, ls=style)
-        for pick in panel.measured:
-            x, y = [1e3 * pick.velocity] * 2, [pick.extension, pick.retraction]
-            colour = colour_of(pick.command, highest)
-            face = colour if pick.split == "training" else "white"
-            axes.plot(x, y, "o", ms=3.8, mec=colour, mfc=face, mew=0.9)
-        axes.set(title=panel.title, xlabel="peak velocity, mm/s", xlim=(0.0, 1.03 * fastest))
-        axes.locator_params(nbins=6)
-    table[0].set_ylabel("force, N")
-    commands = sorted({curve.command for curve in curves}, reverse=True)
-    entries = [(f"{command:g} {command_unit}", colour_of(command, highest), "-") for command in commands]
-    if names:
-        entries += [(name, "#555555", style) for name, style in zip(names, LINE_STYLES, strict=True)]
-    add_legend(figure, entries)
-    return figure
+            for curve in sorted(damper, key=lambda curve: -curve.command):
+                colour, speed = colour_of(curve.command, highest), 1e3 * curve.velocity
+                label = f"{curve.command:g} {command_unit}" if style == "-" else ""
+                points = panel.measured.get(curve.command, ()) if style == "-" else ()
+                found += [
+                    Line(speed, curve.extension, colour, label, style=style, points=points),
+                    Line(speed, curve.retraction, colour, style=style),
+                ]
+        return found
+
+    return panel_figure(
+        [
+            Panel(each.title, "peak velocity, mm/s", lines(each), y_label="" if k else "force, N")
+            for k, each in enumerate(drawn)
+        ],
+        len(drawn),
+        height=2.4,
+        share="all",
+        legend="",
+    )
+
+
+def card_figure(card: ModelCard) -> Figure:
+    """Return force versus peak velocity within the range of the card, a panel for each temperature."""
+    scope = default_scope(card.damper, card.envelope)
+    found = characterise(card.damper, scope)
+    panels = [
+        PickPanel("" if kelvin is None else f"{to_degC(kelvin):.0f} °C", (curves,))
+        for kelvin, curves in zip(scope.temperatures, found.curves, strict=True)
+    ]
+    return peak_velocity_figure(panels, card.damper.command_unit)

@@ -5,7 +5,7 @@ Measured points are grey, hollow if they were not fitted. The best law is thick,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,86 +14,76 @@ from mrdamper.arrays import FloatArray
 from mrdamper.models.characteristics import pick_evenly
 from mrdamper.models.fluids.fits import Study
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.style import TRAINING, drawing_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_figure
+from mrdamper.report.figures.style import SERIES, colour_of_temperature
 
 POINT_COLOUR = "#888888"
-OTHER_COLOURS = ("#b08a3c", "#7a5c8e")
+CURVE_COUNT_MAX = 6
 
 
 def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
     """Return the measured points and laws of the quantities in the tables."""
-    rows = int(viscosity is not None) + int(yields is not None)
-    with drawing_style():
-        figure = Figure(figsize=(9.2, 3.5 * rows), layout="constrained")
-        panels = figure.subplots(rows, 2, squeeze=False)
-        if viscosity is not None:
-            _draw_over_temperature(panels[0, 0], viscosity, "viscosity, Pa s", 1.0)
-            panels[0, 0].set_yscale("log")
-            _draw_residuals(panels[0, 1], viscosity)
-        if yields is not None:
-            _draw_over_temperature(panels[-1, 0], yields, "yield stress, kPa", 1e-3)
-            _draw_over_field(panels[-1, 1], yields)
+    drawn = []
+    if viscosity is not None:
+        drawn += [_over_temperature(viscosity, "viscosity, Pa s", 1.0), _residuals(viscosity)]
+    if yields is not None:
+        drawn += [_over_temperature(yields, "yield stress, kPa", 1e-3), _over_field(yields)]
+    figure = panel_figure(drawn, 2, height=2.6)
+    if viscosity is not None:
+        axes = figure.axes[0]
+        axes.set_yscale("log")
+        axes.autoscale(axis="y")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
     return figure
 
 
-def _draw_over_temperature(axes: Axes, study: Study, label: str, scale: float) -> None:
-    """Draw the quantity versus temperature, one curve for each field."""
+def _over_temperature(study: Study, label: str, scale: float) -> Panel:
+    """Return the quantity versus temperature, one curve for each field."""
     celsius = study.temperature_K - ZERO_CELSIUS_K
     grid = np.linspace(celsius.min() - 2.0, celsius.max() + 2.0, 200)
     fields = _levels(study.field_A_m[study.used])
-    for fit, colour in zip(study.fits[1:], OTHER_COLOURS, strict=False):
-        for field in fields if fit.field_law is None else ():
+    lines = [_points(celsius, scale * study.value, study)]
+    for k, fit in enumerate(study.fits[: len(SERIES)]):
+        name = f"{fit.name}, {fit.rms_percent:.2g} %"
+        for field in fields if k == 0 or fit.field_law is None else ():
             law = scale * fit.value(grid + ZERO_CELSIUS_K, field)
-            axes.plot(
-                grid, law, "--", color=colour, linewidth=0.9, label=f"{fit.name}, {fit.rms_percent:.2g} %"
-            )
-    for field in fields:
-        law = scale * study.best.value(grid + ZERO_CELSIUS_K, field)
-        name = f"{study.best.name}, {study.best.rms_percent:.2g} %" if field == fields[0] else None
-        axes.plot(grid, law, color=TRAINING, linewidth=1.6, label=name)
-        if field > 0.0:
-            axes.annotate(f"{field / 1e3:.3g} kA/m", (grid[0], law[0]), fontsize=6.5)
-    _draw_points(axes, celsius, scale * study.value, study)
-    axes.set_ylabel(label)
-    axes.set_xlabel("temperature, °C")
-    axes.legend(loc="best")
+            shown = name if field == fields[0] else ""
+            lines.append(Line(grid, law, SERIES[k], shown, 0.9 if k else 1.6, "--" if k else "-"))
+    title = "" if len(fields) < 2 else f"{1e-3 * fields[0]:.3g} to {1e-3 * fields[-1]:.3g} kA/m"
+    return Panel(title, "temperature, °C", lines, y_label=label)
 
 
-def _draw_residuals(axes: Axes, study: Study) -> None:
-    """Draw the deviation of the points and of the other laws from the best law."""
-    celsius = study.temperature_K - ZERO_CELSIUS_K
-    best = study.best.value(study.temperature_K)
-    axes.axhline(0.0, color=TRAINING, linewidth=1.2)
-    for fit, colour in zip(study.fits[1:], OTHER_COLOURS, strict=False):
+def _residuals(study: Study) -> Panel:
+    """Return the deviation of the points and of the other laws from the best law."""
+    celsius, best = study.temperature_K - ZERO_CELSIUS_K, study.best.value(study.temperature_K)
+    lines = [_points(celsius, 100.0 * (study.value / best - 1.0), study)]
+    for fit, colour in zip(study.fits[1:], SERIES[1:], strict=False):
         deviation = 100.0 * (fit.value(study.temperature_K) / best - 1.0)
-        axes.plot(celsius[study.used], deviation[study.used], "--", color=colour, linewidth=0.9)
-    deviation = 100.0 * (study.value / best - 1.0)
-    axes.plot(celsius[study.used], deviation[study.used], "o", markersize=3.0, color=POINT_COLOUR)
-    axes.set_ylabel(f"deviation from {study.best.name}, %")
-    axes.set_xlabel("temperature, °C")
+        lines.append(Line(celsius[study.used], deviation[study.used], colour, width=0.9, style="--"))
+    return Panel("", "temperature, °C", lines, y_label=f"deviation from {study.best.name}, %")
 
 
-def _draw_over_field(axes: Axes, study: Study) -> None:
-    """Draw the yield stress versus field, one curve for each temperature."""
+def _over_field(study: Study) -> Panel:
+    """Return the yield stress versus field, one curve for each temperature."""
     grid = np.linspace(0.0, 1.04 * float(study.field_A_m.max()), 150)
-    for celsius in _levels(study.temperature_K[study.used] - ZERO_CELSIUS_K):
+    levels = _levels(study.temperature_K[study.used] - ZERO_CELSIUS_K)
+    lines = [_points(1e-3 * study.field_A_m, 1e-3 * study.value, study)]
+    for celsius in levels:
         law = 1e-3 * study.best.value(np.full_like(grid, celsius + ZERO_CELSIUS_K), grid)
-        axes.plot(grid / 1e3, law, linewidth=1.1, label=f"{celsius:g} °C")
-    _draw_points(axes, study.field_A_m / 1e3, 1e-3 * study.value, study)
-    axes.set_ylabel("yield stress, kPa")
-    axes.set_xlabel("field strength, kA/m")
-    axes.legend(loc="lower right")
+        lines.append(Line(1e-3 * grid, law, colour_of_temperature(celsius, levels), f"{celsius:g} °C"))
+    return Panel("", "field strength, kA/m", lines, y_label="yield stress, kPa")
 
 
-def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, study: Study) -> None:
-    for chosen, face in ((study.used, POINT_COLOUR), (~study.used, "white")):
-        axes.plot(x[chosen], y[chosen], "o", markersize=3.0, color=POINT_COLOUR, markerfacecolor=face)
+def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
+    """Return the measured points of a table."""
+    points = [
+        Point(at, value, "training" if used else "held_out")
+        for at, value, used in zip(x.tolist(), y.tolist(), study.used.tolist(), strict=True)
+    ]
+    return Line([], [], POINT_COLOUR, points=points)
 
 
-def _levels(values: FloatArray) -> list[float]:
-    """Return the distinct values to three digits, at most six of them."""
-    distinct = sorted({float(f"{value:.3g}") for value in values.tolist()})
-    return list(pick_evenly(distinct, 6))
+def _levels(values: FloatArray) -> Sequence[float]:
+    """Return the distinct values to three digits, at most ``CURVE_COUNT_MAX`` of them."""
+    return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), CURVE_COUNT_MAX)

@@ -12,10 +12,12 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
 from mrdamper.models.characteristics import pick_evenly
-from mrdamper.report.figures.palette import colour_of, shortened
-from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import colour_of
 
 PANEL_COLUMNS_MAX = 7
+POINT_COUNT_MAX = 2000
+COLOUR_QUANTILE = 0.99  # This quantile of the current selects the colour, which short peaks do not change.
 
 
 def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
@@ -25,17 +27,19 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
     """
     chosen = pick_evenly((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
     highest = max(_level(run) for run in chosen)
-    colours = [colour_of(_level(run), highest) for run in chosen]
-    rows = []
-    for label, of in (("displacement, mm", _displacement_mm), ("velocity, mm/s", _velocity_mm_s)):
-        panels = tuple(
-            (Line(_thinned(of(run)), _thinned(run.force), colour, 0.9),)
-            for run, colour in zip(chosen, colours, strict=True)
-        )
-        rows.append(Row(label, "force, N", panels))
-    longest = max(12, 110 // len(chosen))  # All titles together must fit the width of the figure.
-    titles = [(shortened(name, longest), False) for name in _distinct_names([run.name for run in chosen])]
-    return grid_figure(titles, rows, tall=2.0)
+    names = _distinct_names([run.name for run in chosen])
+
+    def panel(name: str, run: RigRun, x_label: str, x_mm: FloatArray) -> Panel:
+        thin = slice(None, None, max(1, len(run) // POINT_COUNT_MAX))
+        line = Line(x_mm[thin], run.force[thin], colour_of(_level(run), highest), width=0.9)
+        return Panel(name, x_label, [line], y_label="force, N" if run is chosen[0] else "")
+
+    loops = [
+        panel(name, run, "displacement, mm", 1e3 * run.displacement)
+        for name, run in zip(names, chosen, strict=True)
+    ]
+    loops += [panel("", run, "velocity, mm/s", _velocity_mm_s(run)) for run in chosen]
+    return panel_figure(loops, len(chosen), height=2.0, share="row")
 
 
 def _distinct_names(names: Sequence[str]) -> list[str]:
@@ -47,12 +51,7 @@ def _distinct_names(names: Sequence[str]) -> list[str]:
 
 
 def _level(run: RigRun) -> float:
-    # A quantile of the current selects the colour, so that short peaks do not change it.
-    return float(np.quantile(np.abs(run.command), 0.99))
-
-
-def _displacement_mm(run: RigRun) -> FloatArray:
-    return 1e3 * run.displacement
+    return float(np.quantile(np.abs(run.command), COLOUR_QUANTILE))
 
 
 def _velocity_mm_s(run: RigRun) -> FloatArray:
@@ -60,7 +59,3 @@ def _velocity_mm_s(run: RigRun) -> FloatArray:
         return 1e3 * run.velocity
     step = float(np.median(np.diff(run.time)))
     return 1e3 * smooth(run.displacement, step, measure_spectrum(run.displacement, step).cut_off()).velocity
-
-
-def _thinned(values: FloatArray) -> FloatArray:
-    return values[:: max(1, len(values) // 2000)]

@@ -1,12 +1,12 @@
-"""Small multiples of the reports: many small axes with the same limits.
+"""Small multiples: figures of many small axes with lines, bands and points.
 
-Measured curves are grey and wide, modelled ones thin and coloured. The colour scale of temperatures is from
-violet (cold) to orange (hot).
+Measured curves are grey and wide, modelled ones thin and coloured. Measured points are filled for training
+runs, open for held-out runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,31 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures.palette import HELD_OUT, INK, WIDTH_INCH, colour_of, shortened
-from mrdamper.report.figures.style import add_legend, axes_table, drawing_style, svg_drawn_by, svg_of
+from mrdamper.report.figures.style import HELD_OUT, INK, TOP_INCH, Share, add_legend, panels, shortened
 
-POOLED_COLOUR = "#222222"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Line:
-    """A line through points; ``style`` is -, -- or : as in Matplotlib."""
-
-    x: FloatArray
-    y: FloatArray
-    colour: str
-    width: float = 0.9
-    style: str = "-"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Row:
-    """A row of panels with the same axes; an empty panel is left blank."""
-
-    x_label: str
-    y_label: str
-    panels: tuple[tuple[Line, ...], ...]
-    title: str = ""
+LETTER_INCH = 0.072  # Width of a letter of a title.
+LEGEND_TOP_INCH = 0.6  # A title and one row of entries.
+SHARED_GAP_INCH = 0.2  # Inner axes have no labels of y if the limits are shared.
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,164 +31,89 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Series:
-    """A modelled curve with its measured points."""
+class Line:
+    """A line, the band around it, and points.
 
-    label: str
+    Attributes
+    ----------
+    style : format string of Matplotlib, such as "--" or "."
+    band : lower and upper limits
+    points : measured values
+    dots : values of x that are marked on the line
+    """
+
+    x: FloatArray | Sequence[float]
+    y: FloatArray | Sequence[float]
     colour: str
-    x: FloatArray
-    y: FloatArray
-    points: tuple[Point, ...] = ()
+    label: str = ""
+    width: float = 1.1
     style: str = "-"
+    band: tuple[FloatArray, FloatArray] | None = None
+    points: Sequence[Point] = ()
+    dots: FloatArray | Sequence[float] = ()
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the line."""
+        if self.band is not None:
+            axes.fill_between(self.x, *self.band, color=self.colour, alpha=0.2, lw=0.0)
+        axes.plot(self.x, self.y, self.style, color=self.colour, lw=self.width, label=self.label or None)
+        if len(self.dots):
+            axes.plot(self.dots, np.interp(self.dots, self.x, self.y), "o", color=self.colour, ms=2.6)
+        for split, face in (("training", self.colour), ("held_out", "white")):
+            if chosen := [(point.x, point.y) for point in self.points if point.split == split]:
+                axes.plot(*zip(*chosen, strict=True), "o", mfc=face, mec=self.colour, mew=0.9)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
-    """The curve of a coefficient at one current or temperature, with its standard error if it is known."""
+class Panel:
+    """Lines with a common title; ``held`` marks the title of held-out runs."""
 
-    series: Series
-    error: FloatArray | None
-
-
-def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str, *, tall: float = 1.2) -> str:
-    """Return ``grid_figure`` as SVG."""
-    return svg_drawn_by(lambda: grid_figure(titles, rows, tall=tall), label)
+    title: str
+    x_label: str
+    lines: Sequence[Line]
+    held: bool = False
+    y_label: str = ""
 
 
-def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall: float = 1.2) -> Figure:
-    """Return rows of small panels, one column for each (title, held out). All panels of a row share limits.
-
-    ``tall`` is the height of a panel [inch].
-    """
-    columns = len(titles)
-    width = min(WIDTH_INCH, 0.55 + 3.2 * columns)
-    height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
-    figure = Figure(figsize=(width, height))
-    left, gap = 0.6, 0.10  # inches
-    across = (width - left - 0.08 - gap * (columns - 1)) / columns
-    top = height - 0.22
-    for row in rows:
-        top -= 0.17 if row.title else 0.0
-        first: Axes | None = None
-        for column, panel in enumerate(row.panels):
-            if not panel:
-                continue
-            x = left + column * (across + gap)
-            place = (x / width, (top - tall) / height, across / width, tall / height)
-            axes = figure.add_axes(place, sharex=first, sharey=first)
-            for line in panel:
-                axes.plot(line.x, line.y, color=line.colour, lw=line.width, ls=line.style)
-            axes.set_xlabel(row.x_label)
-            if first is None:
-                first = axes
-                # The last label of x would touch the first one of the next panel.
-                axes.locator_params(nbins=4, prune="upper", axis="x")
-                axes.locator_params(nbins=5, axis="y")
-                axes.set_ylabel(row.y_label)
-                axes.set_title(row.title, fontweight="bold")
-            else:
-                axes.tick_params(labelleft=False)
-        top -= tall + 0.38
-    for column, (title, held_out) in enumerate(titles):
-        figure.text(
-            (left + column * (across + gap)) / width,
-            1.0 - 0.06 / height,
-            shortened(title, max(round(across / 0.072), 8)),  # inches per letter
-            fontsize=8.0,
-            color=HELD_OUT if held_out else INK,
-            va="top",
-        )
-    return figure
-
-
-def against_temperature(panels: Sequence[tuple[str, Sequence[Series]]], label: str) -> str:
-    """Return panels (title with unit, series) versus temperature [degC] with one legend."""
-    with drawing_style():
-        figure = Figure(figsize=(WIDTH_INCH, 2.75))
-        table = axes_table(figure, 1, len(panels), margins=(0.42, 0.4, 0.8, 0.22), gaps=(0.5, 0.0))
-        shown: dict[str, tuple[str, str, str]] = {}
-        for axes, (title, members) in zip(table, panels, strict=True):
-            for series in members:
-                axes.plot(series.x, series.y, color=series.colour, lw=1.1, ls=series.style)
-                shown.setdefault(series.label, (series.label, series.colour, series.style))
-                _add_points(axes, series.points, series.colour)
-            axes.set(title=title, xlabel="temperature, °C")
-            axes.locator_params(nbins=6)
-            axes.set_ylim(bottom=min(0.0, *(1.05 * float(series.y.min()) for series in members)))
-        add_legend(figure, list(shown.values()))
-        return svg_of(figure, label)
-
-
-def run_errors(
-    motions: Mapping[str, Sequence[tuple[float, float | None, Point]]],
-    pooled: Mapping[str, Sequence[Point]],
-    x_label: str,
-    highest: float,
-) -> str:
-    """Return a panel for each motion: a dot for each run, and a diamond for all runs of one level.
+def panel_figure(
+    drawn: Sequence[Panel],
+    columns: int = 4,
+    *,
+    height: float = 1.35,
+    share: Share = "",
+    legend: str | None = None,
+) -> Figure:
+    """Return a figure of panels. Without negative values, the axes begin at zero.
 
     Parameters
     ----------
-    motions : for each motion, runs as (value of x, command, point)
-    pooled : for each motion, root-mean-square errors
-    highest : current with the last colour of the scale
+    height : height of the axes [inch]
+    share : see ``style.panels``
+    legend : title of a common legend above the panels; None: each panel has its own legend
     """
-    columns = min(len(motions), 5)
-    rows = -(-len(motions) // columns)
-    with drawing_style():
-        figure = Figure(figsize=(WIDTH_INCH, 2.15 * rows + 0.1))
-        table = axes_table(
-            figure, rows, columns, margins=(0.55, 0.36, 0.1, 0.22), gaps=(0.15, 0.62), share_y=True
-        )
-        for axes, (motion, runs) in zip(table, motions.items(), strict=False):
-            for x, command, point in runs:
-                _add_points(axes, [Point(x, point.y, point.split)], colour_of(command, highest), size=3.0)
-            _add_points(axes, pooled[motion], POOLED_COLOUR, size=4.2, marker="D")
-            axes.set(title=motion, xlabel=x_label)
-            axes.locator_params(nbins=5)
-        for axes in table[len(motions) :]:
-            axes.set_visible(False)
-        for axes in table[::columns]:
-            axes.set(ylabel="RMS error, N")
-        table[0].set_ylim(bottom=0.0)
-        return svg_of(figure, "RMS error of every run by motion")
-
-
-def curves(panels: Sequence[tuple[str, str, Sequence[Curve], FloatArray | None]], legend_title: str) -> str:
-    """Return panels (title, label of x, curves, trained values of x) with one legend."""
-    columns = 4
-    rows = -(-len(panels) // columns)
-    with drawing_style():
-        figure = Figure(figsize=(WIDTH_INCH, 1.95 * rows + 0.25))
-        table = axes_table(figure, rows, columns, margins=(0.45, 0.36, 0.1, 0.5), gaps=(0.5, 0.62))
-        shown: dict[str, tuple[str, str, str]] = {}
-        for axes, (title, x_label, members, trained) in zip(table, panels, strict=False):
-            for curve in members:
-                series = curve.series
-                if curve.error is not None:
-                    low, high = series.y - curve.error, series.y + curve.error
-                    axes.fill_between(series.x, low, high, color=series.colour, alpha=0.16, lw=0.0)
-                axes.plot(series.x, series.y, color=series.colour, lw=1.2, ls=series.style)
-                if series.label:
-                    shown.setdefault(series.label, (series.label, series.colour, series.style))
-                if trained is not None and len(trained):
-                    marked = np.interp(trained, series.x, series.y)
-                    axes.plot(trained, marked, "o", color=series.colour, ms=2.6)
-            axes.set(title=title, xlabel=x_label)
-            axes.locator_params(nbins=5)
-            if all((curve.series.y >= 0.0).all() for curve in members):
-                axes.set_ylim(bottom=0.0)
-        for axes in table[len(panels) :]:
-            axes.set_visible(False)
-        add_legend(figure, list(shown.values()), title=legend_title, at_top=True)
-        return svg_of(figure, "Coefficients")
-
-
-def _add_points(
-    axes: Axes, points: Sequence[Point], colour: str, *, size: float = 4.0, marker: str = "o"
-) -> None:
-    """Add measured points: filled for training runs, open for held-out ones."""
-    for split, face in (("training", colour), ("held_out", "white")):
-        chosen = [(point.x, point.y) for point in points if point.split == split]
-        if chosen:
-            axes.plot(*zip(*chosen, strict=True), marker, ms=size, mfc=face, mec=colour, mew=0.9)
+    entries = [(line.label, line.colour, line.style) for each in drawn for line in each.lines if line.label]
+    common = legend is not None and bool(entries)
+    figure, table = panels(
+        len(drawn),
+        columns,
+        height=height,
+        gap=SHARED_GAP_INCH if share else 0.5,
+        top=LEGEND_TOP_INCH if common else TOP_INCH,
+        share=share,
+    )
+    letters = round(table[0].get_position().width * figure.get_size_inches()[0] / LETTER_INCH)
+    for axes, panel in zip(table, drawn, strict=True):
+        for line in panel.lines:
+            line.draw(axes)
+        axes.set_title(shortened(panel.title, max(letters, 8)), color=HELD_OUT if panel.held else INK)
+        axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
+        # The last label of x would touch the first one of the next panel.
+        axes.locator_params(nbins=4 if share else 5, prune="upper" if share else None, axis="x")
+        axes.locator_params(nbins=5, axis="y")
+        if share != "row" and all(np.fmin.reduce(line.y, initial=0.0) >= 0.0 for line in panel.lines):
+            axes.set_ylim(bottom=0.0)
+        if not common and any(line.label for line in panel.lines):
+            axes.legend(loc="best")
+    if legend is not None:
+        add_legend(figure, entries, title=legend, at_top=True)
+    return figure

@@ -1,4 +1,4 @@
-"""Style of all figures, and conversion of figures to inline SVG.
+"""Style of all figures, their axes and legends, and conversion of figures to inline SVG.
 
 The bytes of an SVG depend only on its content. Texts are stored as text, which is small and searchable.
 """
@@ -10,38 +10,29 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Literal
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mrdamper.report.figures.palette import (
-    HELD_OUT,
-    INK,
-    MEASURED,
-    TRAINING,
-    WIDTH_INCH,
-    colour_of,
-    shortened,
-)
+MEASURED = "#b3b3b3"
+HELD_OUT = "#c8553d"
+TRAINING = "#4a6d8c"
+INK = "#333333"
+LIMIT = "#a03020"
+SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # Colours of lines without an order.
+DASHED = (0, (5, 2))
+WIDTH_INCH = 10.6  # The page is 1130 px wide.
+LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # Margins for labels and titles.
+ROW_GAP_INCH = 0.62  # Space for the labels of a row and the titles of the next one.
+LEGEND_INCH = 1.45
+PANEL_WIDTH_MAX_INCH = 5.6
 
-__all__ = [
-    "HELD_OUT",
-    "INK",
-    "MEASURED",
-    "TRAINING",
-    "WIDTH_INCH",
-    "add_legend",
-    "axes_table",
-    "colour_of",
-    "displayable",
-    "drawing_style",
-    "shortened",
-    "svg_drawn_by",
-    "svg_of",
-]
+Share = Literal["", "all", "row"]
 
 _DECIMALS = re.compile(r"(\.\d\d)\d+")
 
@@ -56,6 +47,7 @@ _STYLE: dict[str, object] = {
     "xtick.labelsize": 7.0,
     "ytick.labelsize": 7.0,
     "legend.fontsize": 7.0,
+    "legend.title_fontsize": 7.0,
     "legend.frameon": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -65,6 +57,8 @@ _STYLE: dict[str, object] = {
     "ytick.color": "#666666",
     "text.color": INK,
     "axes.linewidth": 0.6,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 4.0,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "axes.grid": True,
@@ -79,6 +73,24 @@ _STYLE: dict[str, object] = {
     "path.simplify": True,
     "path.simplify_threshold": 0.1,
 }
+
+
+def colour_of(command: float | None, highest: float) -> str:
+    """Return the colour of a current [A] or voltage [V], dark blue at zero, ochre at the highest value."""
+    ratio = 1.0 if command is None or highest == 0.0 else min(abs(command) / highest, 1.0)
+    return to_hex(mpl.colormaps["viridis"](0.08 + 0.70 * ratio))
+
+
+def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
+    """Return the colour of a temperature [degC or K] among levels, from violet (cold) to orange."""
+    low, high = min(levels), max(levels)
+    ratio = 0.5 if low == high else (temperature - low) / (high - low)
+    return to_hex(mpl.colormaps["plasma"](0.05 + 0.70 * ratio))
+
+
+def shortened(name: str, longest: int = 40) -> str:
+    """Return a name without its middle part if it is too long for a figure."""
+    return name if len(name) <= longest else f"{name[: longest // 2]}...{name[-longest // 2 + 3 :]}"
 
 
 @contextmanager
@@ -107,14 +119,15 @@ def svg_of(figure: Figure, label: str) -> str:
     return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)
 
 
-def svg_drawn_by(draw: Callable[[], Figure], label: str) -> str:
-    """Return the figure that a function draws as an SVG element."""
+def svg_drawn_by(draw: Callable[[], Figure | None], label: str) -> str:
+    """Return the figure that a function draws as an SVG element, or "" without a figure."""
     with drawing_style():
-        return svg_of(draw(), label)
+        figure = draw()
+        return "" if figure is None else svg_of(figure, label)
 
 
 def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
-    """Return the figure that a function draws, which notebooks display as SVG; None if there is none."""
+    """Return the figure that a function draws, which notebooks display as SVG, or None."""
     with drawing_style():
         figure = draw()
     if figure is not None:
@@ -122,58 +135,67 @@ def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
     return figure
 
 
-def axes_table(
-    figure: Figure,
-    rows: int,
-    columns: int,
+def panels(
+    count: int,
+    columns: int = 4,
     *,
-    margins: tuple[float, float, float, float],
-    gaps: tuple[float, float] = (0.0, 0.0),
-    share_y: bool = False,
-) -> list[Axes]:
-    """Return axes in rows, from the top left.
+    height: float = 1.35,
+    gap: float = 0.5,
+    right: float = RIGHT_INCH,
+    top: float = TOP_INCH,
+    share: Share = "",
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its axes in rows, from the top left.
 
     Parameters
     ----------
-    margins : left, bottom, right and top margin [inch]
-    gaps : width and height of the gaps between axes [inch]
-    share_y : all axes have the same limits of y; only the left ones have labels
+    height : height of the axes [inch]
+    gap : space between two columns [inch]
+    right, top : margins, for a legend [inch]
+    share : "all": all axes have the same limits of y; "row": the axes of a row have the same limits
     """
-    width, height = figure.get_size_inches()
-    left, bottom, right, top = margins
-    across = (width - left - right - gaps[0] * (columns - 1)) / columns
-    tall = (height - bottom - top - gaps[1] * (rows - 1)) / rows
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    gaps = gap * (columns - 1)
+    width = min(WIDTH_INCH, LEFT_INCH + right + gaps + columns * PANEL_WIDTH_MAX_INCH)
+    whole = top + rows * height + (rows - 1) * ROW_GAP_INCH + BOTTOM_INCH
+    figure = Figure(figsize=(width, whole))
     table = figure.subplots(
         rows,
         columns,
         squeeze=False,
-        sharey=share_y,
+        sharex="row" if share == "row" else False,
+        sharey=share or False,
         gridspec_kw={
-            "left": left / width,
+            "left": LEFT_INCH / width,
             "right": 1.0 - right / width,
-            "bottom": bottom / height,
-            "top": 1.0 - top / height,
-            "wspace": gaps[0] / across,
-            "hspace": gaps[1] / tall,
+            "bottom": BOTTOM_INCH / whole,
+            "top": 1.0 - top / whole,
+            "wspace": gap * columns / (width - LEFT_INCH - right - gaps),
+            "hspace": ROW_GAP_INCH / height,
         },
-    )
-    return list(table.ravel())
+    ).ravel()
+    for axes in table[count:]:
+        axes.remove()
+    return figure, list(table[:count])
 
 
 def add_legend(
     figure: Figure, entries: Sequence[tuple[str, str, str]], *, title: str = "", at_top: bool = False
 ) -> None:
-    """Add the legend of (label, colour, line style): a column at the right edge, or a row at the top."""
+    """Add the legend of (label, colour, line style): a column at the right edge, or a row at the top.
+
+    Equal entries are shown once.
+    """
+    entries = list(dict.fromkeys(entries))
     if not entries:
         return
-    lines = [Line2D([], [], color=colour, ls=style, lw=1.4) for _, colour, style in entries]
     figure.legend(
-        lines,
+        [Line2D([], [], color=colour, ls=style, lw=1.4) for _, colour, style in entries],
         [label for label, _, _ in entries],
         loc="upper right" if at_top else "center right",
         ncols=len(entries) if at_top else 1,
         title=title or None,
-        title_fontsize=7.0,
         handlelength=1.8,
         columnspacing=1.2,
         borderaxespad=0.1,

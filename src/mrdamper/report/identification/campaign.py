@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from mrdamper.data.prepare import PreparedRun
+from mrdamper.arrays import FloatArray
+from mrdamper.data.prepare import PreparedRun, decimate, select_plot_samples
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.scores import RunError
-from mrdamper.report.figures.fit import Trace
-from mrdamper.report.figures.palette import colour_of, colour_of_temperature
+from mrdamper.jobs.intervals import PYTHON_RATE_Hz
+from mrdamper.models.simulate import simulate_each
+from mrdamper.report.figures.style import colour_of, colour_of_temperature
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
-from mrdamper.report.identification.traces import trace_of
+
+LOOP_POINT_COUNT = 130  # A small panel needs no more points.
+STEP_RUN_TIME_S = 7.0  # Runs with current steps are drawn up to this time.
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
-    """One entry of a legend."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """One cycle (or a few seconds) of a run, measured and modelled, with reduced samples."""
 
-    label: str
-    colour: str
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A figure with its heading and legend."""
-
-    title: str
-    caption: str
-    svg: str
-    keys: tuple[Key, ...] = ()
+    error: RunError
+    over_time: bool  # True for a motion without a period and for current steps
+    time_s: FloatArray  # The first drawn sample is at zero.
+    displacement_mm: FloatArray
+    velocity_mm_s: FloatArray
+    measured_N: FloatArray
+    modelled_N: FloatArray
 
 
 @dataclass(frozen=True)
@@ -67,6 +66,10 @@ class Campaign:
         """True if the runs have two or more temperatures."""
         return self.levels.kind == "temperature"
 
+    @property
+    def command_label(self) -> str:
+        return "current, A" if self.fitted.damper.command_unit == "A" else "voltage, V"
+
     def find_run(self, motion: str, level: float | None, command: float | None) -> RunError | None:
         """Return the run with the median error of a motion, level and current."""
         found = [
@@ -78,13 +81,16 @@ class Campaign:
         ]
         return sorted(found, key=lambda error: error.nrmse_percent)[len(found) // 2] if found else None
 
-    def trace(self, error: RunError, seconds: float | None = None) -> Trace:
-        loop_point_count = 130  # A small panel needs no more points.
-        return trace_of(
-            self.fitted.damper, self.runs[error.name], error, seconds=seconds, points=2 * loop_point_count
-            if seconds or not self.runs[error.name].period_s
-            else loop_point_count
-        )  # fmt: skip
+    def traces(self, errors: Sequence[RunError]) -> list[Trace]:
+        """Return the second cycle of each run, or the first seconds of a motion without a period.
+
+        The transient has decayed in the second cycle. The runs are simulated together.
+        """
+        damper, runs = self.fitted.damper, [self.runs[error.name] for error in errors]
+        if damper.law.kernel is None:
+            runs = [decimate(run, PYTHON_RATE_Hz) for run in runs]
+        forces = simulate_each(damper.on_limits(), [run.trajectory for run in runs])
+        return [_trace(*each) for each in zip(errors, runs, forces, strict=True)]
 
     def colour(self, level: float) -> str:
         if self.warm:
@@ -92,9 +98,19 @@ class Campaign:
         return colour_of(level, self.highest)
 
 
-def command_keys(campaign: Campaign) -> tuple[Key, ...]:
-    """Return the legend of the current colours."""
-    unit = campaign.errors[0].command_unit
-    return tuple(
-        Key(f"{command:g} {unit}", colour_of(command, campaign.highest)) for command in campaign.commands
+def _trace(error: RunError, run: PreparedRun, force: FloatArray) -> Trace:
+    path, over_time = run.trajectory, error.command is None or not run.period_s
+    drawn = select_plot_samples(
+        run,
+        seconds=STEP_RUN_TIME_S if error.command is None else None,
+        points=2 * LOOP_POINT_COUNT if over_time else LOOP_POINT_COUNT,
+    )
+    return Trace(
+        error=error,
+        over_time=over_time,
+        time_s=path.time[drawn] - path.time[drawn[0]],
+        displacement_mm=1e3 * path.displacement[drawn],
+        velocity_mm_s=1e3 * path.velocity[drawn],
+        measured_N=run.force[drawn],
+        modelled_N=force[drawn],
     )

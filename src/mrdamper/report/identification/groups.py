@@ -1,25 +1,27 @@
 """Runs grouped by motion, temperature and current: pooled errors and measured peak forces.
 
-A run belongs to the level of temperature (or current) that is closest to its mean. The modules ``panels``
-and ``plots`` draw the figures.
+A run belongs to the level of temperature (or current) that is closest to its mean.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.repeatability import forces_by_phase, is_typical
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
+
+LEVEL_DISTANCE_MIN_K = 1.5  # Closer mean temperatures belong to the same level.
+PEAK_VELOCITY_RATIO_MIN = 0.95  # Samples above this fraction of the peak velocity are averaged.
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
         for before, now in pairwise(known):
-            if now - before > 1.5:  # Mean temperatures of one level are closer [K].
+            if now - before > LEVEL_DISTANCE_MIN_K:
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:
@@ -54,57 +56,9 @@ def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
     return OperatingPoints("command", tuple(commands) or (0.0,), errors[0].command_unit)
 
 
-# ------------------------------------------------------------------------------------------- errors
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorCell:
-    """Pooled RMS error [N] of one motion and level by split, or None without runs."""
-
-    training: float | None
-    held_out: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorTable:
-    """Pooled RMS errors, one row for each motion and one row for all motions."""
-
-    levels: OperatingPoints
-    rows: tuple[tuple[str, tuple[ErrorCell, ...]], ...]
-    together: tuple[ErrorCell, ...]
-
-    @property
-    def has_held_out(self) -> bool:
-        return any(cell.held_out is not None for cell in self.together)
-
-
-def error_table(errors: Sequence[RunError], levels: OperatingPoints) -> ErrorTable:
-    """Return the errors pooled by motion and level. Runs without a level are ignored."""
-
-    def cells(members: Sequence[RunError]) -> tuple[ErrorCell, ...]:
-        return tuple(
-            ErrorCell(
-                *(
-                    pooled_rms(e for e in members if levels.level_of(e) == level and e.split == split)
-                    for split in ("training", "held_out")
-                )
-            )
-            for level in levels.values
-        )
-
-    placed = [error for error in errors if levels.level_of(error) is not None]
-    motions = dict.fromkeys(error.motion for error in placed)
-    rows = tuple((motion, cells([e for e in placed if e.motion == motion])) for motion in motions)
-    return ErrorTable(levels, rows, cells(placed))
-
-
-def pooled_rms(errors: Iterable[RunError]) -> float | None:
-    """Return the root mean square of the RMS errors of the runs [N], or None without runs."""
-    squares = [error.rmse_N**2 for error in errors]
-    return math.sqrt(sum(squares) / len(squares)) if squares else None
-
-
-# ------------------------------------------------------------------------------------------- motions
+def pooled_rms(errors: Sequence[RunError]) -> float:
+    """Return the root mean square of the RMS errors of the runs [N]."""
+    return rms(np.array([error.rmse_N for error in errors]))
 
 
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
@@ -131,9 +85,6 @@ def _stroke_in(motion: str) -> float:
     return float(parts[1]) if len(parts) > 1 and parts[1].replace(".", "", 1).isdigit() else 0.0
 
 
-# ------------------------------------------------------------------------------------------- measured
-
-
 @dataclass(frozen=True, slots=True)
 class Pick:
     """Measured force at the peak velocity of a sine, averaged over the samples near the peak."""
@@ -154,12 +105,11 @@ def peak_force(run: PreparedRun) -> float | None:
 
 def pick_of(run: PreparedRun) -> Pick | None:
     """Return the measured force at peak velocity of a run with a sine, or None for other motions."""
-    peak_velocity_ratio_min = 0.95  # Samples above this fraction of the peak velocity are averaged.
     if run.period_s is None or not run.motion.startswith("sine"):
         return None
     velocity, force = run.trajectory.velocity[run.scored_from :], run.force[run.scored_from :]
     peak = math.sqrt(2.0) * float(np.std(velocity))
-    ways = [velocity > peak_velocity_ratio_min * peak, velocity < -peak_velocity_ratio_min * peak]
+    ways = [velocity > PEAK_VELOCITY_RATIO_MIN * peak, velocity < -PEAK_VELOCITY_RATIO_MIN * peak]
     if not all(way.any() for way in ways):
         return None
     return Pick(peak, *(float(force[way].mean()) for way in ways))

@@ -1,215 +1,154 @@
-"""Sections for campaigns with many runs: small multiples of loops, residuals, errors by motion and level."""
+"""Figures of the loops of a campaign and of the residuals, as small multiples."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 from matplotlib.figure import Figure
 
-from mrdamper.arrays import FloatArray
 from mrdamper.identify.scores import RunError
 from mrdamper.models.characteristics import pick_evenly
-from mrdamper.report.figures import small_multiples as panels
-from mrdamper.report.figures.fit import Trace
-from mrdamper.report.figures.palette import MEASURED, colour_of
 from mrdamper.report.figures.runs import PANEL_COLUMNS_MAX
-from mrdamper.report.figures.small_multiples import Line, Point, Row
-from mrdamper.report.identification.campaign import Campaign, Key, Picture, command_keys
-from mrdamper.report.identification.groups import ErrorTable, error_table
+from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
+from mrdamper.report.figures.style import MEASURED, colour_of
+from mrdamper.report.identification.campaign import Campaign, Trace
+from mrdamper.report.sections import Picture
+
+OTHER_MOTION_COUNT_MAX = 3
+OVERVIEW_COUNT_MAX = 5
+LOOPS = ("displacement_mm", "velocity_mm_s")
+_X_LABELS = {"displacement_mm": "displacement, mm", "velocity_mm_s": "velocity, mm/s", "time_s": "time, s"}
+
+Drawn = tuple[str, str, RunError]  # title, colour, run
 
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
-    """Return small multiples of loops, by temperature at one current and by current at one temperature."""
-    other_motion_count_max = 4
-    motions = list(dict.fromkeys(error.motion for error in campaign.errors))
-    main = campaign.main or max(motions, key=lambda m: sum(e.motion == m for e in campaign.errors))
-    if not campaign.warm:
-        ordered = [main, *(motion for motion in motions if motion != main)]
-        return [
-            picture
-            for motion in ordered[: other_motion_count_max + 1]
-            if (picture := _over_commands(campaign, motion, None)) is not None
-        ]
-    strongest = max(campaign.commands, key=abs, default=None)
-    coldest = campaign.levels.values[0]
-    found = [_over_levels(campaign, main, strongest), _over_commands(campaign, main, coldest)]
-    others = sorted(
-        (motion for motion in motions if motion != main),
-        key=lambda motion: all(e.command is None for e in campaign.errors if e.motion == motion),
-    )
-    found.append(_other_motions(campaign, others[:other_motion_count_max], strongest))
-    return [picture for picture in found if picture is not None]
+    """Return the loops of a few motions by temperature or current, or the worst run of each motion.
+
+    The first screen already has the loops of a few runs, and of the main motion at each current.
+    """
+    if len(campaign.errors) <= PANEL_COLUMNS_MAX:
+        return []
+    motions = [error.motion for error in campaign.errors if error.motion != campaign.main]
+    others = list(dict.fromkeys(motions))[:OTHER_MOTION_COUNT_MAX]
+    drawn: list[tuple[str, list[Drawn]]] = []
+    if campaign.warm:
+        strongest = max(campaign.commands, key=abs, default=None)
+        for motion in (campaign.main, *others) if campaign.main else others:
+            runs = _over_levels(campaign, motion, strongest)
+            at = f"{runs[0][2].command:g} {runs[0][2].command_unit}, " if runs and runs[0][2].command else ""
+            drawn.append((f"{motion}: {at}each temperature", runs))
+    else:
+        drawn += [(motion, _over_commands(campaign, motion, None)) for motion in others]
+    if not any(runs for _, runs in drawn):
+        worst = find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX]
+        drawn.append(("The worst run of each motion", _with_names(campaign, worst)))
+    return [
+        Picture(title, partial(_loops, campaign, runs, ["velocity_mm_s"])) for title, runs in drawn if runs
+    ]
 
 
-def _over_levels(campaign: Campaign, motion: str, command: float | None) -> Picture | None:
-    levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
-    picked = [(level, campaign.find_run(motion, level, command)) for level in levels]
-    columns = [(campaign.levels.label(level), campaign.colour(level), error) for level, error in picked]
-    svg = _loop_grid(campaign, columns, f"Loops of {motion} at each temperature")
-    if svg is None:
-        return None
-    at = "" if command is None else f", {command:g} {campaign.errors[0].command_unit}"
-    return Picture(f"{motion}{at}: each temperature", _ERROR_CAPTION, svg)
+def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list[Drawn]:
+    """Return a run of a motion at each temperature, with constant current if there are such runs."""
+    picked = [
+        (level, campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None))
+        for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
+    ]
+    return [
+        (campaign.levels.label(level), campaign.colour(level), run)
+        for level, run in picked
+        if run is not None
+    ]
 
 
-def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Picture | None:
+def _over_commands(campaign: Campaign, motion: str, level: float | None) -> list[Drawn]:
+    """Return a run of a motion at each current."""
     unit = campaign.errors[0].command_unit
     picked = [
         (command, campaign.find_run(motion, level, command))
         for command in pick_evenly(campaign.commands, PANEL_COLUMNS_MAX)
     ]
-    columns = [
-        (f"{command:g} {unit}", colour_of(command, campaign.highest), error) for command, error in picked
+    return [
+        (f"{command:g} {unit}", colour_of(command, campaign.highest), run)
+        for command, run in picked
+        if run is not None
     ]
-    svg = _loop_grid(campaign, columns, f"Loops of {motion} at each command")
-    if svg is None:
-        return None
-    at = "" if level is None else f", {campaign.levels.label(level)}"
-    word = "current" if unit == "A" else "voltage"
-    return Picture(f"{motion}{at}: each {word}", _ERROR_CAPTION, svg)
 
 
-_ERROR_CAPTION = "The RMS error is above each column. It is red for held-out runs."
+def _with_names(campaign: Campaign, errors: Sequence[RunError]) -> list[Drawn]:
+    return [(error.name, colour_of(error.command, campaign.highest), error) for error in errors]
 
 
 def overview(campaign: Campaign) -> Figure:
     """Return the loops of a few runs, or of the main motion at each current and the worst run."""
-    unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
-    drawn = [(error.name, error) for error in campaign.errors]
+    drawn = _with_names(campaign, campaign.errors)
     if len(drawn) > PANEL_COLUMNS_MAX:
-        worst = find_worst_by_motion(campaign.errors)
-        drawn = [
-            (f"{command:g} {unit}", run)
-            for command in pick_evenly(campaign.commands, 5)
-            if campaign.main is not None
-            and (run := campaign.find_run(campaign.main, level, command)) is not None
+        level = campaign.levels.values[0] if campaign.warm else None
+        loops = [] if campaign.main is None else _over_commands(campaign, campaign.main, level)
+        loops = list(pick_evenly(loops, OVERVIEW_COUNT_MAX))
+        worst = find_worst_by_motion(campaign.errors)[: 1 if loops else PANEL_COLUMNS_MAX]
+        drawn = loops + [
+            (f"worst: {title}", colour, run) for title, colour, run in _with_names(campaign, worst)
         ]
-        drawn += [(f"worst: {run.name}", run) for run in worst[: 1 if drawn else PANEL_COLUMNS_MAX]]
-    found = _loop_rows(
-        campaign, [(title, colour_of(run.command, campaign.highest), run) for title, run in drawn]
-    )
-    assert found is not None  # A fit has at least one run.
-    return panels.grid_figure(*found, tall=1.5)
+    return _loops(campaign, drawn)
 
 
-def _loop_grid(
-    campaign: Campaign, columns: Sequence[tuple[str, str, RunError | None]], label: str
-) -> str | None:
-    """Return force versus displacement and velocity as SVG, one column for each run."""
-    found = _loop_rows(campaign, columns)
-    return None if found is None else panels.grid(*found, label)
+def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LOOPS) -> Figure:
+    """Return the force, one column for each run, and one row for each x of ``names``.
+
+    Runs without a period and runs with current steps are drawn versus time.
+    """
+    traces = campaign.traces([run for *_, run in drawn])
+    names = ("time_s",) if all(trace.over_time for trace in traces) else names
+    found = []
+    for name in names:
+        for trace, (title, colour, run) in zip(traces, drawn, strict=True):
+            x = getattr(trace, name)
+            lines = [
+                Line(x, trace.measured_N, MEASURED, width=2.6),
+                Line(x, trace.modelled_N, colour, width=0.8),
+            ]
+            heading = f"{run.rmse_N:.0f} N · {title}" if name == names[0] else ""
+            label = "force, N" if trace is traces[0] else ""
+            found.append(Panel(heading, _X_LABELS[name], lines, run.split != "training", label))
+    return panel_figure(found, len(drawn), height=1.3, share="row")
 
 
-def _loop_rows(
-    campaign: Campaign, columns: Sequence[tuple[str, str, RunError | None]]
-) -> tuple[list[tuple[str, bool]], list[Row]] | None:
-    """Return titles and panels of the loops, or None without runs."""
-    known = [(title, colour, error) for title, colour, error in columns if error is not None]
-    if not known:
-        return None
-    traces = [campaign.trace(error) for _, _, error in known]
-    titles = [(f"{title} · {error.rmse_N:.0f} N", error.split != "training") for title, _, error in known]
-    rows = []
-    for name, x_label in (("displacement_mm", "displacement, mm"), ("velocity_mm_s", "velocity, mm/s")):
-        panel = tuple(
-            _both(trace, getattr(trace, name), colour)
-            for trace, (_, colour, _) in zip(traces, known, strict=True)
-        )
-        rows.append(Row(x_label, "force, N", panel))
-    return titles, rows
+def residual_figure(campaign: Campaign) -> Figure:
+    """Return measured minus modelled force versus velocity, coloured by current.
 
-
-def _both(trace: Trace, x: FloatArray, colour: str) -> tuple[Line, ...]:
-    return Line(x, trace.measured_N, MEASURED, 2.6), Line(x, trace.modelled_N, colour, 0.8)
-
-
-def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | None) -> Picture | None:
-    """Return one row for each other motion and one column for each temperature."""
-    step_run_time_s = 7.0  # Runs with current steps are drawn up to this time.
-    levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
-    rows, splits = [], []
-    for motion in motions:
-        picked = [
-            campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None)
-            for level in levels
+    The panels are the temperatures of the main motion, or the motions without temperatures.
+    """
+    if campaign.warm and campaign.main is not None:
+        groups: list[tuple[str, str, float | None]] = [
+            (campaign.levels.label(level), campaign.main, level)
+            for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
         ]
-        known = [error for error in picked if error is not None]
-        if not known:
-            continue
-        stepped = known[0].command is None
-        over_time = stepped or not campaign.runs[known[0].name].period_s
-        traces = [
-            None if error is None else campaign.trace(error, step_run_time_s if stepped else None)
-            for error in picked
-        ]
-        row = tuple(
-            ()
-            if trace is None
-            else _both(trace, trace.time_s if over_time else trace.displacement_mm, campaign.colour(level))
-            for trace, level in zip(traces, levels, strict=True)
-        )
-        unit = known[0].command_unit
-        at = "current steps" if stepped else f"{known[0].command:g} {unit}"
-        at += ", held out" if all(error.split == "held_out" for error in known) else ""
-        errors = ", ".join("–" if error is None else f"{error.rmse_N:.0f}" for error in picked)
-        rows.append(
-            Row(
-                "time, s" if over_time else "displacement, mm",
-                "force, N",
-                row,
-                f"{motion}, {at}   (RMS error {errors} N)",
+    else:
+        motions = list(dict.fromkeys(error.motion for error in campaign.errors))
+        groups = [(motion, motion, None) for motion in pick_evenly(motions, PANEL_COLUMNS_MAX)]
+    found: dict[str, list[Trace]] = {}
+    for title, motion, level in groups:
+        runs = [campaign.find_run(motion, level, command) for command in (*campaign.commands, None)]
+        if known := [run for run in runs if run is not None]:
+            found[title] = campaign.traces(known)
+
+    drawn: list[Panel] = []
+    for title, traces in found.items():
+        lines = [
+            Line(
+                trace.velocity_mm_s,
+                trace.measured_N - trace.modelled_N,
+                colour_of(trace.error.command, campaign.highest),
+                width=0.8,
+                style="-" if trace.error.split == "training" else "--",
             )
-        )
-        splits.append([None if error is None else error.split for error in picked])
-    if not rows:
-        return None
-    titles = [
-        (campaign.levels.label(level), all(split[column] in {"held_out", None} for split in splits))
-        for column, level in enumerate(levels)
-    ]
-    caption = "One cycle, or the first seconds of a motion without a period. Held-out runs are red."
-    return Picture("The other motions: each temperature", caption, panels.grid(titles, rows, "Other motions"))
-
-
-def residual_picture(campaign: Campaign) -> Picture | None:
-    """Return measured minus modelled force of the main motion at every level, coloured by current."""
-    motion = campaign.main
-    if motion is None or not campaign.warm:
-        return None
-    titles: list[tuple[str, bool]] = []
-    over_velocity: list[tuple[Line, ...]] = []
-    over_displacement: list[tuple[Line, ...]] = []
-    for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX):
-        errors = [
-            error
-            for command in campaign.commands
-            if (error := campaign.find_run(motion, level, command)) is not None
+            for trace in traces
         ]
-        if not errors:
-            continue
-        traces = [campaign.trace(error) for error in errors]
-        titles.append((campaign.levels.label(level), all(error.split == "held_out" for error in errors)))
-        for row, name in ((over_velocity, "velocity_mm_s"), (over_displacement, "displacement_mm")):
-            row.append(
-                tuple(
-                    Line(
-                        getattr(trace, name),
-                        trace.measured_N - trace.modelled_N,
-                        colour_of(trace.command, campaign.highest),
-                        0.8,
-                    )
-                    for trace in traces
-                )
-            )
-    if not titles:
-        return None
-    rows = [
-        Row("velocity, mm/s", "meas. − mod., N", tuple(over_velocity)),
-        Row("displacement, mm", "meas. − mod., N", tuple(over_displacement)),
-    ]
-    svg = panels.grid(titles, rows, f"Residual force of {motion}")
-    return Picture(motion, "", svg, command_keys(campaign))
+        label = "" if drawn else "measured - modelled, N"
+        drawn.append(Panel(title, _X_LABELS["velocity_mm_s"], lines, y_label=label))
+    return panel_figure(drawn, len(found), height=1.6, share="row")
 
 
 def find_worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
@@ -222,39 +161,3 @@ def find_worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
     for error in sorted(steady or errors, key=lambda e: (-e.nrmse_percent, e.name)):
         worst.setdefault(error.motion, error)
     return list(worst.values())
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorSection:
-    """Errors pooled by motion and level, as table and figure."""
-
-    table: ErrorTable
-    svg: str
-    keys: tuple[Key, ...]
-    columns: str  # kind of the levels
-
-
-def error_section(campaign: Campaign) -> ErrorSection:
-    """Return the RMS errors [N] by motion and temperature (or current) of training and held-out runs."""
-    levels = campaign.levels
-    table = error_table(campaign.errors, levels)
-    placed = [error for error in campaign.errors if levels.level_of(error) is not None]
-    motions: dict[str, list[tuple[float, float | None, Point]]] = {}
-    for error in placed:
-        x = error.temperature_degC if campaign.warm else error.command
-        assert x is not None
-        motions.setdefault(error.motion, []).append((x, error.command, Point(x, error.rmse_N, error.split)))
-    pooled = {
-        motion: [
-            Point(level, value, split)
-            for level, cell in zip(levels.values, cells, strict=True)
-            for split, value in (("training", cell.training), ("held_out", cell.held_out))
-            if value is not None
-        ]
-        for motion, cells in table.rows
-    }
-    unit = campaign.errors[0].command_unit
-    of_command = "current, A" if unit == "A" else "voltage, V"
-    label = "temperature, °C" if campaign.warm else of_command
-    svg = panels.run_errors(motions, pooled, label, campaign.highest)
-    return ErrorSection(table, svg, command_keys(campaign), label.partition(",")[0])

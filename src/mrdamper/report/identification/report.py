@@ -9,15 +9,16 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.data.finding import by_kind
+from mrdamper.identify.actuation.fit import ActuationFit
 from mrdamper.identify.evaluate import row
 from mrdamper.identify.problem import Estimate
-from mrdamper.identify.selection.select import CandidateScore, Selection
+from mrdamper.identify.selection.select import Selection
 from mrdamper.jobs.fit import FitResult
 from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
-from mrdamper.report.base import DONE, NO_FILES, Outcome, Report, WrittenFile, interrupted
+from mrdamper.report.base import DONE, NO_FILES, Outcome, Report, WrittenFile, csv_file, interrupted
 from mrdamper.report.identification.page import PAGE
-from mrdamper.report.identification.scores import pooled_json, summaries
+from mrdamper.report.identification.scores import summaries
 from mrdamper.report.identification.tables import (
     best_candidates,
     error_summary_table,
@@ -26,61 +27,56 @@ from mrdamper.report.identification.tables import (
 from mrdamper.report.identification.verdict import verdict_lines
 from mrdamper.report.page import sentence
 from mrdamper.report.sections import print_compact
-from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json, finite_or_none
+from mrdamper.schema import Json
 
+# The terminal shows the most important rows. The report has all of them.
+MODEL_COUNT_MAX = 3
+WARNING_COUNT_MAX = 2
 NOTE_COUNT_MAX = 1
 
 
-def _answer(found: FitResult) -> Json:
-    """Return the JSON object that ``mrdamper fit --json`` prints, without the paths of the files."""
-    result, judged = found.result, found.assessment
+def _fields(found: FitResult) -> dict[str, object]:
+    """Return the values that ``mrdamper fit --json`` prints, without the paths of the files."""
+    result, judged, selection, posterior = found.result, found.assessment, found.selection, found.posterior
     return {
         "law": found.damper.law.name,
         "method": result.method,
-        "coefficients": {estimate.name: _estimate(estimate) for estimate in result.estimates},
+        "coefficients": {each.name: _estimate(each) for each in result.estimates},
         "cpu_s": round(found.cpu_s, 4),
         "runs": _rows(found),
         "summary": summaries(judged.runs),
         "cost_percent": result.cost_percent,
         "seed": result.seed,
-        "starts": [
-            {
-                "index": start.index,
-                "cost_percent": finite_or_none(start.cost_percent),
-                "converged": start.converged,
-            }
-            for start in result.starts
-        ],
-        "passivity_min": finite_or_none(judged.passivity_min),
+        "starts": result.starts,
+        "passivity_min": judged.passivity_min,
         "converged": found.converged,
         "cancelled": found.cancelled,
-        "errors": [
-            {
-                "kind": error.kind,
-                "current": error.current,
-                "runs": error.run_count,
-                "median_percent": error.median_percent,
-                "rms_percent": error.rms_percent,
-                "worst_percent": error.worst_percent,
-            }
-            for error in found.errors
-        ],
-        "notes": _notes(found),
-        "by_temperature": pooled_json(judged.runs),
-        "actuation": _actuation(found),
-        "force_band": None if found.force_band is None else asdict(found.force_band),
-        "next_tests": list(found.next_tests),
-        "assumed": list(found.damper.assumed),
-        "posterior": _posterior(found),
-        "selection": None if found.selection is None else _selection(found.selection),
-        "findings": [dict(finding.to_dict()) for finding in found.findings],
-        "inferred": [asdict(inference) for inference in found.inferred],
+        "errors": found.errors,
+        "notes": [*result.notes, *judged.words],
+        "actuation": None if found.actuation is None else _actuation(found.actuation),
+        "force_band": found.force_band,
+        "next_tests": found.next_tests,
+        "assumed": found.damper.assumed,
+        "posterior": None
+        if posterior is None
+        else {
+            "draws": len(posterior),
+            "standard_deviation": posterior.standard_deviation,
+            "percentiles_5_95": posterior.percentiles,
+        },
+        "selection": None
+        if selection is None
+        else {
+            "validation_data": selection.validation_data,
+            "is_subset": selection.is_subset,
+            "sample_count": selection.sample_count,
+            "subset_error_percent": selection.subset_error_percent,
+            "all_runs_error_percent": selection.all_runs_error_percent,
+            "candidates": selection.scores,
+        },
+        "findings": [each.to_dict() for each in found.findings],
+        "inferred": found.inferred,
     }
-
-
-def _notes(found: FitResult) -> list[str]:
-    return [*found.result.notes, *found.assessment.words]
 
 
 def _rows(found: FitResult) -> list[dict[str, object]]:
@@ -88,64 +84,13 @@ def _rows(found: FitResult) -> list[dict[str, object]]:
     return [row(error) for error in found.assessment.runs]
 
 
-def _estimate(estimate: Estimate) -> Json:
-    return {
-        "value": estimate.value,
-        "unit": estimate.unit,
-        "standard_error": finite_or_none(estimate.standard_error),
-        "design_error_percent": finite_or_none(estimate.design_error_percent),
-        "identifiable": bool(estimate.identifiable),
-        "at_bound": estimate.at_bound or None,
-        "lower": finite_or_none(estimate.lower),
-        "upper": finite_or_none(estimate.upper),
-    }
+def _estimate(estimate: Estimate) -> dict[str, object]:
+    return {**asdict(estimate), "identifiable": estimate.identifiable}
 
 
-def _selection(selection: Selection) -> Json:
-    return {
-        "validation_data": selection.validation_data,
-        "is_subset": selection.is_subset,
-        "sample_count": selection.sample_count,
-        "subset_error_percent": finite_or_none(selection.subset_error_percent),
-        "all_runs_error_percent": finite_or_none(selection.all_runs_error_percent),
-        "candidates": [_candidate(score) for score in selection.scores],
-    }
-
-
-def _candidate(score: CandidateScore) -> Json:
-    return {
-        "law": score.law,
-        "terms": list(score.terms),
-        "free_parameters": score.free_parameters,
-        "training_rms_percent": finite_or_none(score.training_rms_percent),
-        "cv_median_percent": finite_or_none(score.cv_median_percent),
-        "cv_worst_percent": finite_or_none(score.cv_worst_percent),
-        "cv_mean_percent": finite_or_none(score.cv_mean_percent),
-        "reason": score.reason,
-        "cpu_s": round(score.cpu_s, 3),
-    }
-
-
-def _actuation(found: FitResult) -> Json | None:
-    fitted = found.actuation
-    if fitted is None:
-        return None
-    errors = {
-        f"{name}_standard_error": finite_or_none(error) for name, error in fitted.standard_errors.items()
-    }
+def _actuation(fitted: ActuationFit) -> dict[str, object]:
+    errors = {f"{name}_standard_error": error for name, error in fitted.standard_errors.items()}
     return {**asdict(fitted.actuation), **errors, **fitted.to_dict()}
-
-
-def _posterior(found: FitResult) -> Json | None:
-    """Return the spread of the parameters between the posterior samples."""
-    posterior = found.posterior
-    if posterior is None:
-        return None
-    return {
-        "draws": len(posterior),
-        "standard_deviation": posterior.standard_deviation,
-        "percentiles_5_95": {name: list(ends) for name, ends in posterior.percentiles.items()},
-    }
 
 
 def _write_posterior(found: FitResult, path: Path) -> None:
@@ -153,20 +98,15 @@ def _write_posterior(found: FitResult, path: Path) -> None:
         write_draws(found.posterior, found.damper, path)
 
 
-# --------------------------------------------------------------------------------------------- the terminal
-
-
 def _show(found: FitResult, console: Console) -> None:
     """Print the verdict, the errors, the selected model, warnings and notes, the verdict first."""
-    # The terminal shows the most important rows. The report has all of them.
-    model_count_max = 3
     for line in verdict_lines(found):
         console.print(escape(line))
     console.print()
     print_compact(error_summary_table(found.errors).printed(), console)
     if found.selection is not None:
         console.print(escape(_selection_line(found.selection)))
-        print_compact(best_candidates(found.selection, model_count_max).printed(), console)
+        print_compact(best_candidates(found.selection, MODEL_COUNT_MAX).printed(), console)
     for line in (*_warning_lines(found), *_note_lines(found)):
         console.print(line)
 
@@ -182,16 +122,15 @@ def _selection_line(selection: Selection) -> str:
 
 def _warning_lines(found: FitResult) -> list[str]:
     """Return the worst finding of each kind, as console markup."""
-    warning_count_max = 2
     kinds = [(finding, count) for finding, count in by_kind(found.findings) if finding.severity != "note"]
     lines = []
-    for finding, run_count in kinds[:warning_count_max]:
+    for finding, run_count in kinds[:WARNING_COUNT_MAX]:
         runs = f"{run_count} runs, worst {finding.run}" if run_count > 1 else finding.run or "all runs"
         text = f"{runs}: {finding.found}."
         colour = "red" if finding.severity == "fault" else "yellow"
         lines.append(f"[{colour}]{finding.severity.capitalize()}[/{colour}]: {escape(text)}")
-    if len(kinds) > warning_count_max:
-        lines.append(f"The report has {len(kinds) - warning_count_max} more warnings, and remedies.")
+    if len(kinds) > WARNING_COUNT_MAX:
+        lines.append(f"The report has {len(kinds) - WARNING_COUNT_MAX} more warnings, and remedies.")
     return lines
 
 
@@ -224,7 +163,7 @@ def _outcome(found: FitResult) -> Outcome:
 
 
 REPORT: Report[FitResult] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     closing=_closing,
     page=PAGE,
@@ -236,7 +175,7 @@ REPORT: Report[FitResult] = Report(
             write=_write_posterior,
             when=lambda found: found.posterior is not None,
         ),
-        WrittenFile(name="errors.csv", write=lambda found, path: write_table(path, _rows(found))),
+        csv_file("errors.csv", _rows),
     ),
     rows=_rows,
     outcome=_outcome,

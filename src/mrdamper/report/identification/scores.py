@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from rich.console import Console
-from rich.table import Table as RichTable
 
 from mrdamper.identify.scores import RunError, Split, summary
 from mrdamper.jobs.intervals import ForceInterval
-from mrdamper.report.sections import Column, Table, terminal_table
-from mrdamper.schema import Json, finite_or_none
+from mrdamper.report.identification.groups import levels_of, pooled_rms
+from mrdamper.report.sections import Column, Table
+from mrdamper.schema import Json
 
+RUN_COUNT_MAX = 40  # More runs are shown by motion and temperature.
+WORST_RUN_COUNT = 10
+OPEN_ROW_COUNT_MAX = 48  # A longer table is folded on a page.
 NO_FORCES: Mapping[str, ForceInterval] = MappingProxyType({})
 _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
@@ -27,103 +29,35 @@ def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
 
 
 def summaries(errors: Iterable[RunError]) -> Json:
-    """Return median and worst of ``nrmse_percent`` by split as JSON."""
-    return {split: in_percent(values) for split, values in by_split(errors).items()}
-
-
-def in_percent(values: Mapping[str, float]) -> Json:
-    """Return a summary whose keys contain the unit."""
-    return {f"{name}_nrmse_percent": finite_or_none(value) for name, value in values.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class PooledError:
-    """The RMS error of the runs of one motion, temperature (rounded to 1 degC) and split."""
-
-    motion: str
-    temperature_degC: int
-    split: Split
-    runs: int
-    rmse_N: float
-
-
-def pooled_by_temperature(errors: Iterable[RunError]) -> tuple[PooledError, ...]:
-    """Return the errors of all currents pooled by temperature. Runs without a temperature are ignored."""
-    groups: dict[tuple[str, int, Split], list[float]] = {}
-    for error in errors:
-        if error.temperature_degC is not None:
-            key = (error.motion, round(error.temperature_degC), error.split)
-            groups.setdefault(key, []).append(error.rmse_N**2)
-    return tuple(
-        PooledError(motion, degrees, split, len(squares), math.sqrt(sum(squares) / len(squares)))
-        for (motion, degrees, split), squares in sorted(groups.items())
-    )
-
-
-def pooled_json(errors: Iterable[RunError]) -> list[Json]:
-    """Return the pooled errors as JSON."""
-    return [
-        {
-            "motion": each.motion,
-            "temperature_degC": each.temperature_degC,
-            "split": each.split,
-            "runs": each.runs,
-            "rmse_N": each.rmse_N,
-        }
-        for each in pooled_by_temperature(errors)
-    ]
-
-
-# --------------------------------------------------------------------------------------------- the terminal
+    """Return median and worst of ``nrmse_percent`` by split, with keys that contain the unit."""
+    return {
+        split: {f"{name}_nrmse_percent": value for name, value in values.items()}
+        for split, values in by_split(errors).items()
+    }
 
 
 def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
     """Print the error of every run, or of many runs the pooled errors and the worst runs."""
-    title = f"{law}: error by run"
-    if len(errors) <= 40:  # More runs are shown by motion and temperature.
-        console.print(_terminal_table(errors, title))
-        return
-    pooled = pooled_by_temperature(errors)
-    if pooled:
-        console.print(_pooled_table(pooled, law))
-    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:10]
-    console.print(
-        _terminal_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} runs (errors.csv has all)")
-    )
-
-
-def _terminal_table(errors: Sequence[RunError], title: str) -> RichTable:
-    ordered = sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0))
-    return error_table(ordered, title=title).printed()
-
-
-def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
-    """Generate a line for each split: median and worst errors."""
-    for split, values in by_split(errors).items():
-        text = ", ".join(
-            f"{word} {percent(values[name])}"
-            for word, name in (
-                ("median", "median"),
-                ("worst with current", "worst_above_zero"),
-                ("worst", "worst"),
-            )
-        )
-        yield f"{split.replace('_', ' ')}: {text}"
+    title, shown = f"{law}: error by run", errors
+    if len(errors) > RUN_COUNT_MAX:
+        console.print(pooled_table(errors).printed())
+        shown = sorted(errors, key=lambda error: -error.nrmse_percent)[:WORST_RUN_COUNT]
+        title += f", the {len(shown)} worst of {len(errors)} runs (errors.csv has all)"
+    ordered = sorted(shown, key=lambda e: (e.split != "training", e.command == 0.0))
+    console.print(error_table(ordered, title=title).printed())
 
 
 def show_summaries(errors: Iterable[RunError], console: Console) -> None:
     """Print median and worst errors by split."""
-    for line in summary_lines(errors):
-        split, _, text = line.partition(":")
-        console.print(f"[bold]{split}[/bold]:{text}")
+    words = {"median": "median", "worst with current": "worst_above_zero", "worst": "worst"}
+    for split, values in by_split(errors).items():
+        text = ", ".join(f"{word} {percent(values[name])}" for word, name in words.items())
+        console.print(f"[bold]{split.replace('_', ' ')}[/bold]: {text}")
 
 
 def percent(value: float) -> str:
     """Format a percentage, with a dash for NaN."""
     return "-" if math.isnan(value) else f"{value:.2f} %"
-
-
-# ------------------------------------------------------------------------------------------- the tables
 
 
 def error_table(
@@ -165,7 +99,7 @@ def error_table(
         "cycle, or of the whole run for a motion without a period. Held-out runs are highlighted.",
         held=lambda error: error.split == "held_out",
         part=lambda error: (error.split, error.command == 0.0),
-        folded=f"All {len(errors)} runs" if len(errors) > 48 else "",  # A longer table is folded on a page.
+        folded=f"All {len(errors)} runs" if len(errors) > OPEN_ROW_COUNT_MAX else "",
     )
 
 
@@ -173,19 +107,27 @@ def _command(error: RunError) -> str:
     return "varies" if error.command is None else f"{error.command:g} {error.command_unit}"
 
 
-def _pooled_table(pooled: Sequence[PooledError], law: str) -> RichTable:
-    """Return the RMS error by motion and temperature. Held-out errors are in brackets."""
-    degrees = sorted({each.temperature_degC for each in pooled})
-    rows = []
-    for motion in dict.fromkeys(each.motion for each in pooled):
-        cells = []
-        for degree in degrees:
-            found = [each for each in pooled if (each.motion, each.temperature_degC) == (motion, degree)]
-            values = [
-                f"{each.rmse_N:.1f}" if each.split == "training" else f"({each.rmse_N:.1f})" for each in found
-            ]
-            cells.append(" ".join(values))
-        rows.append((motion, *cells))
-    title = f"{law}: RMS error in N of all currents, held-out runs in brackets"
-    names = ("motion", *(f"{degree} degC" for degree in degrees))
-    return terminal_table(title, names, rows, left=("motion",))
+def pooled_table(errors: Sequence[RunError]) -> Table[tuple[str, Sequence[RunError]]]:
+    """Return the RMS error by motion and temperature (or current). Held-out errors are in brackets."""
+    levels = levels_of(errors)
+    placed = [error for error in errors if levels.level_of(error) is not None]
+
+    def column(level: float) -> Column[tuple[str, Sequence[RunError]]]:
+        def value(row: tuple[str, Sequence[RunError]]) -> str | None:
+            parts = []
+            for split, form in (("training", "{:.1f}"), ("held_out", "({:.1f})")):
+                members = [e for e in row[1] if levels.level_of(e) == level and e.split == split]
+                if members:
+                    parts.append(form.format(pooled_rms(members)))
+            return " ".join(parts) or None
+
+        return Column(levels.label(level), value, form="s")
+
+    motions = dict.fromkeys(error.motion for error in placed)
+    rows = [(motion, [error for error in placed if error.motion == motion]) for motion in motions]
+    return Table(
+        title="RMS error in N by motion",
+        columns=[Column("motion", lambda row: row[0]), *map(column, levels.values)],
+        rows=[*rows, ("all motions", placed)],
+        caption="RMS error in N of the runs of one motion. Held-out runs are in brackets.",
+    )

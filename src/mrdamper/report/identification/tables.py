@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 
 from mrdamper.identify.consistency.errors import ErrorSummary
-from mrdamper.identify.problem import Estimate
+from mrdamper.identify.problem import Estimate, SearchResult
 from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.report.page import significant
 from mrdamper.report.sections import Column, Table
+
+STRONG_CORRELATION_MIN = 0.8
 
 
 def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
@@ -38,6 +41,27 @@ def _identifiability(estimate: Estimate) -> str:
     design = estimate.design_error_percent
     known = " (over 1000 %)" if design > 1e3 else f" ({design:.2g} %)" if design >= 0.0 else ""
     return ("yes" if estimate.identifiable else "no") + known
+
+
+def correlation_table(result: SearchResult) -> Table[tuple[str, str, float]]:
+    """Return the pairs of parameters with a strong correlation, the strongest first."""
+    names = [estimate.name for estimate in result.estimates]
+    pairs = [
+        (names[i], names[j], float(result.correlation[i, j]))
+        for i, j in combinations(range(len(names)), 2)
+        if abs(result.correlation[i, j]) >= STRONG_CORRELATION_MIN
+    ]
+    return Table(
+        title="Strong correlations",
+        columns=[
+            Column("parameter", lambda pair: pair[0]),
+            Column("with", lambda pair: pair[1]),
+            Column("correlation", lambda pair: pair[2], form=".2f"),
+        ],
+        rows=sorted(pairs, key=lambda pair: -abs(pair[2])),
+        caption=f"Pairs of parameters with a correlation of {STRONG_CORRELATION_MIN:g} or more. The runs "
+        "determine a combination of such parameters better than each of them.",
+    )
 
 
 def error_summary_table(errors: Sequence[ErrorSummary]) -> Table[ErrorSummary]:

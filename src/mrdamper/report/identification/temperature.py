@@ -18,14 +18,16 @@ from mrdamper.models.characteristics import (
     steady_cycles,
 )
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.report.figures import small_multiples as panels
-from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity
-from mrdamper.report.figures.palette import colour_of
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 from mrdamper.report.figures.runs import PANEL_COLUMNS_MAX
-from mrdamper.report.figures.small_multiples import Point, Series
+from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_figure
+from mrdamper.report.figures.style import colour_of, svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import peak_force, pick_of, sine_of
 
+CURVE_POINT_COUNT = 25
+CURVE_POINT_COUNT_PYTHON = 4  # A law in Python is slow.
+TESTED_DISTANCE_MAX_K = 5.0  # Results at a larger distance from tested temperatures use assumed factors.
 REFERENCE_DISTANCE_MAX_K = 2.5  # A level this close to 20 degC is the reference.
 
 
@@ -36,7 +38,6 @@ class Warmth:
     motion: str
     summary: str
     svg: str
-    reference: str
     assumed: bool  # True if all temperature factors were taken from a fluid.
 
 
@@ -57,34 +58,31 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     else:
         low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
         reference = float(np.clip(REFERENCE_K, low, high))
-    count = 25 if damper.law.kernel is not None else 4  # A law in Python is slow.
+    count = CURVE_POINT_COUNT if damper.law.kernel is not None else CURVE_POINT_COUNT_PYTHON
     grid = np.linspace(low, high, count)
-    found: tuple[list[Series], list[Series], list[Series]] = ([], [], [])
+    drawn: tuple[list[Line], list[Line], list[Line]] = ([], [], [])
     ends = []
     for command in reversed(commands):
         places = [(motion, command, warm) for warm in (reference, *grid.tolist())]
         first, *cycles = steady_cycles(damper, places)
-        at_reference = first.peak_N
         peak = np.array([cycle.peak_N for cycle in cycles])
+        loss = 100.0 * (1.0 - peak / first.peak_N)
         energy = np.array([cycle.energy_J for cycle in cycles])
         measured = _measurements(campaign, command, reference)
-        ends.append((command, 100.0 * (1.0 - peak[-1] / at_reference), _last(measured[1])))
-        label = f"{command:g} {damper.command_unit}"
-        colour = colour_of(command, campaign.highest)
-        values = (peak, 100.0 * (1.0 - peak / at_reference), energy)
-        for series, y, points in zip(found, values, measured, strict=True):
-            series.append(Series(label, colour, grid - ZERO_CELSIUS_K, y, points))
+        ends.append((command, float(loss[-1]), measured[1][-1].y if measured[1] else None))
+        colour, label = colour_of(command, campaign.highest), f"{command:g} {damper.command_unit}"
+        for lines, y, points in zip(drawn, (peak, loss, energy), measured, strict=True):
+            lines.append(Line(grid - ZERO_CELSIUS_K, y, colour, label, points=points))
     degrees = reference - ZERO_CELSIUS_K
     titles = ("peak force, N", f"loss of peak force since {degrees:.0f} °C, %", "energy per cycle, J")
-    label = f"sine {1e3 * motion.amplitude:.3g} mm {motion.frequency:.3g} Hz"
-    name = campaign.main or label
+    panels = [Panel(title, "temperature, °C", lines) for title, lines in zip(titles, drawn, strict=True)]
+    name = campaign.main or f"sine {1e3 * motion.amplitude:.3g} mm {motion.frequency:.3g} Hz"
     return Warmth(
         name,
         _loss_sentence(name, ends[::-1], high - ZERO_CELSIUS_K, degrees, damper.command_unit),
-        panels.against_temperature(
-            list(zip(titles, found, strict=True)), "Force and energy over temperature"
+        svg_drawn_by(
+            lambda: panel_figure(panels, height=1.8, legend=""), "Force and energy over temperature"
         ),
-        f"{degrees:.0f} °C",
         bool(damper.assumed),
     )
 
@@ -104,10 +102,6 @@ def _measurements(
     lost = [] if not first else [Point(p.x, 100.0 * (1.0 - p.y / first), p.split) for p in peaks]
     energies = [Point(level, error.energy_measured_J, error.split) for level, error, _ in known]
     return tuple(peaks), tuple(lost), tuple(energies)
-
-
-def _last(points: Sequence[Point]) -> float | None:
-    return points[-1].y if points else None
 
 
 def _loss_sentence(
@@ -134,26 +128,16 @@ def _loss_sentence(
         return all(after < before for before, after in pairwise(values))
 
     claim = f"The relative loss is smaller at higher {'current' if unit == 'A' else 'voltage'}"
+    some = " only for some currents"
     model = is_falling([lost for _, lost, _ in by_size])
     seen = [measured for _, _, measured in by_size if measured is not None]
     if len(seen) < 2:
-        return f"{head}. {claim}{'' if model else ' only for some currents'}."
-    both = (model, is_falling(seen))
-    if all(both):
-        return f"{head}. {claim}, measured and modelled."
-    if not any(both):
-        return f"{head}. {claim} only for some currents, measured and modelled."
-    source = "in the model but not in the measured runs"
-    return f"{head}. {claim} {source if model else 'in the measured runs but not in the model'}."
-
-
-def assumption_sentence(campaign: Campaign) -> str:
-    """Return a sentence on coefficients with an assumed temperature dependence, or an empty string."""
-    assumed = campaign.fitted.damper.assumed
-    if not assumed:
-        return ""
-    names = ", ".join(name.replace("_", " ") for name in assumed)
-    return f"The temperature factor of {names} was taken from a fluid, not fitted to this damper."
+        return f"{head}. {claim}{'' if model else some}."
+    if model == is_falling(seen):
+        return f"{head}. {claim}{'' if model else some}, measured and modelled."
+    if model:
+        return f"{head}. {claim} in the model but not in the measured runs."
+    return f"{head}. {claim} in the measured runs but not in the model."
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +181,7 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
     name = campaign.main if motion is not None else None
     return Characteristics(
         found,
-        peak_velocity(picks, damper.command_unit),
+        svg_drawn_by(lambda: peak_velocity_figure(picks, damper.command_unit), "Peak-velocity-pick curves"),
         titles,
         name or f"sine {1e3 * scope.motion.amplitude:.3g} mm {scope.motion.frequency:.3g} Hz",
         assumed,
@@ -206,21 +190,20 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
 
 def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
     """Return True if training runs were near a temperature [K]. Runs without temperature count as 20 degC."""
-    tested_distance_max_K = 5.0  # Results at a larger distance from tested temperatures use assumed factors.
     tested = envelope_of(campaign.fitted.training).temperature or (REFERENCE_K, REFERENCE_K)
     return (
         temperature is None
-        or tested[0] - tested_distance_max_K <= temperature <= tested[1] + tested_distance_max_K
+        or tested[0] - TESTED_DISTANCE_MAX_K <= temperature <= tested[1] + TESTED_DISTANCE_MAX_K
     )
 
 
 def _picks(
     campaign: Campaign, commands: Sequence[float], temperature: float | None
-) -> tuple[MeasuredPick, ...]:
+) -> dict[float, list[Point]]:
     """Return the measured forces of all sines at a temperature, or of all without temperature dependence."""
-    found = []
+    found: dict[float, list[Point]] = {}
     if not campaign.warm and not _is_tested(campaign, temperature):
-        return ()
+        return found
     for error in campaign.errors:
         if error.command not in commands or error.command is None:
             continue
@@ -228,9 +211,8 @@ def _picks(
             level = campaign.levels.level_of(error)
             if level is None or abs(level + ZERO_CELSIUS_K - temperature) > 1e-6:
                 continue
-        pick = pick_of(campaign.runs[error.name])
-        if pick is not None:
-            found.append(
-                MeasuredPick(error.command, pick.velocity, pick.extension, pick.retraction, error.split)
+        if (pick := pick_of(campaign.runs[error.name])) is not None:
+            found.setdefault(error.command, []).extend(
+                Point(1e3 * pick.velocity, force, error.split) for force in (pick.extension, pick.retraction)
             )
-    return tuple(found)
+    return found

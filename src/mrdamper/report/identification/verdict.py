@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 from mrdamper.identify.scores import RunError, summary
 from mrdamper.jobs.fit import FitResult
+from mrdamper.models.damper import Damper
+from mrdamper.models.force_band import ForceBand
+from mrdamper.report.page import Tile, count_of
 
 
 def convergence_sentence(found: FitResult) -> str:
@@ -31,6 +34,23 @@ def verdict_lines(found: FitResult) -> list[str]:
     return [line for line in lines if line]
 
 
+def assumption_flags(damper: Damper) -> list[tuple[str, str]]:
+    """Return a warning if a temperature dependence was not fitted."""
+    if not damper.assumed:
+        return []
+    names = ", ".join(name.replace("_", " ") for name in damper.assumed)
+    text = f"The temperature factor of {names} was taken from a fluid, not fitted to this damper"
+    return [("The temperature dependence is assumed", text)]
+
+
+def expected_tile(band: ForceBand | None) -> Tile | None:
+    """Return the expected error of new runs from cross-validation, or None if it is unknown."""
+    if band is None:
+        return None
+    worst = f"worst {band.worst_nrmse_percent:.1f} %, cross-validation over {band.left_out}"
+    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of new runs, median", worst)
+
+
 def expected_sentence(found: FitResult) -> str:
     """Return the error to expect of new runs; an empty string if it is unknown."""
     band = found.force_band
@@ -46,7 +66,7 @@ def _errors(name: str, errors: Sequence[RunError]) -> str:
     if not errors:
         return ""
     values = summary(errors)
-    runs = "1 run" if len(errors) == 1 else f"{len(errors)} runs"
+    runs = count_of("run", len(errors))
     return f"{name}: median error {values['median']:.1f} %, worst {values['worst']:.1f} % ({runs})."
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,39 +11,32 @@ from rich.markup import escape
 
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.derate import DerateResult
-from mrdamper.report.base import Report, WrittenFile, print_notes
-from mrdamper.report.figures.style import WIDTH_INCH
+from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes, text_file
+from mrdamper.report.figures.style import panels
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import table_of, terminal_table
-from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json, finite_or_none
+from mrdamper.schema import finite_or_none
 
 
-def _json_list(values: FloatArray) -> list[object]:
-    """Return a map as nested lists with null for NaN and infinity."""
-    return [_json_list(each) if each.ndim else finite_or_none(float(each)) for each in values]
-
-
-def _answer(found: DerateResult) -> Json:
+def _fields(found: DerateResult) -> dict[str, object]:
+    parts = np.array([*(each.name for each in found.limits), None], dtype=object)
     return {
         "duty": found.duty,
         "quantity": found.quantity,
         "unit": found.unit,
         "whole": found.whole,
         "probability": found.probability,
-        "ambient_degC": found.ambient_degC.tolist(),
-        "air_m_s": found.air_m_s.tolist(),
-        "duration_min": _json_list(found.duration_min),
-        "largest": _json_list(found.largest),
-        "low": _json_list(found.low),
-        "high": _json_list(found.high),
-        "limited_by": [
-            [[_limited(found, part) for part in row] for row in each] for each in found.limited_by
-        ],
+        "ambient_degC": found.ambient_degC,
+        "air_m_s": found.air_m_s,
+        "duration_min": found.duration_min,
+        "largest": found.largest,
+        "low": found.low,
+        "high": found.high,
+        "limited_by": parts[found.limited_by.astype(int)],
         "limits": [
             {"part": each.name, "limit_degC": each.celsius, "source": each.source} for each in found.limits
         ],
-        "notes": list(found.notes),
+        "notes": found.notes,
     }
 
 
@@ -95,24 +87,17 @@ def _show(found: DerateResult, console: Console) -> None:
 
 def _figure(found: DerateResult) -> Figure:
     """Return a map of the permissible value versus ambient temperature and air speed for each duration."""
-    count = len(found.duration_min)
-    figure = Figure(figsize=(WIDTH_INCH, 2.6))
-    for d, minutes in enumerate(found.duration_min):
-        axes = figure.add_subplot(1, count, d + 1)
-        axes.imshow(
-            found.largest[d], origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=2.0 * found.whole
-        )
+    figure, table = panels(len(found.duration_min), 5, gap=0.12, height=1.9, share="all")
+    for axes, minutes, largest in zip(table, found.duration_min, found.largest, strict=True):
+        axes.imshow(largest, origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=2.0 * found.whole)
         axes.grid(visible=False)
-        for (w, a), value in np.ndenumerate(found.largest[d]):
+        for (w, a), value in np.ndenumerate(largest):
             text = "none" if math.isnan(value) else f"{value:.3g}"
             axes.text(a, w, text, ha="center", va="center", fontsize=6.0)
         axes.set_xticks(range(len(found.ambient_degC)), [f"{each:g}" for each in found.ambient_degC])
-        axes.set_yticks(range(len(found.air_m_s)), [f"{each:g}" for each in found.air_m_s] if d == 0 else [])
-        axes.set_title(_minutes(minutes), loc="left", pad=3)
-        axes.set_xlabel("ambient, °C", labelpad=1.5)
-        if d == 0:
-            axes.set_ylabel(f"air speed, m/s (permissible {found.quantity} in {found.unit})", labelpad=1.5)
-    figure.subplots_adjust(left=0.07, right=0.99, top=0.91, bottom=0.16, wspace=0.06)
+        axes.set_yticks(range(len(found.air_m_s)), [f"{each:g}" for each in found.air_m_s])
+        axes.set(title=_minutes(minutes), xlabel="ambient, °C")
+    table[0].set_ylabel(f"air speed, m/s (permissible {found.quantity} in {found.unit})")
     return figure
 
 
@@ -139,8 +124,8 @@ def _in_c(values: FloatArray) -> str:
     return ", ".join(f"{value:.4f}f" for value in values)
 
 
-def _write_header(found: DerateResult, path: Path) -> None:
-    """Write the lower 95 % bounds as a C header. The value 0 means that nothing is permissible."""
+def _header(found: DerateResult) -> str:
+    """Return the lower 95 % bounds as a C header. The value 0 means that nothing is permissible."""
     axes = {
         "ambient_degC": found.ambient_degC,
         "air_m_s": found.air_m_s,
@@ -158,7 +143,7 @@ def _write_header(found: DerateResult, path: Path) -> None:
         "};",
         "#endif",
     ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
 
 
 def _first(found: DerateResult) -> FirstScreen:
@@ -193,13 +178,13 @@ PAGE = Page(
 
 REPORT = Report(
     page=PAGE,
-    answer=_answer,
+    fields=_fields,
     show=_show,
     summary=_summary,
     files=(
         WrittenFile(name="derate.json", key="file"),
-        WrittenFile(name="derate.csv", write=lambda found, path: write_table(path, _rows(found))),
-        WrittenFile(name="derate.h", key="header", write=_write_header),
+        csv_file("derate.csv", _rows),
+        text_file("derate.h", _header, key="header"),
     ),
     rows=_rows,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 from rich.console import Console
@@ -13,7 +13,7 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes, text_file
 from mrdamper.report.sections import print_compact, terminal_table
 from mrdamper.report.thermal.heat_page import (
     PAGE,
@@ -23,45 +23,41 @@ from mrdamper.report.thermal.heat_page import (
     page_intervals,
     sink_in_words,
 )
-from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
 from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.limits import PART_WORDS
 from mrdamper.thermal.temperature_rise import Rise
 
-# ------------------------------------------------------------------------------------------- the answer
 
-
-def _answer(run: HeatResult) -> Json:
-    """Return the object that ``mrdamper heat --json`` prints, without the paths of the files."""
-    rise, drawing, card = run.rise, run.drawing, run.card
+def _fields(run: HeatResult) -> dict[str, object]:
+    """Return the values that ``mrdamper heat --json`` prints, without the paths of the files."""
+    rise, drawing, damper = run.rise, run.drawing, run.card.damper
     return {
         "duty": run.duty.text,
         "model": rise.model,
         **_course(rise, run.prediction_interval),
         "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
-        "correlations": dict(rise.correlations),
-        "tempered": card.damper.temperature_dependent,
-        "assumed": list(card.damper.assumed),
+        "correlations": rise.correlations,
+        "tempered": damper.temperature_dependent,
+        "assumed": damper.assumed,
         "sink": None if drawing.sink is None else sink_in_words(drawing.sink),
         "without_sink": None
         if run.bare is None or run.bare_prediction_interval is None
         else _course(run.bare, run.bare_prediction_interval),
         "calibration": None if run.calibrated is None else _calibration(run.calibrated),
         "extrapolated": run.extrapolated,
-        "notes": list(run.notes),
+        "notes": run.notes,
     }
 
 
-def _calibration(calibrated: CalibratedDrawing) -> Json:
+def _calibration(calibrated: CalibratedDrawing) -> dict[str, object]:
     curve = calibrated.curve
     return {
         "curve": curve.name,
         "place": curve.place,
-        "from_s": float(curve.time[0]),
-        "to_s": float(curve.time[-1]),
+        "from_s": curve.time[0],
+        "to_s": curve.time[-1],
         "heat_capacity": calibrated.heat_capacity,
         "heat_capacity_error": calibrated.heat_capacity_error,
         "film": calibrated.film,
@@ -70,41 +66,36 @@ def _calibration(calibrated: CalibratedDrawing) -> Json:
         "start_degC": calibrated.start_K - ZERO_CELSIUS_K,
         "residual_K": calibrated.residual_K,
         "noise_K": curve.noise_K,
-        "entries": {table: dict(entries) for table, entries in calibrated.entries.items()},
-        "words": list(calibrated.notes),
+        "entries": calibrated.entries,
+        "words": calibrated.notes,
     }
 
 
-def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
-    to_limit = prediction_interval.to_limit
+def _course(rise: Rise, interval: PredictionInterval) -> dict[str, object]:
     return {
-        "curve": {
-            "time_s": rise.time.tolist(),
-            "fluid_degC": rise.fluid_degC.tolist(),
-            "coil_degC": rise.coil_degC.tolist(),
-            "wall_degC": rise.wall_degC.tolist(),
-        },
-        "hot_degC": {name: (rise.hot[part] - ZERO_CELSIUS_K).tolist() for part, name in PART_WORDS.items()},
-        "limits": limit_rows(rise, prediction_interval),
+        "curve": {"time_s": rise.time, **_means(rise)},
+        "hot_degC": {name: rise.hot[part] - ZERO_CELSIUS_K for part, name in PART_WORDS.items()},
+        "limits": limit_rows(rise, interval),
         "energy_closure": rise.energy_closure,
         "time_to_limit_s": rise.time_to_limit_s,
-        "time_to_limit_interval_s": [
-            finite_or_none(to_limit.low_s),
-            finite_or_none(to_limit.high_s),
-        ],
+        "time_to_limit_interval_s": [interval.to_limit.low_s, interval.to_limit.high_s],
         "interval": {
-            "probability": prediction_interval.probability,
-            "time_s": prediction_interval.time.tolist(),
-            "median_degC": (prediction_interval.median - ZERO_CELSIUS_K).tolist(),
-            "low_degC": (prediction_interval.low - ZERO_CELSIUS_K).tolist(),
-            "high_degC": (prediction_interval.high - ZERO_CELSIUS_K).tolist(),
+            "probability": interval.probability,
+            "time_s": interval.time,
+            "median_degC": interval.median - ZERO_CELSIUS_K,
+            "low_degC": interval.low - ZERO_CELSIUS_K,
+            "high_degC": interval.high - ZERO_CELSIUS_K,
         },
         "force_loss_percent": rise.force_loss_percent,
-        "peak_force_N": [finite_or_none(force) for force in rise.peak_force_N.tolist()],
-        "power_W": {"mechanical": rise.mechanical_W.tolist(), "coil": rise.coil_W.tolist()},
-        "paths_W": {path: watts.tolist() for path, watts in rise.paths_W.items()},
-        "energy_J": dict(rise.energy_J),
+        "peak_force_N": rise.peak_force_N,
+        "power_W": {"mechanical": rise.mechanical_W, "coil": rise.coil_W},
+        "paths_W": rise.paths_W,
+        "energy_J": rise.energy_J,
     }
+
+
+def _means(rise: Rise) -> dict[str, FloatArray]:
+    return {"fluid_degC": rise.fluid_degC, "coil_degC": rise.coil_degC, "wall_degC": rise.wall_degC}
 
 
 def _rows(run: HeatResult) -> list[dict[str, object]]:
@@ -112,9 +103,7 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
     rise = run.rise
     columns: dict[str, FloatArray] = {
         "time_s": rise.time,
-        "fluid_degC": rise.fluid_degC,
-        "coil_degC": rise.coil_degC,
-        "wall_degC": rise.wall_degC,
+        **_means(rise),
         **{f"hottest_{name}_degC": rise.hot[part] - ZERO_CELSIUS_K for part, name in PART_WORDS.items()},
         "peak_force_N": rise.peak_force_N,
         "mechanical_W": rise.mechanical_W,
@@ -125,9 +114,6 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
         {name: None if np.isnan(values[k]) else float(f"{values[k]:.9g}") for name, values in columns.items()}
         for k in range(len(rise.time))
     ]
-
-
-# --------------------------------------------------------------------------------------------- the terminal
 
 
 def summary(run: HeatResult) -> list[str]:
@@ -217,29 +203,24 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
     ]
 
 
-# ----------------------------------------------------------------------------------------------- the files
-
-
-def _write_calibrated(run: HeatResult, path: Path) -> None:
-    """Write the calibrated geometry file in the format of the given one."""
+def _calibrated_text(run: HeatResult) -> str:
+    """Return the calibrated geometry file in the format of the given one."""
     found, drawing = run.calibrated, run.drawing
     assert found is not None
     title = f"{drawing.name}, calibrated by {found.curve.name}"
-    path.write_text(calibrated_text(drawing.text, found.entries, title, sink=drawing.sink), encoding="utf-8")
+    return calibrated_text(drawing.text, found.entries, title, sink=drawing.sink)
 
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=show,
     summary=summary,
     page=PAGE,
     files=(
         WrittenFile(name="heat.json", key="file"),
-        WrittenFile(name="heat.csv", write=lambda run, path: write_table(path, _rows(run))),
-        WrittenFile(
-            name="calibrated.toml",
-            key="drawing",
-            write=_write_calibrated,
+        csv_file("heat.csv", _rows),
+        replace(
+            text_file("calibrated.toml", _calibrated_text, key="drawing"),
             when=lambda run: bool(run.drawing.text) and run.calibrated is not None,
         ),
     ),

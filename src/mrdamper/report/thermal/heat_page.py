@@ -12,10 +12,12 @@ from matplotlib.figure import Figure
 from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.damper_section import draw_dampers, draw_field
-from mrdamper.report.figures.heat import draw_fade, draw_paths, temperature_figure
+from mrdamper.report.figures.damper_section import dampers_figure, field_figure
+from mrdamper.report.figures.heat import fade_figure, paths_figure, temperature_figure
+from mrdamper.report.identification.verdict import assumption_flags
 from mrdamper.report.page import FirstScreen, Page, Tile
-from mrdamper.schema import finite_or_none
+from mrdamper.report.sections import Picture
+from mrdamper.schema import json_value
 from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import LimitReached
@@ -92,20 +94,9 @@ def _caption(run: HeatResult) -> str:
 
 def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
     """Return warnings if the temperature dependence of a card is assumed or missing."""
-    damper, flags = card.damper, []
-    if damper.assumed:
-        names = ", ".join(name.replace("_", " ") for name in damper.assumed)
-        flags.append(
-            (
-                "The temperature dependence is assumed",
-                f"The temperature dependence of {names} was taken from a fluid, not fitted",
-            )
-        )
-    if not damper.temperature_dependent:
-        flags.append(
-            ("The card has no temperature model", "Force and mechanical power do not depend on temperature")
-        )
-    return flags
+    if card.damper.temperature_dependent:
+        return assumption_flags(card.damper)
+    return [("The card has no temperature model", "Force and mechanical power do not depend on temperature")]
 
 
 def _sections(run: HeatResult) -> dict[str, object]:
@@ -114,10 +105,10 @@ def _sections(run: HeatResult) -> dict[str, object]:
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
     return {
         "rises": run.rises,
-        "paths": draw_paths(run.rises),
-        "fade": draw_fade(run.rises),
-        "section": draw_dampers([(title, drawing)], "The damper to scale"),
-        "field": _draw_field(run.rise),
+        "paths": Picture("Heat flows", lambda: paths_figure(run.rises)),
+        "fade": Picture("Loss of force", lambda: fade_figure(run.rises)),
+        "section": Picture("The damper to scale", lambda: dampers_figure([(title, drawing)])),
+        "field": Picture("Temperature field at the end", lambda: _field_figure(run.rise)),
         "limits": [
             (title, limit_rows(rise, interval))
             for (title, rise), interval in zip_longest(run.rises, page_intervals(run))
@@ -165,35 +156,30 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
     return f"{100.0 * interval.probability:.0f} % interval {low:.1f} to {high:.1f} {unit}"
 
 
-def _draw_field(rise: Rise) -> str:
-    """Return the final temperature field as SVG, or an empty string for models without a field."""
+def _field_figure(rise: Rise) -> Figure | None:
+    """Return the final temperature field, or None for models without a field."""
     reduced, heating = rise.field, rise.heating
     if reduced is None or not isinstance(heating, FieldHeating):
-        return ""
+        return None
     mesh = reduced.full.mesh
     corners = reduced.field(heating.state[-1])[: len(mesh.corners)] - ZERO_CELSIUS_K
-    title = f"Temperature field after {rise.time[-1] / 60:.4g} min"
-    return draw_field(reduced.full.section, mesh, corners, title)
+    return field_figure(reduced.full.section, mesh, corners)
 
 
 def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str, Any]]:
     """Return the limits of fluid, coil and seals, each at its hottest point, for page and answer."""
-    rows = []
-    for k, each in enumerate(rise.limits):
-        to_limit = None if interval is None else interval.to_limits[k]
-        rows.append(
-            {
-                "part": each.limit.name,
-                "limit_degC": each.limit.celsius,
-                "source": each.limit.source,
-                "hottest_degC": each.hottest - ZERO_CELSIUS_K,
-                "time_s": each.time_s,
-                "interval_s": None
-                if to_limit is None
-                else [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
-            }
-        )
-    return rows
+    times = [None] * len(rise.limits) if interval is None else interval.to_limits
+    return [
+        {
+            "part": each.limit.name,
+            "limit_degC": each.limit.celsius,
+            "source": each.limit.source,
+            "hottest_degC": each.hottest - ZERO_CELSIUS_K,
+            "time_s": each.time_s,
+            "interval_s": None if to_limit is None else json_value([to_limit.low_s, to_limit.high_s]),
+        }
+        for each, to_limit in zip(rise.limits, times, strict=True)
+    ]
 
 
 def reached(limit: LimitReached) -> str:

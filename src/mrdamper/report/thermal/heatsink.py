@@ -9,20 +9,22 @@ from rich.markup import escape
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
-from mrdamper.report.figures.damper_section import draw_dampers
-from mrdamper.report.figures.heatsink import draw_sweeps, front_figure
+from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes, text_file
+from mrdamper.report.figures.damper_section import dampers_figure
+from mrdamper.report.figures.heatsink import front_figure, sweeps_figure
+from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
-from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, toml_text, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
-from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, SinkEffect, Sweep
+from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
+
+DESIGN_COUNT_MAX = 8  # The terminal shows evenly spaced designs of the front, the report all.
 
 
 def _first(run: HeatsinkResult) -> FirstScreen:
-    best, reference, limits = run.best, run.reference, run.limits
+    best, reference, limits, light = run.best, run.reference, run.limits, _lightest(run)
     method = _method(run)
     mass = f", {1e3 * limits.mass:.0f} g" if limits.mass < 1e9 else ""
     return FirstScreen(
@@ -33,15 +35,20 @@ def _first(run: HeatsinkResult) -> FirstScreen:
         verdict=" ".join(_verdict(run)),
         tiles=(
             Tile(
-                f"{_degrees(best.fluid)} °C", "fluid at the end of the load cycle with the coolest sink", ""
+                f"{best.fluid - ZERO_CELSIUS_K:.1f} °C",
+                "fluid at the end of the load cycle with the coolest sink",
             ),
             Tile(
-                f"{run.gain.middle:.1f} K",
-                f"cooler than {_reference(run)} ({_degrees(reference.fluid)} °C, "
+                f"{abs(run.gain.middle):.1f} K",
+                f"{_comparison(run)} {_reference(run)} ({reference.fluid - ZERO_CELSIUS_K:.1f} °C, "
                 f"{1e3 * reference.mass:.0f} g)",
-                f"90 % interval {run.gain.low:.1f} to {run.gain.high:.1f} K",
+                f"90 % interval {_interval(run)}",
             ),
-            Tile(f"{1e3 * best.mass:.0f} g", "mass of the fins", _lightest_band(run)),
+            Tile(
+                f"{1e3 * best.mass:.0f} g",
+                "mass of the fins",
+                "" if light is None else f"as cool as the reference: {1e3 * light.mass:.0f} g",
+            ),
         ),
         caption=f"{run.found.tried} sinks of a grid were evaluated with the zone network. "
         f"{len(run.found.designs)} are on the Pareto front. {len(run.front)} of these were evaluated with "
@@ -56,35 +63,44 @@ def _verdict(run: HeatsinkResult) -> list[str]:
     assert run.best.sink is not None  # A search returns sinks.
     lines = [
         f"Best heat sink: {sink_in_words(run.best.sink)}.",
-        f"It is {run.gain.middle:.1f} K cooler than {_reference(run)} (90 % interval {run.gain.low:.1f} to "
-        f"{run.gain.high:.1f} K, from the uncertainty of heat transfer and power).",
+        f"It is {abs(run.gain.middle):.1f} K {_comparison(run)} {_reference(run)} (90 % interval "
+        f"{_interval(run)}, from the uncertainty of heat transfer and power).",
     ]
-    if not run.gain.better:
-        lines.append("The advantage is not significant because the interval includes zero.")
+    if run.gain.low <= 0.0 <= run.gain.high:
+        lines.append("The difference is not significant because the interval includes zero.")
     return lines
+
+
+def _comparison(run: HeatsinkResult) -> str:
+    return "cooler than" if run.gain.middle >= 0.0 else "warmer than"
+
+
+def _interval(run: HeatsinkResult) -> str:
+    """Return the interval of the temperature difference with the sign that ``_comparison`` states."""
+    low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
+    return f"{low:.1f} to {high:.1f} K"
 
 
 def _reference(run: HeatsinkResult) -> str:
     return "the reference" if run.reference.sink else "the bare damper"
 
 
-def _lightest_band(run: HeatsinkResult) -> str:
-    if run.lightest is None or run.reference.sink is None or run.lightest is run.best:
-        return ""
-    return f"as cool as the reference: {1e3 * run.lightest.mass:.0f} g"
+def _lightest(run: HeatsinkResult) -> SinkDesign | None:
+    """Return the lightest design that is as cool as the reference, if it differs from the best one."""
+    return None if run.reference.sink is None or run.lightest is run.best else run.lightest
 
 
 def _sections(run: HeatsinkResult) -> list[Section]:
     found: list[Section] = [
         _front_table(run),
-        Picture("To scale", lambda: draw_dampers(_dampers(run), "Best sink and reference, to scale")),
+        Picture("Best sink and reference, to scale", lambda: dampers_figure(_dampers(run))),
     ]
-    if run.sweeps is not None:
+    if (sweeps := run.sweeps) is not None:
         caption = (
             f"Eq. (10) of the paper is not legible and was assumed as {EFFICIENCY_FORMULA}. The values are "
             "from the zone network."
         )
-        found.append(Picture("Parameter studies of the paper", lambda: draw_sweeps(run), caption))
+        found.append(Picture("Parameter studies of the paper", lambda: sweeps_figure(sweeps), caption))
     return found
 
 
@@ -148,22 +164,19 @@ def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
         return f"{name}: {values}\n{words}", run.drawing.with_sink(design.sink)
 
     chosen = [titled("reference", run.reference), titled("coolest", run.best)]
-    if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
-        chosen.append(titled("lightest that is as cool as the reference", run.lightest))
+    if (light := _lightest(run)) is not None:
+        chosen.append(titled("lightest that is as cool as the reference", light))
     return chosen
 
 
-# ------------------------------------------------------------------------------------------- the answer
-
-
-def _answer(run: HeatsinkResult) -> Json:
-    """Return the object that ``mrdamper heatsink --json`` prints, without the paths of the files."""
+def _fields(run: HeatsinkResult) -> dict[str, object]:
+    """Return the values that ``mrdamper heatsink --json`` prints, without the paths of the files."""
     limits, lightest = run.limits, run.lightest
     return {
         "duty": run.duty.text,
         "reference": _design(run.reference),
         "bare": _design(run.bare),
-        "front": [_design(each) for each in run.front],
+        "front": _rows(run),
         "best": _design(run.best),
         "cooler_K": run.gain.middle,
         "cooler_interval_K": [run.gain.low, run.gain.high],
@@ -172,7 +185,7 @@ def _answer(run: HeatsinkResult) -> Json:
         "limits": {
             "span_m": limits.span,
             "width_m": limits.width,
-            "mass_kg": limits.mass if limits.mass < float("inf") else None,
+            "mass_kg": limits.mass,
             "least_thickness_m": limits.least_thickness,
             "least_gap_m": limits.least_gap,
             "materials": [material.name for material in limits.materials],
@@ -183,7 +196,7 @@ def _answer(run: HeatsinkResult) -> Json:
             "front": len(run.found.designs),
         },
         "study": None if run.sweeps is None else _study(run.sweeps),
-        "notes": list(run.notes),
+        "notes": run.notes,
         "cpu_s": round(run.cpu_s, 3),
     }
 
@@ -191,11 +204,12 @@ def _answer(run: HeatsinkResult) -> Json:
 def _design(design: SinkDesign) -> Json:
     """Return the dimensions and temperatures of a design. The bare damper has no fins."""
     found = design.sink
+    fins, *sizes = (0, 0.0, 0.0, 0.0)
+    if found is not None:
+        fins, *sizes = (found.fins, found.width, found.thickness, found.pitch)
     return {
-        "fins": 0 if found is None else found.fins,
-        "width_m": 0.0 if found is None else found.width,
-        "thickness_m": 0.0 if found is None else found.thickness,
-        "pitch_m": 0.0 if found is None else found.pitch,
+        "fins": fins,
+        **dict(zip(("width_m", "thickness_m", "pitch_m"), sizes, strict=True)),
         "mass_kg": design.mass,
         "temperature_degC": design.fluid - ZERO_CELSIUS_K,
         "model": design.model,
@@ -206,25 +220,27 @@ def _design(design: SinkDesign) -> Json:
     }
 
 
+def _rows(run: HeatsinkResult) -> list[Json]:
+    return [_design(each) for each in run.front]
+
+
 def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
-    width, fins = sweeps
-    return {
-        "formula": EFFICIENCY_FORMULA,
-        "follows_paper": {"width": width.follows_paper, "fins": fins.follows_paper},
-        "width": [_sweep_row(effect) for effect in width.effects],
-        "fins": [_sweep_row(effect) for effect in fins.effects],
-    }
-
-
-def _sweep_row(effect: SinkEffect) -> Json:
-    return {
-        "fins": effect.sink.fins,
-        "width_m": effect.sink.width,
-        "temperature_degC": effect.finned - ZERO_CELSIUS_K,
-        "efficiency_percent": 100.0 * effect.efficiency,
-        "rise_reduction_percent": 100.0 * effect.rise_reduction,
-        "fin_efficiency": effect.fin_efficiency,
-    }
+    """Return the parameter studies of the paper: width of the fins, and their number."""
+    study: Json = {"formula": EFFICIENCY_FORMULA, "follows_paper": {}}
+    for name, sweep in zip(("width", "fins"), sweeps, strict=True):
+        study["follows_paper"][name] = sweep.follows_paper
+        study[name] = [
+            {
+                "fins": effect.sink.fins,
+                "width_m": effect.sink.width,
+                "temperature_degC": effect.finned - ZERO_CELSIUS_K,
+                "efficiency_percent": 100.0 * effect.efficiency,
+                "rise_reduction_percent": 100.0 * effect.rise_reduction,
+                "fin_efficiency": effect.fin_efficiency,
+            }
+            for effect in sweep.effects
+        ]
+    return study
 
 
 def _toml(run: HeatsinkResult) -> str:
@@ -234,29 +250,17 @@ def _toml(run: HeatsinkResult) -> str:
     return toml_text({"sink": write_record(best, defaults=True)}, sink_in_words(best))
 
 
-# ------------------------------------------------------------------------------------------- a terminal
-
-
 def _show(run: HeatsinkResult, console: Console) -> None:
     """Print the verdict, the labelled designs, and evenly spaced designs of the front."""
-    design_count_max = 8  # The terminal shows evenly spaced designs of the front, the report all.
     for line in _verdict(run):
         console.print(escape(line))
     table = _front_table(run)
     others = [row for row in table.rows if not row[0]]
-    step = max(-(-len(others) // design_count_max), 1)
+    step = max(-(-len(others) // DESIGN_COUNT_MAX), 1)
     shown = others[::step]
     rows = [row for row in table.rows if row[0] or any(row is other for other in shown)]
     print_compact(replace(table, rows=rows).printed(whole=True), console)
     print_notes(run.notes, console)
-
-
-def _degrees(kelvin: float | None) -> str:
-    return "-" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.1f}"
-
-
-def _rows(run: HeatsinkResult) -> list[Json]:
-    return [_design(each) for each in run.front]
 
 
 _PAGE = Page(
@@ -268,13 +272,13 @@ _PAGE = Page(
 )
 
 REPORT = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=_PAGE,
     files=(
         WrittenFile(name="heatsink.json", key="file"),
-        WrittenFile(name="front.csv", write=lambda run, path: write_table(path, _rows(run))),
-        WrittenFile(name="best.toml", write=lambda run, path: path.write_text(_toml(run), encoding="utf-8")),
+        csv_file("front.csv", _rows),
+        text_file("best.toml", _toml),
     ),
     curves=lambda run: {"listed": [_design(each) for _, each in _designs(run)]},
     rows=_rows,

@@ -1,1 +1,1 @@
-"""The server's routes, one module a subject."""
+"""Routes of the server, one module for each subject."""

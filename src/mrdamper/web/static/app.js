@@ -2,30 +2,19 @@
 
 import { addDamper, DAMPER_NAME, deleteDamper, getDampers, getForms } from "./api.js";
 import { removal } from "./jobs.js";
+import { note, table } from "./layout.js";
 import { ControllerPage } from "./page_controller.js";
 import { DataPage } from "./page_data.js";
 import { JobsPage } from "./page_jobs.js";
 import { ModelPage } from "./page_model.js";
 import { ThermalPage } from "./page_thermal.js";
-import {
-  app,
-  attempt,
-  cardInUse,
-  chosen,
-  dismiss,
-  go,
-  isRunning,
-  PAGES,
-  refresh,
-  route,
-  toast,
-  watch,
-} from "./state.js";
-import { startTheme, switchTheme, theme } from "./theme.js";
-import { button, field, note, table, tags } from "./ui.js";
+import { app, attempt, cardInUse, chosen, dismiss, go, isRunning, PAGES } from "./state.js";
+import { refresh, route, toast, watch } from "./state.js";
+import { dark } from "./theme.js";
+import { button, tags, textField } from "./ui.js";
 import { h, render, useErrorBoundary } from "./vendor/preact.js";
 
-const { a, b, dialog, div, form, h1, h2, header, input, kbd, li, main, nav, ol, p, span } = tags;
+const { a, b, dialog, div, form, h1, h2, header, kbd, li, main, nav, ol, p, span } = tags;
 const VIEWS = {
   data: DataPage,
   model: ModelPage,
@@ -33,11 +22,9 @@ const VIEWS = {
   controller: ControllerPage,
   jobs: JobsPage,
 };
-const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["track", "export"] };
+const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"] };
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
 const FILES_MAX = 12; // Longer lists are shortened in print.
-
-// -------------------------------------------------------------------------------------------- finished steps
 
 /** Return the state `[state, words]` of the step of a page: `done`, `old` (out of date) or `open`. */
 function stepOf(page) {
@@ -46,17 +33,16 @@ function stepOf(page) {
   if (page === "data")
     return files.some(({ state }) => state === "ready") ? ["done", "runs are read"] : ["open", ""];
   if (!card) return ["open", ""];
+  const { name } = card;
   const lastOf = (kind) =>
-    jobs.find((job) => job.kind === kind && job.state === "done" && job.options.card === card.name);
+    jobs.find((job) => job.kind === kind && job.state === "done" && job.options.card === name);
   if (page === "model") {
     if (card.cancelled || !card.converged)
-      return ["old", `the fit of ${card.name} was cancelled or did not converge`];
-    const isLater = files.some(
-      ({ modified }) => modified > (lastOf("fit")?.asked_at ?? card.modified),
-    );
-    return isLater
-      ? ["old", `runs were added or changed after the fit of ${card.name}`]
-      : ["done", `card ${card.name}`];
+      return ["old", `the fit of ${name} was cancelled or did not converge`];
+    const fitted = lastOf("fit")?.asked_at ?? card.modified;
+    return files.some(({ modified }) => modified > fitted)
+      ? ["old", `runs were added or changed after the fit of ${name}`]
+      : ["done", `card ${name}`];
   }
   const [job] = (JOBS_OF[page] ?? []).map(lastOf).filter(Boolean);
   if (!job) return ["open", ""];
@@ -65,67 +51,34 @@ function stepOf(page) {
 }
 
 /** Return the reason why a job is out of date; empty if it is not. */
-function reasonOf({ kind, asked_at: asked, options }, card) {
+function reasonOf({ kind, asked_at: asked, options: { damper } }, card) {
   if (card.modified > asked) return `${card.name} has been fitted since`;
-  if (!USES_GEOMETRY.includes(kind) || !options.damper) return "";
-  const geometry = app.state.inputs.find(({ name }) => name === options.damper);
-  if (geometry?.modified > asked) return `${geometry.name} has changed since`;
-  const now = chosen("drawing");
-  return now && now !== options.damper
-    ? `it is of ${options.damper}, the geometry is ${now} now`
-    : "";
+  if (!USES_GEOMETRY.includes(kind) || !damper) return "";
+  const geometry = app.state.inputs.find(({ name }) => name === damper);
+  if (geometry?.modified > asked) return `${damper} has changed since`;
+  const now = chosen("drawing", damper);
+  return now === damper ? "" : `it is of ${damper}, the geometry is ${now} now`;
 }
-
-// --------------------------------------------------------------------------------------------------- frame
 
 function rail() {
   const { state } = app;
   const busy = state?.jobs.filter(isRunning).length ?? 0;
+  const badge = () =>
+    span.badge({ id: "busy", hidden: !busy, "aria-label": `${busy} at work` }, busy);
   const link = ([page, { title }]) => {
     const [step, words] = state ? stepOf(page) : ["open", ""];
+    const about = { href: `#/${page}`, "data-page": page, "data-step": step, title: words };
     const current = page === app.page ? "page" : null;
-    const badge =
-      page === "jobs" &&
-      span({ id: "busy", class: "badge", hidden: !busy, "aria-label": `${busy} at work` }, busy);
-    return li(
-      a(
-        {
-          href: `#/${page}`,
-          "data-page": page,
-          "data-step": step,
-          title: words,
-          "aria-current": current,
-        },
-        title,
-        badge,
-      ),
-    );
+    return li(a({ ...about, "aria-current": current }, title, page === "jobs" && badge()));
   };
-  return header(
-    { class: "rail" },
-    p(
-      { class: "brand" },
-      b("mrdamper"),
-      button(state?.folder_name ?? "", openDampers, {
-        id: "folder",
-        class: "quiet",
-        "aria-haspopup": "dialog",
-        title: state?.folder,
-      }),
-    ),
+  const folder = { id: "folder", "aria-haspopup": "dialog", title: state?.folder };
+  return header.rail(
+    p.brand(b("mrdamper"), button(state?.folder_name ?? "", openDampers, "quiet", folder)),
     nav({ "aria-label": "Pages" }, ol(Object.entries(PAGES).map(link))),
-    p(
-      { class: "foot" },
-      button(theme() === "dark" ? "Light" : "Dark", () => (switchTheme(), app.draw()), {
-        id: "theme",
-        "aria-label": "Change the colours",
-      }),
-      span({ id: "version" }, state?.versions.mrdamper),
-    ),
+    p.foot(state?.versions.mrdamper),
   );
 }
 
-/** Return damper, date and files for a printed page. */
 function printed() {
   const { files, folder_name: damper, versions } = app.state;
   const names = files.slice(0, FILES_MAX).map(({ name }) => name);
@@ -145,7 +98,7 @@ function Body() {
   const [fault, again] = useErrorBoundary();
   if (fault)
     return div(h1(PAGES[app.page].title), note("fault", fault.message), button("Try again", again));
-  if (!app.state || !app.forms || !app.runs) return p({ class: "sub" }, "Reading the folder …");
+  if (!app.state || !app.forms || !app.runs) return p.sub("Reading the folder …");
   return div({ "data-shown": app.page }, h(VIEWS[app.page]));
 }
 
@@ -154,8 +107,10 @@ function App() {
     event.preventDefault(); // The address of the link is not the address of a page.
     document.getElementById("page").focus();
   };
+  const close = (one) => button("×", () => dismiss(one), "quiet", "Close");
+  const message = (one) => note(one.kind, span(one.text), one.actions, close(one));
   return [
-    a({ class: "skip", href: "#page", onclick: skip }, "Skip to the page"),
+    a.skip({ href: "#page", onclick: skip }, "Skip to the page"),
     rail(),
     app.state && printed(),
     main({ id: "page", tabindex: -1 }, h(Body, { key: app.page })),
@@ -163,25 +118,20 @@ function App() {
       { id: "lost", class: "notice fault", role: "alert", hidden: !app.lost },
       "The server does not answer. The page shows its last state.",
     ),
-    div(
-      { id: "toasts", role: "status", "aria-live": "polite" },
-      app.toasts.map((one) =>
-        note(
-          one.kind,
-          span(one.text),
-          one.actions,
-          button("×", () => dismiss(one), { class: "quiet", "aria-label": "Close" }),
-        ),
-      ),
-    ),
+    div({ id: "toasts", role: "status", "aria-live": "polite" }, app.toasts.map(message)),
     dampers(),
     shortcuts(),
   ];
 }
 
-// -------------------------------------------------------------------------------------------------- dialogs
-
 const sheetOf = (id) => document.getElementById(id);
+const sheet = (id, title, ...body) =>
+  dialog(
+    { id, "aria-label": title },
+    h2(title),
+    body,
+    div.actions(button("Close", () => sheetOf(id).close())),
+  );
 
 async function openDampers() {
   app.dampers = (await attempt(getDampers))?.dampers ?? [];
@@ -196,53 +146,35 @@ function dampers() {
   const add = async (event) => {
     event.preventDefault();
     try {
-      window.location.assign(
-        placeOf((await addDamper(event.target.elements.name.value.trim())).name),
-      );
+      window.location.assign(placeOf((await addDamper((app.newDamper ?? "").trim())).name));
     } catch (fault) {
       app.faults.dampers = fault.message; // The entry stays, to be corrected.
       app.draw();
     }
   };
   const link = (one) => (isOpen(one) ? b(one.shown) : a({ href: placeOf(one.name) }, one.shown));
+  const discard = ({ name }) => removal(deleteDamper, name, () => sheetOf("dampers").close());
   const columns = [
-    { title: "damper", class: "name", cell: link },
-    { title: "files", number: true, cell: ({ files }) => String(files) },
-    { title: "fits", number: true, cell: ({ cards }) => String(cards) },
-    {
-      title: "",
-      cell: (one) =>
-        !DAMPER_NAME &&
-        !isOpen(one) &&
-        removal(deleteDamper, one.name, () => sheetOf("dampers").close()),
-    },
+    ["damper", link, "name"],
+    ["files", ({ files }) => files, "n"],
+    ["fits", ({ cards }) => cards, "n"],
+    ["", (one) => !DAMPER_NAME && !isOpen(one) && discard(one)],
   ];
-  return dialog(
-    { id: "dampers", "aria-label": "Dampers" },
-    h2("Dampers"),
-    p(
-      { class: "small" },
+  const type = (text) => Object.assign(app, { newDamper: text }).draw();
+  const about = { id: "new-damper", maxlength: 60, placeholder: "such as RD-8040 no. 2" };
+  return sheet(
+    "dampers",
+    "Dampers",
+    p.small(
       "Each has its own runs, geometry, fits, heat sinks, controllers and exports, in a folder of its own.",
     ),
-    table(columns, app.dampers ?? []),
+    table("Dampers", columns, app.dampers ?? []),
     form(
       { class: "row end", onsubmit: add },
-      field(
-        "Another damper",
-        input({
-          id: "new-damper",
-          name: "name",
-          maxlength: 60,
-          placeholder: "such as RD-8040 no. 2",
-        }),
-      ),
-      tags.button({ class: "main" }, "Create"),
+      textField("Another damper", app.newDamper ?? "", type, about),
+      tags.button.main("Create"),
     ),
     app.faults.dampers && note("fault", app.faults.dampers),
-    div(
-      { class: "actions" },
-      button("Close", () => sheetOf("dampers").close()),
-    ),
   );
 }
 
@@ -254,34 +186,23 @@ function shortcuts() {
     ["?", "this sheet"],
     ["Esc", "close it"],
   ];
-  return dialog(
-    { id: "shortcuts", "aria-label": "Keys" },
-    h2("Keys"),
-    div(
-      { class: "keys" },
-      [...pages, ...lists].map(([keys, words]) => p(kbd(keys), span(words))),
-    ),
-    button("Close", () => sheetOf("shortcuts").close()),
-  );
+  const rows = [...pages, ...lists].map(([keys, words]) => p(kbd(keys), span(words)));
+  return sheet("shortcuts", "Keys", div.keys(rows));
 }
 
 let before = "";
 
 function press(event) {
-  const isTyping = event.target.closest(
-    "input:not([type=checkbox]):not([type=range]), textarea, select",
-  );
-  if (isTyping || event.ctrlKey || event.altKey || event.metaKey) return;
+  const typed = "input:not([type=checkbox]):not([type=range]), textarea, select";
+  if (event.target.closest(typed) || event.ctrlKey || event.altKey || event.metaKey) return;
   const page = Object.keys(PAGES).find((name) => PAGES[name].letter === event.key);
   if (event.key === "?") sheetOf("shortcuts").showModal();
   else if (before === "g" && page) go(page);
   before = event.key;
 }
 
-// --------------------------------------------------------------------------------------------------- start
-
 app.draw = () => render(h(App), document.getElementById("root"));
-startTheme(app.draw);
+dark.addEventListener("change", app.draw);
 document.addEventListener("keydown", press);
 // Without these listeners the browser would open a dropped file and leave the page.
 for (const name of ["dragover", "drop"])

@@ -2,44 +2,22 @@
 
 import { glance, look, putChannels } from "./api.js";
 import { numberField, numberInput, readNumber } from "./forms.js";
-import { findingList } from "./jobs.js";
+import { fold, note, notes, table } from "./layout.js";
 import { plot } from "./plot.js";
+import { findingList } from "./results.js";
 import { app, attempt, toast } from "./state.js";
-import {
-  button,
-  bytes,
-  check,
-  field,
-  fixed,
-  fold,
-  note,
-  notes,
-  number,
-  select,
-  several,
-  table,
-  tags,
-  toggled,
-} from "./ui.js";
+import { bytes, fixed, number, several, toggled } from "./text.js";
+import { button, check, select, tags, textField } from "./ui.js";
 import { h, useEffect, useMemo, useRef, useState } from "./vendor/preact.js";
 
-const { b, div, h2, h3, input, p, path, section, small, span, svg } = tags;
-const WAIT_MS = 350;
+const { b, div, h2, h3, p, path, section, small, span, svg } = tags;
+const WAIT_MS = 350; // Time without a change before the file is read.
 const ANSWERS_MAX = 12;
 // Units of a gain, with their value in SI per volt.
 const GAIN_UNITS = {
-  displacement: [
-    ["mm/V", 1e-3],
-    ["m/V", 1],
-  ],
-  velocity: [
-    ["mm/s per V", 1e-3],
-    ["m/s per V", 1],
-  ],
-  force: [
-    ["kN/V", 1e3],
-    ["N/V", 1],
-  ],
+  displacement: { "mm/V": 1e-3, "m/V": 1 },
+  velocity: { "mm/s per V": 1e-3, "m/s per V": 1 },
+  force: { "kN/V": 1e3, "N/V": 1 },
 };
 const CONSTANTS = [
   ["current_A", "Coil current", "A", "in the file"],
@@ -49,41 +27,31 @@ const CONSTANTS = [
 ];
 
 const roleOf = (name) => app.state.choices.roles.find(({ role }) => role === name);
-const gainUnits = (role) => (role ? (GAIN_UNITS[role] ?? [[`${roleOf(role).unit}/V`, 1]]) : []);
-const scaleOf = ({ role, unit }) => gainUnits(role).find(([name]) => name === unit)?.[1];
+const gainUnits = (role) => (role ? (GAIN_UNITS[role] ?? { [`${roleOf(role).unit}/V`]: 1 }) : {});
+const scaleOf = ({ role, unit }) => gainUnits(role)[unit];
 const labelOf = ({ name, index }) => name || `column ${index}`;
 const rounded = (value) => Number(value.toPrecision(12));
 const neededFor = (unit) => `enter how many ${unit.replace(/(\/| per )V$/, "")} are one volt.`;
 
-// ------------------------------------------------------------------------------------------------- entries
-
 /** Return the entries of the sheet: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
 function entriesOf({ columns, map }) {
-  const one = (column) => {
-    const isMapped = ([, told]) => told.name === column.name || told.index === column.index;
-    const [role = column.role ?? column.guess?.role ?? "", told = {}] =
-      Object.entries(map?.channel ?? {}).find(isMapped) ?? [];
-    const [[unit, scale] = []] = gainUnits(role);
-    const gain = told.gain === undefined ? {} : { unit, gain: rounded(told.gain / scale) };
-    const { sign = 1, offset } = told;
-    return [
-      column.index,
-      { role, unit: told.unit ?? column.guess?.unit ?? column.unit ?? "", sign, offset, ...gain },
-    ];
+  const one = ({ name, index, role: known, guess, unit: given }) => {
+    const isMapped = ([, entry]) => entry.name === name || entry.index === index;
+    const mapped = Object.entries(map?.channel ?? {}).find(isMapped);
+    const [role, entry] = mapped ?? [known ?? guess?.role ?? "", {}];
+    const { sign = 1, offset } = entry;
+    const base = { role, unit: entry.unit ?? guess?.unit ?? given ?? "", sign, offset };
+    if (entry.gain === undefined) return [index, base];
+    const [unit, scale] = Object.entries(gainUnits(role))[0];
+    return [index, { ...base, unit, gain: rounded(entry.gain / scale) }];
   };
   const { constant = {}, segments = {}, session = {}, file } = map ?? {};
   const levels = segments.current_A ?? segments.voltage_V ?? [];
   const kind = segments.voltage_V ? "voltage_V" : "current_A";
+  const split = segments.split ?? "";
   return {
     columns: Object.fromEntries(columns.filter(({ kind: type }) => type === "number").map(one)),
-    rest: {
-      ...constant,
-      split: segments.split ?? "",
-      levels,
-      kind,
-      session: session.name ?? "",
-      file,
-    },
+    rest: { ...constant, split, levels, kind, session: session.name ?? "", file },
   };
 }
 
@@ -93,7 +61,6 @@ const gainOf = (column, one) =>
 /** Return the channel map of the entries; an invalid number throws an error. */
 function mapOf({ columns: entries, rest }, { columns }) {
   const map = {};
-  const channel = {};
   for (const column of columns) {
     const one = entries[column.index];
     if (!one?.role) continue;
@@ -103,21 +70,18 @@ function mapOf({ columns: entries, rest }, { columns }) {
     else if (one.unit) entry.unit = one.unit;
     if (one.offset) entry.offset = one.offset;
     if (one.sign === -1) entry.sign = -1;
-    channel[one.role] = entry;
+    map.channel = { ...map.channel, [one.role]: entry };
   }
-  if (Object.keys(channel).length) map.channel = channel;
-  const constants = CONSTANTS.map(([key, words]) => [key, readNumber(words, rest[key])]).filter(
-    ([, value]) => value !== null,
-  );
-  if (constants.length) map.constant = Object.fromEntries(constants);
+  for (const [key, words] of CONSTANTS) {
+    const value = readNumber(words, rest[key]);
+    if (value !== null) map.constant = { ...map.constant, [key]: value };
+  }
   const levels = readNumber("Currents of the tests", rest.levels, { many: true });
   if (rest.split && levels.length) map.segments = { split: rest.split, [rest.kind]: levels };
   if (rest.session) map.session = { name: rest.session };
   if (rest.file) map.file = rest.file;
   return map;
 }
-
-// --------------------------------------------------------------------------------------------------- sheet
 
 /**
  * Sheet of a file.
@@ -127,54 +91,50 @@ function mapOf({ columns: entries, rest }, { columns }) {
 export function ChannelSheet({ name, others, close }) {
   const [found, setFound] = useState(null);
   const [entry, setEntry] = useState(null);
-  const [told, setTold] = useState({ previews: [] }); // Answer to the present entries.
+  const [previews, setPreviews] = useState([]); // Answers to the present entries.
   const [fault, setFault] = useState("");
   const [same, setSame] = useState([]);
   const touched = useRef(false);
-  const show = (next, map = next.map) => {
+  const show = (next) => {
     setFound(next);
-    setEntry(entriesOf({ ...next, map }));
-    setTold({ previews: [next] });
+    setEntry(entriesOf(next));
+    setPreviews([next]);
   };
   const change = (next) => {
     touched.current = true;
     setEntry({ ...entry, ...next });
   };
+  const failed = ({ name: kind, message }) => kind !== "AbortError" && setFault(message);
 
   useEffect(() => {
     const asked = new AbortController();
-    const failed = ({ name: kind, message }) => kind !== "AbortError" && setFault(message);
-    glance(name, asked.signal)
-      .then(async (beginning) => {
-        show(beginning);
-        if (beginning.head_share === undefined) return;
-        const whole = await look(name, asked.signal); // Only the beginning of the large file was read.
-        if (touched.current) setFound(whole);
-        else show(whole);
-      })
-      .catch(failed);
+    const read = async () => {
+      const beginning = await glance(name, asked.signal);
+      show(beginning);
+      if (beginning.head_share === undefined) return;
+      const whole = await look(name, asked.signal); // Only the beginning of the large file was read.
+      if (touched.current) setFound(whole);
+      else show(whole);
+    };
+    read().catch(failed);
     return () => asked.abort();
   }, [name]);
 
   useEffect(() => {
     if (!touched.current) return undefined;
     const asked = new AbortController();
-    const timer = setTimeout(() => send(false, [name], asked.signal), WAIT_MS);
+    const timer = setTimeout(() => send(false, [name], asked.signal).catch(failed), WAIT_MS);
     return () => (clearTimeout(timer), asked.abort());
   }, [entry, found]);
 
   async function send(save, files, signal) {
-    try {
-      const head = found.head_share !== undefined && !save ? { head: true } : {};
-      const answer = await putChannels({ files, map: mapOf(entry, found), save, ...head }, signal);
-      setTold(answer);
-      setFault("");
-      if (!answer.saved) return;
-      toast("good", `The map of ${name} is saved.`);
-      setFound({ ...found, map: {} });
-    } catch (error) {
-      if (error.name !== "AbortError") setFault(error.message);
-    }
+    const head = found.head_share !== undefined && !save ? { head: true } : {};
+    const answer = await putChannels({ files, map: mapOf(entry, found), save, ...head }, signal);
+    setPreviews(answer.previews);
+    setFault("");
+    if (!answer.saved) return;
+    toast("good", `The map of ${name} is saved.`);
+    setFound({ ...found, map: {} });
   }
   const drop = async () => {
     await putChannels({ files: [name], map: null, save: true });
@@ -182,216 +142,158 @@ export function ChannelSheet({ name, others, close }) {
     show(await look(name));
   };
 
-  const title = div({ class: "row" }, h2(name), button("Close", close, { class: "quiet" }));
+  const title = div.row(h2(name), button("Close", close, "quiet"));
   const frame = (...body) =>
-    section({ class: "panel", id: "sheet", "aria-label": `Inside ${name}` }, title, body);
-  if (!found) return frame(fault ? note("fault", fault) : p({ class: "sub" }, `Reading ${name} …`));
+    section.panel({ id: "sheet", "aria-label": `Inside ${name}` }, title, body);
+  if (!found) return frame(fault ? note("fault", fault) : p.sub(`Reading ${name} …`));
   const remedy =
     "The file contains no table. Export it again from the software of the rig, or remove it.";
   if (!found.columns.length)
-    return frame(
-      note("fault", found.error ?? "Nothing could be read."),
-      p({ class: "small" }, remedy),
-    );
+    return frame(note("fault", found.error ?? "Nothing could be read."), p.small(remedy));
 
   const columns = found.columns.filter(({ kind }) => kind === "number");
   const set = (index, values) =>
     change({ columns: { ...entry.columns, [index]: { ...entry.columns[index], ...values } } });
   const setRest = (values) => change({ rest: { ...entry.rest, ...values } });
-  const take = (column, role) => {
-    const unit = column.guess?.role === role ? column.guess.unit : column.unit;
-    set(column.index, { role, unit: unit ?? "" });
-  };
+  const take = ({ index, guess, unit }, role) =>
+    set(index, { role, unit: (guess?.role === role ? guess.unit : unit) ?? "" });
   const answered = ({ role, topic }, value) => {
-    const column = columns.find(({ index }) => entry.columns[index].role === role);
-    if (topic === "column")
-      take(
-        columns.find((one) => one.name === value),
-        role,
-      );
-    else if (topic === "unit")
-      set(column?.index, { unit: value === "V" ? gainUnits(role)[0][0] : value });
-    else if (topic === "part")
-      setRest({ file: { ...entry.rest.file, common_time: value === "common" } });
-    else {
-      const key =
-        topic === "rate"
-          ? "rate_Hz"
-          : CONSTANTS.find(([, words]) => words.toLowerCase().includes(role))?.[0];
-      setRest({ [key]: parseFloat(value) });
-    }
+    const index = columns.find((one) => entry.columns[one.index].role === role)?.index;
+    const constant = CONSTANTS.find(([, words]) => words.toLowerCase().includes(role))?.[0];
+    const named = () => columns.find((one) => one.name === value);
+    const unit = () => (value === "V" ? Object.keys(gainUnits(role))[0] : value);
+    const file = () => ({ ...entry.rest.file, common_time: value === "common" });
+    const act = {
+      column: () => take(named(), role),
+      unit: () => set(index, { unit: unit() }),
+      part: () => setRest({ file: file() }),
+      rate: () => setRest({ rate_Hz: parseFloat(value) }),
+    }[topic];
+    if (act) act();
+    else setRest({ [constant]: parseFloat(value) });
   };
   const offers = touched.current ? [] : (found.offers ?? []);
-  const offer = (one) =>
-    button(
-      `Use ${one.name.replaceAll("_", " ")}: ${several(one.runs, "run")}`,
-      () => {
-        touched.current = true;
-        setEntry(entriesOf({ ...found, map: one.map }));
-      },
-      { class: "main" },
-    );
+  const offer = (one) => {
+    const words = `Use ${one.name.replaceAll("_", " ")}: ${several(one.runs, "run")}`;
+    return button(words, () => change(entriesOf({ ...found, map: one.map })), "main");
+  };
+  const save = () => attempt(() => send(true, [name, ...same]));
   return frame(
-    p({ class: "small" }, found.understood),
+    p.small(found.understood),
     offers.length > 0 &&
-      note("info", "A known map can read this file. ", span({ class: "row" }, offers.map(offer))),
-    div({ class: "sheet" }, columnTable(columns, entry.columns, set, take)),
+      note("info", "A known map can read this file. ", span.row(offers.map(offer))),
+    div.sheet(columnTable(columns, entry.columns, set, take)),
     h(QuickLoop, { columns, entries: entry.columns }),
-    fold("First rows", firstRows(found)),
     h3("Values that the file does not contain"),
     restFields(found, entry.rest, setRest),
     others.length > 0 &&
       fold(
         "Save the same map for other files",
-        div(
-          { class: "picks" },
+        div.picks(
           others.map((one) => check(one, same.includes(one), () => setSame(toggled(same, one)))),
         ),
       ),
-    div(
-      { class: "actions" },
-      button("Save this map", () => attempt(() => send(true, [name, ...same])), {
-        class: "main",
-        id: "save-map",
-      }),
-      found.map && button("Remove the map", () => attempt(drop), { class: "danger" }),
+    div.actions(
+      button("Save this map", save, "main", { id: "save-map" }),
+      found.map && button("Remove the map", () => attempt(drop), "danger"),
     ),
-    h3({ class: "gap" }, "With these channels"),
+    h3.gap("With these channels"),
     div(
       { "aria-live": "polite", id: "preview" },
       fault && note("fault", fault),
-      told.previews.map((one) => previewOf(one, told.previews.length > 1, answered)),
+      previews.map((one) => previewOf(one, previews.length > 1, answered)),
     ),
   );
 }
 
-/** Return the table of the columns with role, unit, gain and sign. */
 function columnTable(columns, entries, set, take) {
   const roles = [["", "not used"], ...app.state.choices.roles.map(({ role }) => role)];
-  const unitOf = (column) => {
-    const { role, unit } = entries[column.index];
-    const units = role ? roleOf(role).units.map((one) => [one, one]) : [];
-    for (const [name] of gainUnits(role)) units.push([name, `V, gain in ${name}`]);
-    if (role && !units.some(([value]) => value === unit)) units.unshift(["", "which unit?"]);
-    const props = { "aria-label": `${labelOf(column)} in`, disabled: !role };
-    return select(units, unit, (next) => set(column.index, { unit: next }), props);
+  const about = (column, words) => ({
+    "aria-label": `${labelOf(column)} ${words}`,
+    disabled: !entries[column.index].role,
+  });
+  const roleField = (column) => {
+    const props = { "aria-label": `${labelOf(column)} is` };
+    return select(roles, entries[column.index].role, (role) => take(column, role), props);
   };
-  const roleField = (column) =>
-    select(roles, entries[column.index].role, (role) => take(column, role), {
-      "aria-label": `${labelOf(column)} is`,
-    });
+  const unitField = (column) => {
+    const { role, unit } = entries[column.index];
+    const gains = Object.keys(gainUnits(role)).map((name) => [name, `V, gain in ${name}`]);
+    const units = [...(role ? roleOf(role).units.map((one) => [one, one]) : []), ...gains];
+    if (role && !units.some(([value]) => value === unit)) units.unshift(["", "which unit?"]);
+    return select(units, unit, (next) => set(column.index, { unit: next }), about(column, "in"));
+  };
   const gainField = (column) => {
     const one = entries[column.index];
-    const needed = scaleOf(one) ? neededFor(one.unit) : "";
-    const props = {
-      disabled: !scaleOf(one),
-      "aria-label": `${labelOf(column)} gain`,
-      placeholder: "–",
-      needed,
-    };
-    return numberInput(scaleOf(one) ? one.gain : "", (gain) => set(column.index, { gain }), props);
+    const isScaled = Boolean(scaleOf(one));
+    const needed = isScaled ? neededFor(one.unit) : "";
+    const props = { ...about(column, "gain"), disabled: !isScaled, placeholder: "–", needed };
+    return numberInput(isScaled ? one.gain : "", (gain) => set(column.index, { gain }), props);
   };
-  const turned = (column) => {
-    const { role, sign } = entries[column.index];
-    const props = { "aria-label": `${labelOf(column)} turned`, disabled: !role };
-    return check(
-      "",
-      sign === -1,
-      (isTurned) => set(column.index, { sign: isTurned ? -1 : 1 }),
-      props,
-    );
+  const turn = (column) => {
+    const change = (isTurned) => set(column.index, { sign: isTurned ? -1 : 1 });
+    return check("", entries[column.index].sign === -1, change, about(column, "turned"));
   };
-  const range = ({ least, most, unit }) =>
-    small(`${number(least, 4)} to ${number(most, 4)} ${unit ?? ""}`);
-  return table(
-    [
-      { title: "column", class: "name", cell: labelOf },
-      { title: "holds", cell: (column) => [thumb(column.thumbnail), range(column)] },
-      { title: "is", cell: roleField },
-      { title: "in", cell: unitOf },
-      { title: "gain", cell: gainField },
-      { title: "turned", cell: turned },
-    ],
-    columns,
-    { label: "Columns that hold numbers" },
-  );
+  const content = ({ thumbnail, least, most, unit }) => [
+    thumb(thumbnail),
+    small(`${number(least, 4)} to ${number(most, 4)} ${unit ?? ""}`),
+  ];
+  const shown = [
+    ["column", labelOf, "name"],
+    ["holds", content],
+    ["is", roleField],
+    ["in", unitField],
+    ["gain", gainField],
+    ["turned", turn],
+  ];
+  return table("Columns that hold numbers", shown, columns);
 }
 
-/** Plot of the columns that are displacement and force. */
 function QuickLoop({ columns, entries }) {
-  const [x, y] = ["displacement", "force"].map((role) =>
-    columns.find(({ index }) => entries[index].role === role),
-  );
-  const key = JSON.stringify(
-    [x, y].map((column) => column && [column.index, entries[column.index]]),
-  );
+  const columnOf = (role) => columns.find(({ index }) => entries[index].role === role);
+  const [x, y] = [columnOf("displacement"), columnOf("force")];
+  const key = [x, y].map((column) => column && [column.index, entries[column.index]]);
   const data = useMemo(() => {
+    const valuesOf = (column) => {
+      const one = entries[column.index];
+      const factor = one.sign * (scaleOf(one) ? gainOf(column, one) : 1);
+      return Float64Array.from(column.sample ?? [], (value) => factor * (value ?? NaN));
+    };
+    const look = { name: "loop", kind: "loop", colour: (colours) => colours.accent };
     try {
-      const [xs, ys] = [x, y].map((column) => {
-        const one = entries[column.index];
-        const factor = one.sign * (scaleOf(one) ? gainOf(column, one) : 1);
-        return Float64Array.from(column.sample ?? [], (value) => factor * (value ?? NaN));
-      });
-      return {
-        series: [{ name: "loop", kind: "loop", x: xs, y: ys, colour: (colours) => colours.accent }],
-      };
+      return { series: [{ ...look, x: valuesOf(x), y: valuesOf(y) }] };
     } catch {
       return null; // A column or gain is missing.
     }
-  }, [key]);
+  }, [JSON.stringify(key)]);
   if (!data) return null;
   const words = ({ index }) => {
-    const one = entries[index];
-    return `${one.role}, ${scaleOf(one) ? roleOf(one.role).unit : one.unit || "as in the file"}`;
+    const { role, unit } = entries[index];
+    return `${role}, ${scaleOf(entries[index]) ? roleOf(role).unit : unit || "as in the file"}`;
   };
-  return plot({
-    title: "Loop of these columns",
-    x: words(x),
-    y: words(y),
-    name: "columns",
-    height: 240,
-    isLoop: true,
-    bare: true,
-    data,
-  });
+  const axes = { x: words(x), y: words(y), name: "columns", height: 240, isLoop: true };
+  return plot({ title: "Loop of these columns", ...axes, data });
 }
 
-/** Return the fields of constants, segments and session. */
 function restFields({ columns }, rest, set) {
   const texts = columns.filter(({ kind }) => kind === "text").map(labelOf);
-  const line = (key, placeholder) =>
-    input({
-      type: "text",
-      id: `rest-${key}`,
-      value: rest[key],
-      placeholder,
-      oninput: (event) => set({ [key]: event.target.value }),
-    });
-  return div(
-    { class: "fields" },
-    CONSTANTS.map(([key, words, unit, placeholder]) =>
-      numberField(words, rest[key], (value) => set({ [key]: value }), {
-        unit,
-        placeholder,
-        id: `rest-${key}`,
-      }),
-    ),
-    field("Session", line("session", "this file"), { title: "Runs of a session share one tare." }),
+  const change = (key) => (value) => set({ [key]: value });
+  const about = (key, placeholder, more) => ({ id: `rest-${key}`, placeholder, ...more });
+  const line = (words, key, placeholder, title) =>
+    textField(words, rest[key], change(key), about(key, placeholder, { title }));
+  const value = ([key, words, unit, placeholder]) =>
+    numberField(words, rest[key], change(key), about(key, placeholder, { unit }));
+  const levels = about("levels", "0; 0.25; 0.5", { many: true, unit: "A" });
+  return div.fields(
+    CONSTANTS.map(value),
+    line("Session", "session", "this file", "Runs of a session share one tare."),
     texts.length > 0 && [
-      field("A new test begins at", line("split", "one test"), {
-        title: `A word in ${texts.join(", ")}`,
-      }),
-      numberField("Currents of the tests", rest.levels, (levels) => set({ levels }), {
-        many: true,
-        unit: "A",
-        placeholder: "0; 0.25; 0.5",
-        id: "rest-levels",
-      }),
+      line("A new test begins at", "split", "one test", `A word in ${texts.join(", ")}`),
+      numberField("Currents of the tests", rest.levels, change("levels"), levels),
     ],
   );
 }
 
-/** Return a question of the reader with its possible answers. */
 function questionOf({ role, topic, candidates }, answered) {
   const units = topic === "unit" ? (roleOf(role)?.units ?? []) : [];
   const offered = [...(candidates.length ? candidates : units), ...(topic === "unit" ? ["V"] : [])];
@@ -404,14 +306,14 @@ function questionOf({ role, topic, candidates }, answered) {
     part: "Which part of the time?",
   }[topic];
   const one = (value) =>
-    button(value, () => answered({ role, topic }, value), { "aria-label": `${words} ${value}` });
-  const choices = span({ class: "row" }, offered.slice(0, ANSWERS_MAX).map(one));
+    button(value, () => answered({ role, topic }, value), "", `${words} ${value}`);
+  const choices = span.row(offered.slice(0, ANSWERS_MAX).map(one));
   return note("warning", b(words), " ", offered.length ? choices : "Fill it in above.");
 }
 
 /** Return the runs of a file with a map, or its errors and questions. */
 function previewOf(found, isNamed, answered) {
-  const { runs = [], questions = [], findings = [], error } = found;
+  const { runs = [], questions = [], findings = [], error, head_share: head } = found;
   const unusable = runs.filter((run) => run.error).length;
   const command = (run) =>
     run.command === null ? "varying command" : `${fixed(run.command, 2)} ${run.command_unit}`;
@@ -421,55 +323,30 @@ function previewOf(found, isNamed, answered) {
     `${run.name}: ${run.motion || "no motion recognised"}, ${command(run)}, ${number(run.stroke_mm)} mm stroke, ` +
     `${force(run)}${run.error ? `: ${run.error}` : ""}`;
   const bad = unusable ? `, ${unusable} not usable` : "";
+  const names = runs.map(({ name }) => name).join(", ");
+  const begin = `Only the first ${number(100 * head, 2)} % of ${bytes(found.bytes)} have been read.`;
+  const kind = unusable ? "warning" : "good";
   return div(
     isNamed && h3(found.name),
     questions.map((one) => questionOf(one, answered)),
     error && (questions.length ? fold("In full", note("fault", error)) : note("fault", error)),
-    found.head_share !== undefined &&
-      note(
-        "info",
-        `Only the first ${number(100 * found.head_share, 2)} % of ${bytes(found.bytes)} have been read.`,
-      ),
+    head !== undefined && note("info", begin),
     runs.length > 0 &&
       !error && [
-        note(
-          unusable ? "warning" : "good",
-          `${several(runs.length, "run")}${bad}: ${runs.map(({ name }) => name).join(", ")}`,
-        ),
+        note(kind, `${several(runs.length, "run")}${bad}: ${names}`),
         notes(runs.map(line)),
       ],
     findings.length > 0 && fold(several(findings.length, "finding"), findingList(findings)),
   );
 }
 
-function firstRows({ columns, rows }) {
-  const count = Math.max(...columns.map(({ first }) => first?.length ?? 0));
-  const value = (one) => (typeof one === "number" ? number(one, 6) : one);
-  const column = (one) => ({
-    title: labelOf(one),
-    unit: one.unit,
-    number: one.kind === "number",
-    cell: (k) => value(one.first?.[k]),
-  });
-  return table(columns.map(column), [...Array(count).keys()], {
-    label: `The first ${count} of ${rows ?? "all"} rows`,
-  });
-}
-
-/** Return a small picture of a column. */
 function thumb(values) {
   const known = (values ?? []).filter(Number.isFinite);
   if (known.length < 2) return null;
   const [low, high] = [Math.min(...known), Math.max(...known)];
-  const point = (value, k) => {
-    const y = 27 - (24 * ((value ?? low) - low)) / (high - low || 1);
-    return `${k ? "L" : "M"}${((100 * k) / (values.length - 1)).toFixed(1)} ${y.toFixed(1)}`;
-  };
-  const box = {
-    class: "thumb",
-    viewBox: "0 0 100 30",
-    preserveAspectRatio: "none",
-    "aria-hidden": "true",
-  };
-  return svg(box, path({ d: values.map(point).join(""), "vector-effect": "non-scaling-stroke" }));
+  const y = (value) => 27 - (24 * ((value ?? low) - low)) / (high - low || 1);
+  const points = values.map((value, k) => `${(100 * k) / (values.length - 1)} ${y(value)}`);
+  const box = { viewBox: "0 0 100 30", width: 104, height: 30, preserveAspectRatio: "none" };
+  const look = { fill: "none", stroke: "var(--accent)", "vector-effect": "non-scaling-stroke" };
+  return svg({ ...box, "aria-hidden": "true" }, path({ ...look, d: `M${points.join("L")}` }));
 }

@@ -3,14 +3,14 @@
 // The state holds the entries of a form as they were typed. Reading a form throws an error for an invalid entry.
 
 import { putInput } from "./api.js";
-import { app, attempt, cardInUse, cards, choose, chosen, refresh } from "./state.js";
-import { check, field, filePicker, fold, has, rove, select, tags, toggled } from "./ui.js";
+import { fold } from "./layout.js";
+import { app, attempt, cardInUse, cards, choose, chosen } from "./state.js";
+import { has, toggled } from "./text.js";
+import { check, field, filePicker, rove, select, tags, textField } from "./ui.js";
 
 const { div, h3, input, label, p, span } = tags;
 const MORE = "More";
 const BOXES_MAX = 6; // Longer lists of boxes scroll.
-
-// ------------------------------------------------------------------------------------------------- numbers
 
 const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 has two meanings.
@@ -32,19 +32,15 @@ const textOf = (value) => (Array.isArray(value) ? value.join("; ") : String(valu
 
 function faultOf(text, { many, needed = "" }) {
   if (!text.trim()) return needed;
-  const isValid = (many ? parseNumbers(text) : [parseNumber(text)]).every(
-    (value) => !Number.isNaN(value),
-  );
+  const values = many ? parseNumbers(text) : [parseNumber(text)];
   const more = many ? ", and separate several by semicolons" : "";
-  return isValid ? "" : `“${text.trim()}” is not a number. Enter one such as 2.5 or 2,5${more}.`;
+  return !values.some(Number.isNaN)
+    ? ""
+    : `“${text.trim()}” is not a number. Enter one such as 2.5 or 2,5${more}.`;
 }
 
 /** Return the number (or with `many` the numbers) of an entry; an invalid entry throws an error that names its field. */
-export function readNumber(
-  words,
-  entry,
-  { many = false, needed = "", otherwise = many ? [] : null } = {},
-) {
+export function readNumber(words, entry, { many, needed, otherwise = many ? [] : null } = {}) {
   const text = textOf(entry);
   const fault = faultOf(text, { many, needed });
   if (fault) throw new Error(`${words}: ${fault}`);
@@ -57,43 +53,25 @@ export function numberInput(entry, change, { many, needed, ...props } = {}) {
   const title = faultOf(textOf(entry), { many, needed });
   const oninput = (event) => change(event.target.value);
   const look = { type: "text", inputmode: "decimal", autocomplete: "off", class: "number" };
-  return input({
-    ...look,
-    value: textOf(entry),
-    title,
-    "aria-invalid": String(Boolean(title)),
-    oninput,
-    ...props,
-  });
+  const marked = { title, "aria-invalid": String(Boolean(title)) };
+  return input({ ...look, value: textOf(entry), ...marked, oninput, ...props });
 }
 
-/** Return a labelled field of a number. */
-export const numberField = (words, entry, change, { unit = "", wide, ...props } = {}) =>
-  field(words, numberInput(entry, change, props), { unit, wide });
+export const numberField = (words, entry, change, { unit, ...props } = {}) =>
+  field(words, numberInput(entry, change, props), unit);
 
-/** Return a number with a slider. */
-export function slider(words, entry, change, { unit, min, max, step, id }) {
+/** Return a number with a slider from `min` to `max` in steps. */
+export function slider(words, entry, change, unit, id, [min, max, step]) {
   const value = parseNumber(textOf(entry));
-  const range = {
-    type: "range",
-    min: Math.min(min, value || 0),
-    max: Math.max(max, value || 0),
-    step,
-    value,
-  };
+  const range = { min: Math.min(min, value || 0), max: Math.max(max, value || 0), step, value };
+  const oninput = (event) => change(Number(event.target.value));
   return div(
     { class: "slider wide" },
     label({ for: id }, `${words}, ${unit}`),
     numberInput(entry, change, { id }),
-    input({
-      ...range,
-      "aria-label": `${words} slider`,
-      oninput: (event) => change(Number(event.target.value)),
-    }),
+    input({ type: "range", ...range, "aria-label": `${words} slider`, oninput }),
   );
 }
-
-// -------------------------------------------------------------------------------------------------- fields
 
 /** Return the key of the choice of a field; card, geometry, load cycle and controller are shared by all forms. */
 function keyOf(kind, { name, word, places }) {
@@ -108,21 +86,20 @@ export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 /** Return the names of inputs with a suffix and one of some kinds; inputs of unknown kind are included. */
 export const inputsOf = (suffix, kinds) =>
   app.state.inputs
-    .filter(
-      ({ name, kind }) => name.endsWith(suffix) && (!kinds.length || !kind || kinds.includes(kind)),
-    )
+    .filter(({ name }) => name.endsWith(suffix))
+    .filter(({ kind }) => !kinds.length || !kind || kinds.includes(kind))
     .map(({ name }) => name);
 
-/** Return the items of the folder that a field offers, as `[value, text]` pairs. */
 function itemsOf(one) {
   const { files, records } = app.state;
-  const named = (all) => all.map(({ name }) => [name, name]);
+  const named = (all, words = (name) => name) => all.map(({ name }) => [name, words(name)]);
+  const mapped = files.filter((file) => file.mapped);
   const found = {
     inputs: () => inputsOf(one.files, one.looks).map((name) => [name, name]),
     cards: () => cards().map((card) => [card.name, `${card.name} (${card.law})`]),
     records: () => named(records),
     runs: () => named(files),
-    maps: () => files.filter(({ mapped }) => mapped).map(({ name }) => [name, `as for ${name}`]),
+    maps: () => named(mapped, (name) => `as for ${name}`),
   };
   return one.places.flatMap((place) => found[place]());
 }
@@ -133,126 +110,79 @@ function itemsOf(one) {
  * `given`: values that the page sets; `only`: choices that a field keeps; `offered`: names by kind of offer;
  * `needed`: reasons why a field must not be empty; `preset`: values instead of the declared initial ones
  */
-export function formOf(
-  kind,
-  { given = {}, only = {}, offered = {}, needed = {}, preset = {} } = {},
-) {
+export function formOf(kind, options = {}) {
+  const { given = {}, only = {}, offered = {}, needed = {}, preset = {} } = options;
   const shown = app.forms[kind].filter((one) => !(one.name in given));
   const controls = shown.map((one) => {
     const key = keyOf(kind, one);
     const begins = preset[one.name] ?? (key === "card" ? cardInUse()?.name : one.begins);
-    const id = `${kind}-${one.name.replaceAll("_", "-")}`;
     const names = (offered[one.offers] ?? []).map((name) => [literal(name), name]);
     const keeps = ([value]) => !(one.name in only) || only[one.name].includes(value);
-    const options = [...one.choices, ...itemsOf(one), ...names].filter(keeps);
-    const about = {
-      ...one,
-      key,
-      id,
-      begins,
-      options,
-      needed: needed[one.name],
-      entry: chosen(key) ?? begins,
-    };
-    const { node, read } = controlOf(about);
-    return {
-      one,
-      node: () => div({ class: isWide(one) ? "wide" : "", title: one.help }, node()),
-      read,
-    };
+    const items = [...one.choices, ...itemsOf(one), ...names].filter(keeps);
+    const id = `${kind}-${one.name.replaceAll("_", "-")}`;
+    const entry = chosen(key) ?? begins;
+    const about = { ...one, key, id, begins, options: items, needed: needed[one.name], entry };
+    const { node, read } = controlOf(about, (value) => choose({ [key]: value }));
+    const look = { class: isWide(one) ? "wide" : "", title: one.help };
+    return { ...one, read, node: () => div(look, node()) };
   });
-  const folds = controls.filter(({ one }) => one.group === MORE).length > 2;
-  const groupOf = ({ one }) => (one.group === MORE && !folds ? "" : one.group);
-  const under = (group) =>
-    controls.filter((one) => groupOf(one) === group).map(({ node }) => node());
+  const folds = controls.filter(({ group }) => group === MORE).length > 2;
+  const groupOf = ({ group }) => (group === MORE && !folds ? "" : group);
+  const nodesOf = (isShown) => controls.filter(isShown).map(({ node }) => node());
+  const under = (group) => nodesOf((one) => groupOf(one) === group);
   const groups = [...new Set(controls.map(groupOf))].filter((group) => group !== MORE);
+  const section = (group) => [group && h3.gap(group), div({ class: "fields gap" }, under(group))];
+  const read = () => Object.fromEntries(controls.map((one) => [one.name, one.read()]));
   return {
-    read: () => ({
-      ...Object.fromEntries(controls.map(({ one, read }) => [one.name, read()])),
-      ...given,
-    }),
-    pick: (names) =>
-      controls.filter(({ one }) => names.includes(one.name)).map(({ node }) => node()),
-    rest: (names) =>
-      controls.filter(({ one }) => !names.includes(one.name)).map(({ node }) => node()),
-    nodes: () =>
-      groups.map((group) => [
-        group && h3({ class: "gap" }, group),
-        div({ class: "fields gap" }, under(group)),
-      ]),
-    more: (title = MORE) => folds && fold(title, div({ class: "fields" }, under(MORE))),
+    read: () => ({ ...read(), ...given }),
+    pick: (names) => nodesOf(({ name }) => names.includes(name)),
+    rest: (names) => nodesOf(({ name }) => !names.includes(name)),
+    nodes: () => groups.map(section),
+    more: (title = MORE) => folds && fold(title, div.fields(under(MORE))),
   };
 }
 
-const isWide = (one) =>
-  one.many ||
-  one.slider ||
-  one.choices.length > 0 ||
-  one.places.length > 0 ||
-  ["yes", "text"].includes(one.type);
+const isWide = ({ many, slider: range, choices, places, type }) =>
+  many || range || choices.length > 0 || places.length > 0 || ["yes", "text"].includes(type);
 
 /** Return the control of a field: `{node(), read()}`. */
-function controlOf(one) {
-  const { key, id, entry, unit } = one;
-  const change = (value) => choose({ [key]: value });
+function controlOf(one, change) {
+  const { id, entry, unit, label: words, needed } = one;
   if (one.word === "duty") return { node: () => dutyFields(id), read: readDuty };
   if (one.type === "yes") {
-    return {
-      node: () => check(one.label, Boolean(entry), change, { id }),
-      read: () => Boolean(entry),
-    };
+    const node = () => check(words, Boolean(entry), change, { id });
+    return { node, read: () => Boolean(entry) };
   }
-  if (one.many && one.places.includes("runs") && one.word !== "campaigns")
-    return filesControl(one, change);
+  if (one.many && one.places.includes("runs") && one.word !== "campaigns") {
+    const all = [["", "all runs in the folder"], ...one.options];
+    const take = (name) => change(name ? [name] : null);
+    const node = () => field(words, select(all, entry?.[0] ?? "", take, { id }));
+    return { node, read: () => entry ?? null };
+  }
   if (one.many) return severalControl(one);
   if (one.choices.length || one.places.length) return choiceControl(one, change);
-  const about = { unit, id, needed: one.needed, placeholder: one.none };
-  if (one.slider) {
-    const [min, max, step] = one.slider;
-    const node = () => slider(one.label, entry ?? min, change, { unit, id, min, max, step });
-    return { node, read: () => readNumber(one.label, entry, { otherwise: one.default }) };
+  if (one.type === "text") {
+    const props = { maxlength: 160, id, placeholder: one.none };
+    const read = () => String(entry ?? "").trim() || one.default;
+    return { node: () => textField(words, entry ?? "", change, props), read };
   }
-  if (one.type !== "text") {
-    const read = () => readNumber(one.label, entry, { needed: one.needed, otherwise: one.default });
-    return { node: () => numberField(one.label, entry, change, about), read };
-  }
-  const typed = (event) => change(event.target.value);
-  const line = () =>
-    input({
-      type: "text",
-      maxlength: 160,
-      id,
-      value: entry ?? "",
-      placeholder: one.none,
-      oninput: typed,
-    });
-  return {
-    node: () => field(one.label, line(), { unit }),
-    read: () => String(entry ?? "").trim() || one.default,
-  };
-}
-
-function filesControl({ label: words, id, options, entry }, change) {
-  const all = [["", "all runs in the folder"], ...options];
+  const read = () => readNumber(words, entry, { needed, otherwise: one.default });
+  const about = { unit, id, needed, placeholder: one.none };
   const node = () =>
-    field(
-      words,
-      select(all, entry?.[0] ?? "", (name) => change(name ? [name] : null), { id }),
-    );
-  return { node, read: () => entry ?? null };
+    one.slider
+      ? slider(words, entry ?? one.slider[0], change, unit, id, one.slider)
+      : numberField(words, entry, change, about);
+  return { node, read };
 }
 
 function choiceControl(one, change) {
-  const { id, word } = one;
-  const isOptional = one.default === null;
-  const named = new Map([
-    ...(isOptional ? [["", one.required ? `choose a ${word}` : one.none || "none"]] : []),
-    ...one.options,
-  ]);
-  const isOffered =
-    named.has(one.entry) || (one.entry && one.places.length > 0 && !one.choices.length);
-  let value = isOffered ? one.entry : named.has(one.begins) ? one.begins : [...named.keys()][0];
-  if (one.required && !value) value = one.options[0]?.[0] ?? "";
+  const { id, word, entry, required } = one;
+  const first = required ? `choose a ${word}` : one.none || "none";
+  const named = new Map([...(one.default === null ? [["", first]] : []), ...one.options]);
+  const isItem = entry && one.places.length > 0 && !one.choices.length;
+  const initial = named.has(one.begins) ? one.begins : [...named.keys()][0];
+  let value = named.has(entry) || isItem ? entry : initial;
+  if (required && !value) value = one.options[0]?.[0] ?? "";
   if (value && !named.has(value)) named.set(value, `${value} (deleted)`);
   const node = () => [
     field(one.label, select([...named], value, change, { id })),
@@ -261,64 +191,49 @@ function choiceControl(one, change) {
   return { node, read: () => value || null };
 }
 
-/** Return the control of several values: check boxes, and a text field for other values. */
 function severalControl(one) {
-  const { key, id, options, type, free, places, label: words } = one;
+  const { key, id, options, free, places, label: words, none } = one;
   const names = options.map(([value]) => value);
-  const many = type !== "text";
+  const many = one.type !== "text";
   const values = one.entry ?? (one.required ? names : []);
   const picked = values.filter((value) => names.includes(value));
-  const rest = values.filter((value) => !names.includes(value));
-  const typed = chosen(`${key}.text`) ?? (many ? textOf(rest) : rest.join(", "));
+  const others = values.filter((value) => !names.includes(value));
+  const typed = chosen(`${key}.text`) ?? (many ? textOf(others) : others.join(", "));
   const change = (value) => choose({ [key]: toggled(picked, value), [`${key}.text`]: typed });
   const write = (text) => choose({ [`${key}.text`]: text });
-  const props = {
-    id,
-    placeholder: one.offers === "runs" ? "*_060C_*" : one.none,
-    "aria-label": words,
-  };
+  const props = { id, placeholder: one.offers === "runs" ? "*_060C_*" : none, "aria-label": words };
+  const oninput = (event) => write(event.target.value);
   const line = many
     ? numberInput(typed, write, { ...props, many })
-    : input({
-        ...props,
-        type: "text",
-        value: typed,
-        oninput: (event) => write(event.target.value),
-      });
-  const boxes = options.map(([value, text]) =>
-    check(text, picked.includes(value), () => change(value)),
-  );
-  const isLong = boxes.length > BOXES_MAX;
-  const hint = one.none && !free ? `; without a choice: ${one.none}` : "";
+    : input({ ...props, type: "text", value: typed, oninput });
+  const box = ([value, text]) => check(text, picked.includes(value), () => change(value));
+  const isLong = options.length > BOXES_MAX;
+  const list = { class: isLong ? "picks" : "", ref: isLong ? rove : null };
+  const hint = none && !free ? `; without a choice: ${none}` : "";
   const node = () =>
     div(
       { role: "group", "aria-label": words },
-      words !== one.group && span({ class: "small" }, words, one.unit && `, ${one.unit}`, hint),
-      boxes.length > 0 && div({ class: isLong ? "picks" : "", ref: isLong ? rove : null }, boxes),
+      words !== one.group && span.small(words, one.unit && `, ${one.unit}`, hint),
+      options.length > 0 && div(list, options.map(box)),
       free && line,
       places.includes("inputs") && bringInput(`Bring a ${one.word}`, one.files, change),
     );
-  const texts = () => typed.split(/[,;]+/).map((text) => text.trim());
   const read = () => {
-    const others = !free ? [] : many ? readNumber(words, typed, { many }) : texts().filter(Boolean);
-    const all = [...new Set([...picked, ...others])];
+    const texts = () => typed.split(/[,;]+/).map((text) => text.trim());
+    const more = many ? () => readNumber(words, typed, { many }) : () => texts().filter(Boolean);
+    const all = [...new Set([...picked, ...(free ? more() : [])])];
     return all.length ? all : one.default;
   };
   return { node, read };
 }
 
 /** Return a button that uploads an input (a geometry, a table). */
-export const bringInput = (words, suffixes, brought) =>
-  p(
-    { class: "small" },
-    filePicker(`${words} (${suffixes.replaceAll(".", "").toUpperCase()})`, suffixes, ([file]) =>
-      attempt(async () => {
-        await putInput(file);
-        await refresh(false);
-        brought(file.name);
-      }),
-    ),
-  );
+export function bringInput(words, suffixes, brought = () => {}) {
+  const bring = ([file]) =>
+    attempt(() => putInput(file)).then((answer) => answer && brought(file.name));
+  const kinds = suffixes.replaceAll(".", "").toUpperCase();
+  return p.small(filePicker(`${words} (${kinds})`, suffixes, bring));
+}
 
 /** Show the options of a job in its form. */
 export function fillForm(kind, options, more = {}) {
@@ -332,43 +247,42 @@ export function fillForm(kind, options, more = {}) {
   choose({ ...values, ...more });
 }
 
-// ---------------------------------------------------------------------------------------------- load cycle
-
 const SINE = /^sine:([-+\d.e]+)mm:([-+\d.e]+)Hz:([-+\d.e]+)([AV]):([-+\d.e]+)s$/;
 const USUAL = { amplitude_mm: 15, frequency_Hz: 1, command: 2, duration_s: 1800 };
 
 function sineOf(text) {
-  const found = SINE.exec(text ?? "");
-  const [amplitude_mm, frequency_Hz, command, , duration_s] = (found ?? []).slice(1).map(Number);
-  return found && { amplitude_mm, frequency_Hz, command, duration_s };
+  const [amplitude_mm, frequency_Hz, command, , duration_s] = (SINE.exec(text) ?? [])
+    .slice(1)
+    .map(Number);
+  return duration_s && { amplitude_mm, frequency_Hz, command, duration_s };
 }
 
 /** Return the load cycle: the entries of the user, else a sine inside the range of the card in use. */
 function dutyInUse() {
-  const { command_unit: unit, envelope } = cardInUse() ?? {};
-  const most = (values) => Math.max(...(values ?? [Infinity]).map(Math.abs));
-  const amplitude_mm = Math.min(
-    USUAL.amplitude_mm,
-    Math.max(1, Math.floor(most(envelope?.displacement_mm))),
-  );
-  const speed_Hz = most(envelope?.velocity_mm_s) / (2 * Math.PI * amplitude_mm);
+  const { command_unit: unit = "A", envelope } = cardInUse() ?? {};
+  const reach = ([low, high] = [-Infinity, Infinity]) => Math.min(-low, high);
+  const travel = Math.max(1, Math.floor(reach(envelope?.displacement_mm)));
+  const amplitude_mm = Math.min(USUAL.amplitude_mm, travel);
+  const speed_Hz = reach(envelope?.velocity_mm_s) / (2 * Math.PI * amplitude_mm);
   const frequency_Hz = Math.min(USUAL.frequency_Hz, Math.max(0.1, Math.floor(10 * speed_Hz) / 10));
-  const command = Math.min(USUAL.command, envelope?.command?.[1] ?? USUAL.command);
+  const command_max = envelope?.command?.[1] ?? USUAL.command;
+  const command = Math.min(USUAL.command, command_max);
   const first = { ...USUAL, amplitude_mm, frequency_Hz, command };
-  return { unit: unit ?? "A", most: envelope?.command?.[1] ?? 2, ...first, ...chosen("duty") };
+  return { unit, command_max, ...first, ...chosen("duty") };
 }
 
-/** Return the numbers of the sine. */
+/** Return the fields of the sine: name, label, unit and range of the slider. */
+const sineFields = ({ unit, command_max: max }) => [
+  ["command", unit === "V" ? "Voltage" : "Current", unit, [0, Math.max(max, 0.1), 0.05]],
+  ["amplitude_mm", "Amplitude", "mm", [1, 50, 1]],
+  ["frequency_Hz", "Frequency", "Hz", [0.1, 5, 0.1]],
+  ["duration_s", "Duration", "s", [300, 14400, 300]],
+];
+
 export function readSine() {
   const duty = dutyInUse();
-  const names = {
-    amplitude_mm: "Amplitude",
-    frequency_Hz: "Frequency",
-    command: "Command",
-    duration_s: "Duration",
-  };
   const read = ([name, words]) => [name, readNumber(words, duty[name], { otherwise: USUAL[name] })];
-  return Object.fromEntries(Object.entries(names).map(read));
+  return Object.fromEntries(sineFields(duty).map(read));
 }
 
 /** Return the load cycle as text: a sine, or the name of a table. */
@@ -379,38 +293,18 @@ function readDuty() {
   return `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${duration_s}s`;
 }
 
-/** Return the fields of the load cycle. */
-export function dutyFields(id) {
+function dutyFields(id) {
   const duty = dutyInUse();
   const change = (values) => choose({ duty: { ...chosen("duty"), ...values } });
-  const one = (name, words, unit, [min, max, step]) =>
-    slider(words, duty[name], (value) => change({ [name]: value }), {
-      unit,
-      min,
-      max,
-      step,
-      id: `${id}-${name}`,
-    });
+  const take = (table) => change({ table });
   const tables = [["", "a sine"], ...inputsOf(".csv", ["duty"]).map((name) => [name, name])];
-  return div(
-    { class: "fields" },
-    div(
-      { class: "wide" },
-      field(
-        "Motion",
-        select(tables, duty.table ?? "", (table) => change({ table }), { id }),
-      ),
-      bringInput("Bring a table", ".csv", (table) => change({ table })),
+  const sine = ([name, words, unit, range]) =>
+    slider(words, duty[name], (value) => change({ [name]: value }), unit, `${id}-${name}`, range);
+  return div.fields(
+    div.wide(
+      field("Motion", select(tables, duty.table ?? "", take, { id })),
+      bringInput("Bring a table", ".csv", take),
     ),
-    !duty.table && [
-      one("command", duty.unit === "V" ? "Voltage" : "Current", duty.unit, [
-        0,
-        Math.max(duty.most, 0.1),
-        0.05,
-      ]),
-      one("amplitude_mm", "Amplitude", "mm", [1, 50, 1]),
-      one("frequency_Hz", "Frequency", "Hz", [0.1, 5, 0.1]),
-      one("duration_s", "Duration", "s", [300, 14400, 300]),
-    ],
+    !duty.table && sineFields(duty).map(sine),
   );
 }

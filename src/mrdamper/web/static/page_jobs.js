@@ -1,58 +1,23 @@
 // Jobs: list of jobs with states and results, a form for any other job, inputs, and trash.
 
-import {
-  cancelJob,
-  deleteInput,
-  deleteJob,
-  emptyTrash,
-  getTrash,
-  inputFile,
-  restore,
-  resumeJob,
-} from "./api.js";
+import { deleteInput, deleteJob, emptyTrash, getTrash, inputFile } from "./api.js";
 import { bringInput, fillForm, formOf } from "./forms.js";
-import {
-  filesOf,
-  firstScreen,
-  formPanel,
-  groundsOf,
-  jobStatus,
-  keepInput,
-  removal,
-  resultOf,
-  section,
-  startButton,
-  tabsOf,
-} from "./jobs.js";
+import { cancelButton, formPanel, jobStatus, keepInput, putBack, removal } from "./jobs.js";
+import { resultOf, resumeButton, startButton } from "./jobs.js";
+import { empty, note, pageHead, table, tag, titled } from "./layout.js";
+import { filesOf, firstScreen, groundsOf, tabsOf } from "./results.js";
 import { app, attempt, choose, chosen, go, isRunning, once } from "./state.js";
-import {
-  button,
-  bytes,
-  duration,
-  empty,
-  field,
-  note,
-  opening,
-  select,
-  table,
-  tag,
-  tags,
-  when,
-} from "./ui.js";
+import { bytes, duration } from "./text.js";
+import { button, field, opening, select, tags } from "./ui.js";
 
-const { b, div, h1, h2, p, span } = tags;
+const { b, div, h2, p, span } = tags;
+/** Pages of jobs, with the choice of their tab. */
 const PAGE_OF = {
-  fit: "model",
-  heat: "thermal",
-  heatsink: "thermal",
-  track: "controller",
-  export: "controller",
-};
-const TAB_OF = {
-  heat: { "heat.tab": "Heating" },
-  heatsink: { "heat.tab": "Heat sink" },
-  track: { "track.page": "Try" },
-  export: { "track.page": "Export" },
+  fit: ["model", {}],
+  heat: ["thermal", { "heat.tab": "Heating" }],
+  heatsink: ["thermal", { "heat.tab": "Heat sink" }],
+  track: ["controller", { "track.page": "Try" }],
+  export: ["controller", { "track.page": "Export" }],
 };
 /** Jobs without a page of their own: titles of their forms. */
 const OTHERS = {
@@ -67,70 +32,56 @@ const OTHERS = {
   demo: "Demonstration on the virtual rig",
 };
 
-/** Return the subject of a job: a card, a record, an input. */
 function subjectOf({ options, card }) {
   const { first, second, record, campaign, name, tables } = options;
   const both = first && `${first}, ${second}`;
-  return (
-    options.card ?? card ?? record ?? both ?? [campaign ?? tables ?? name ?? []].flat().join(", ")
-  );
+  const input = () => [campaign ?? tables ?? name ?? []].flat().join(", ");
+  return options.card ?? card ?? record ?? both ?? input();
 }
 
 /** Show a job on its page, with its options in the form there. */
 function open({ id, kind, options }) {
   if (!(kind in PAGE_OF))
     return choose({ "show.job": id, "show.kind": kind in OTHERS ? kind : null });
+  const [page, tab] = PAGE_OF[kind];
   fillForm(kind, options);
-  return go(PAGE_OF[kind], { [`${kind}.job`]: id, card: options.card ?? null, ...TAB_OF[kind] });
+  return go(page, { [`${kind}.job`]: id, card: options.card ?? null, ...tab });
 }
 
 function jobTable(jobs) {
   const took = ({ started_at: from, ended_at: to }) =>
     from && duration(((to ? new Date(to) : new Date()) - new Date(from)) / 1000);
+  const when = ({ asked_at: asked }) =>
+    new Date(asked).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+  const progress = ({ message, progress: now, state }) =>
+    message ?? (state === "done" ? "" : (now?.text ?? ""));
   const actions = (job) => {
-    const { id, kind, state, resumable } = job;
+    const { id, kind, state } = job;
+    if (isRunning(job)) return cancelButton(job, "quiet", `Cancel ${id}`);
     const isShown = state === "done" || (state === "cancelled" && kind === "fit");
-    return span(
-      { class: "row" },
-      isRunning(job) &&
-        button("Cancel", () => attempt(() => cancelJob(id)), {
-          class: "quiet",
-          "aria-label": `Cancel ${id}`,
-        }),
-      isShown && button("Show", () => open(job), { class: "quiet", "aria-label": `Show ${id}` }),
-      resumable &&
-        button("Resume", () => attempt(() => resumeJob(id)), {
-          class: "quiet",
-          "aria-label": `Resume ${id}`,
-        }),
-      !isRunning(job) && removal(deleteJob, id),
+    return span.row(
+      isShown && button("Show", () => open(job), "quiet", `Show ${id}`),
+      resumeButton(job),
+      removal(deleteJob, id),
     );
   };
-  return table(
-    [
-      { title: "job", class: "whole", cell: ({ id }) => b(id) },
-      { title: "subject", class: "name", cell: subjectOf },
-      { title: "state", cell: ({ state }) => tag(state) },
-      { title: "started", class: "whole", cell: ({ asked_at: asked }) => when(asked) },
-      { title: "duration", number: true, cell: took },
-      {
-        title: "progress",
-        class: "name",
-        cell: ({ message, progress, state }) =>
-          message ?? (state === "done" ? "" : (progress?.text ?? "")),
-      },
-      { title: "files", number: true, cell: ({ files }) => String(files.length) },
-      { title: "", cell: actions },
-    ],
-    jobs,
-    { label: "Jobs, newest first", tall: true },
-  );
+  const columns = [
+    ["job", ({ id }) => b(id), "whole"],
+    ["subject", subjectOf, "name"],
+    ["state", ({ state }) => tag(state)],
+    ["started", when, "whole"],
+    ["duration", took, "n"],
+    ["progress", progress, "name"],
+    ["files", ({ files }) => files.length, "n"],
+    ["", actions],
+  ];
+  return table("Jobs, newest first", columns, jobs, { tall: true });
 }
 
-/** Return the result of a job without a page. */
 function resultView(job) {
   const result = resultOf(job);
   const use = () => attempt(() => keepInput(job, "fluid.toml", `${job.id}.toml`));
+  const { title, runs, licence } = result?.answer ?? {};
   return div(
     { id: "job-result" },
     h2(`${job.id}: ${subjectOf(job)}`),
@@ -138,103 +89,81 @@ function resultView(job) {
     result && [
       firstScreen(result),
       groundsOf(result),
-      result.answer.title &&
-        note(
-          "good",
-          `${result.answer.title}: ${result.answer.runs?.join(", ")}. Licence: ${result.answer.licence}.`,
-        ),
+      title && note("good", `${title}: ${runs?.join(", ")}. Licence: ${licence}.`),
       filesOf(result),
-      job.kind === "fluid" &&
-        button("Use this fluid", use, { "aria-label": `Use the fluid of ${job.id}` }),
+      job.kind === "fluid" && button("Use this fluid", use, "", `Use the fluid of ${job.id}`),
       tabsOf("show.tab", result),
     ],
   );
 }
 
-/** Return the form of a job without a page. */
-function otherJob() {
+function otherJobs(jobs) {
   const kind = chosen("show.kind", "evaluate");
   const form = formOf(kind);
   const started = () => choose({ "show.job": app.choice[`${kind}.job`] });
-  const kinds = field(
-    "Job",
-    select(Object.entries(OTHERS), kind, (next) => choose({ "show.kind": next }), {
-      id: "other-kind",
-    }),
+  const set = (next) => choose({ "show.kind": next });
+  const kinds = field("Job", select(Object.entries(OTHERS), kind, set, { id: "other-kind" }));
+  const start = startButton(kind, "Start", form.read, { started });
+  const shown = jobs.find(({ id }) => id === chosen("show.job"));
+  const fault = !shown && app.faults[kind];
+  return div(
+    { class: "split gap" },
+    formPanel("Another job", form, start, kinds),
+    div(shown && resultView(shown), fault && note("fault", fault)),
   );
-  return formPanel("Another job", form, startButton(kind, "Start", form.read, { started }), kinds);
 }
 
 function inputTable() {
   const { inputs } = app.state;
   const columns = [
-    { title: "input", class: "name", cell: ({ name }) => opening(inputFile(name), name) },
-    { title: "kind", cell: ({ kind }) => kind },
-    { title: "size", number: true, cell: ({ bytes: size }) => bytes(size) },
-    { title: "", cell: ({ name }) => removal(deleteInput, name) },
+    ["input", ({ name }) => opening(inputFile(name), name), "name"],
+    ["kind", ({ kind }) => kind],
+    ["size", ({ bytes: size }) => bytes(size), "n"],
+    ["", ({ name }) => removal(deleteInput, name)],
   ];
-  return section(
+  return titled(
     "Inputs",
-    p(
-      { class: "small" },
+    p.small(
       "Geometry, heat sinks, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV).",
     ),
-    inputs.length > 0 && table(columns, inputs, { label: "Inputs in the folder" }),
-    bringInput("Bring an input", ".toml,.csv", () => {}),
+    inputs.length > 0 && table("Inputs in the folder", columns, inputs),
+    bringInput("Bring an input", ".toml,.csv"),
   );
 }
 
 function trashTable() {
-  const { trash = [] } =
-    once(
-      `trash ${app.trashed ?? 0} ${JSON.stringify(app.state.files.map(({ name }) => name))} ${app.state.jobs.length} ${app.state.inputs.length} ${app.state.cards.length}`,
-      getTrash,
-    ) ?? {};
+  const { files, jobs, inputs, cards } = app.state;
+  const names = [files, jobs, inputs, cards].flat().map(({ id, name }) => id ?? name);
+  const { trash = [] } = once(`trash ${app.emptied} ${names}`, getTrash) ?? {};
   if (!trash.length) return null;
-  const clear = () =>
-    window.confirm("Delete all items in the trash permanently?") &&
-    attempt(emptyTrash).then(() => Object.assign(app, { trashed: Date.now() }).draw());
-  const back = (one) =>
-    button("Put back", () => attempt(() => restore(one.id)), {
-      class: "quiet",
-      "aria-label": `Put back ${one.names[0]}`,
-    });
+  const clear = async () => {
+    if (!window.confirm("Delete all items in the trash permanently?")) return;
+    await attempt(emptyTrash);
+    app.emptied = Date.now();
+    app.draw();
+  };
   const columns = [
-    { title: "removed", class: "name", cell: ({ names }) => names.join(", ") },
-    { title: "", class: "whole", cell: back },
+    ["removed", (one) => one.names.join(", "), "name"],
+    ["", ({ id, names: [name] }) => putBack(id, `Put back ${name}`), "whole"],
   ];
-  return section(
+  return titled(
     "Trash",
-    table(columns, trash, { label: "Trash, newest first" }),
-    div({ class: "actions" }, button("Empty the trash", clear, { class: "danger" })),
+    table("Trash, newest first", columns, trash),
+    div.actions(button("Empty the trash", clear, "danger")),
   );
 }
 
 export function JobsPage() {
   const { jobs } = app.state;
-  const shown = jobs.find(({ id }) => id === chosen("show.job"));
-  const nothing = empty(
-    "No jobs yet",
-    "Fits, heat sinks, tracking and exports are listed here, with their files.",
-    button("Go to Data", () => go("data")),
-  );
+  const nothing = () =>
+    empty("Fits, heat sinks, tracking and exports are listed here, with their files.", "data");
   return [
-    h1("Jobs"),
-    p(
-      { class: "sub" },
+    pageHead(
+      "Jobs",
       "Two jobs run at a time. Their results are files in the folder, which the command line reads as well.",
     ),
-    jobs.length ? jobTable(jobs) : nothing,
-    div(
-      { class: "split gap" },
-      otherJob(),
-      div(
-        shown && resultView(shown),
-        !shown &&
-          app.faults[chosen("show.kind", "evaluate")] &&
-          note("fault", app.faults[chosen("show.kind", "evaluate")]),
-      ),
-    ),
+    jobs.length ? jobTable(jobs) : nothing(),
+    otherJobs(jobs),
     inputTable(),
     trashTable(),
   ];

@@ -2,72 +2,42 @@
 
 import { cardFile, deleteCard, getJob, putCard } from "./api.js";
 import { fillForm, formOf, literal } from "./forms.js";
-import {
-  firstScreen,
-  formPanel,
-  groundsOf,
-  jobOf,
-  jobStatus,
-  removal,
-  resultOf,
-  startButton,
-  tabsOf,
-} from "./jobs.js";
-import {
-  commonest,
-  copiesOf,
-  filtersOf,
-  idOf,
-  matching,
-  motionOf,
-  runList,
-  foreignRunsOf,
-} from "./runs.js";
+import { jobColumns, removal } from "./jobs.js";
+import { keptFold, pageHead, table, tag, titled } from "./layout.js";
+import { firstScreen, groundsOf, tabsOf } from "./results.js";
+import { commonest, copiesOf, filtersOf, foreignRunsOf, idOf, matching, runList } from "./runs.js";
 import { address, app, attempt, choose, chosen, go, toast } from "./state.js";
-import {
-  button,
-  check,
-  empty,
-  field,
-  filePicker,
-  fixed,
-  number,
-  opening,
-  several,
-  table,
-  tag,
-  tags,
-  toggled,
-} from "./ui.js";
+import { fixed, number, several, toggled } from "./text.js";
+import { button, check, filePicker, opening, search, tags } from "./ui.js";
 import { linkedView } from "./view.js";
 
-const { a, b, details, div, h1, h2, input, p, section, span, summary } = tags;
+const { a, b, div, h2, p, span } = tags;
 const RUNS_MAX = 3; // Runs that the loops of a fit show.
+const FITS_MAX = 8; // Longer tables of fits scroll.
 const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
 /** Return a card name that is valid as the name of a folder. */
 const cardName = (text) => text.replace(NAME, "-");
 
 function freeName() {
-  const taken = app.state.cards.map(({ name }) => name);
-  let k = 2;
-  while (taken.includes(`damper-${k}`)) k += 1;
-  return taken.includes("damper") ? `damper-${k}` : "damper";
+  const isTaken = (name) => app.state.cards.some((card) => card.name === name);
+  let name = "damper";
+  for (let k = 2; isTaken(name); k += 1) name = `damper-${k}`;
+  return name;
 }
-
-// -------------------------------------------------------------------------------------------- choice of runs
 
 /** Return the runs to be fitted: those that match the filters, of one command unit, without the excluded ones. */
 function fittedRuns(runs, without) {
   const usual = commonest(runs.map((run) => run.command_unit).filter(Boolean));
-  const unit = chosen("choose.unit") ? () => true : (run) => !usual || run.command_unit === usual;
-  return matching(runs, "choose").filter((run) => unit(run) && !without.includes(idOf(run, runs)));
+  const isUsual = (run) => chosen("choose.unit") || !usual || run.command_unit === usual;
+  const isChosen = (run) => isUsual(run) && !without.includes(idOf(run, runs));
+  return matching(runs, "choose").filter(isChosen);
 }
 
 function runChoice(runs, fitted, without) {
   const [copies, foreign] = [copiesOf(runs), foreignRunsOf(runs)];
   const found = matching(runs, "choose");
-  const told = (marked, one, many) => {
+  const countOf = (marked, one, many) => {
     const count = found.filter((run) => marked.has(run)).length;
     return count ? `; ${count} ${count === 1 ? `is ${one}` : `are ${many}`}` : "";
   };
@@ -82,21 +52,11 @@ function runChoice(runs, fitted, without) {
     const [one] = [...ids, ...next].filter((id) => ids.includes(id) !== next.includes(id));
     choose({ "choose.without": toggled(without, one) });
   };
-  const words = `${ids.length} of ${several(runs.length, "run")}${told(copies, "a copy", "copies")}${told(foreign, "probably of another damper", "probably of another damper")}`;
-  const isOpen = chosen("choose.open", false);
-  return div(
-    filtersOf(runs, "choose"),
-    details(
-      {
-        id: "chosen-runs",
-        open: isOpen,
-        ontoggle: (event) =>
-          event.target.open !== isOpen && choose({ "choose.open": event.target.open || null }),
-      },
-      summary(words),
-      isOpen && runList(found, runs, ids, change, { words: "Fitted runs", marks }),
-    ),
-  );
+  const another = "probably of another damper";
+  const counts = countOf(copies, "a copy", "copies") + countOf(foreign, another, another);
+  const words = `${ids.length} of ${several(runs.length, "run")}${counts}`;
+  const list = () => runList("Fitted runs", found, runs, ids, change, marks);
+  return div(filtersOf(runs, "choose"), keptFold("choose.open", "chosen-runs", words, list));
 }
 
 /** Return files and names of the runs as options of a job; if all runs are chosen, both are empty. */
@@ -114,250 +74,145 @@ async function again(card, job, runs) {
     (!options.files || options.files.includes(file)) &&
     (!options.only?.length || options.only.includes(literal(name)));
   const without = runs.filter((run) => !isWanted(run)).map((run) => idOf(run, runs));
-  const filters = Object.fromEntries(
-    Object.keys(app.choice)
-      .filter((key) => key.startsWith("choose."))
-      .map((key) => [key, null]),
-  );
-  fillForm(
-    "fit",
-    { ...options, card: null, replace: false },
-    { ...filters, "choose.without": without },
-  );
+  const keys = Object.keys(app.choice).filter((key) => key.startsWith("choose."));
+  const cleared = Object.fromEntries(keys.map((key) => [key, null]));
+  const given = { ...options, card: null, replace: false };
+  fillForm("fit", given, { ...cleared, "choose.without": without });
   window.scrollTo(0, 0);
   toast("info", `The form shows the options of ${card.name}.`);
 }
 
-// --------------------------------------------------------------------------------------------------- result
-
-/** Return the result of a fit: verdict, loops of the worst held-out runs, and the rest in tabs. */
 function resultView(job, runs) {
   const { answer, options } = job;
   const { card } = options;
   const isHeld = ({ split }) => split === "held_out";
-  const worst = [...answer.runs].sort(
-    (x, y) => isHeld(y) - isHeld(x) || y.nrmse_percent - x.nrmse_percent,
-  );
+  const isWorse = (x, y) => isHeld(y) - isHeld(x) || y.nrmse_percent - x.nrmse_percent;
+  const worst = [...answer.runs].sort(isWorse);
   const found = worst.map(({ name }) => runs.find((run) => run.name === name)).filter(Boolean);
-  const picked = found.filter((run) => motionOf(run) === motionOf(found[0])).slice(0, RUNS_MAX);
-  const link = (name) => address("data", { "view.runs": [name], "view.cards": [card] });
+  const picked = found.filter((run) => run.motion === found[0].motion).slice(0, RUNS_MAX);
+  const link = (...names) => address("data", { "view.runs": names, "view.cards": [card] });
   const loops = () => linkedView({ runs, picked, cards: [card], prefix: "loops", panes: "dvfr" });
-  const { tables } = answer.shown ?? { tables: [] };
   const sentence = answer.identifiability?.sentence;
   return [
     h2(`${card}: ${answer.law}`),
     firstScreen(job),
     groundsOf(job),
-    div(
-      { class: "actions" },
-      button("How hot does it get?", () => go("thermal", { card }), { class: "main" }),
+    div.actions(
+      button("How hot does it get?", () => go("thermal", { card }), "main"),
       button("Control it", () => go("controller", { card })),
       opening(cardFile(card, "report.html"), "Open the report", { class: "button" }),
-      a(
-        {
-          class: "button",
-          href: address("data", {
-            "view.runs": picked.map((run) => idOf(run, runs)),
-            "view.cards": [card],
-          }),
-        },
-        "All plots",
-      ),
-      span({ class: "small" }, `${number(answer.cpu_s)} s of CPU`),
+      a.button({ href: link(...picked.map((run) => idOf(run, runs))) }, "All plots"),
+      span.small(`${number(answer.cpu_s)} s of CPU`),
     ),
-    tabsOf(
-      "loops.tab",
-      { ...job, answer: { ...answer, shown: { ...answer.shown, tables } } },
-      { first: [["Loops", loops]], link },
-    ),
-    sentence && p({ class: "small" }, sentence),
+    tabsOf("loops.tab", job, [["Loops", loops]], link),
+    sentence && p.small(sentence),
   ];
 }
 
-// --------------------------------------------------------------------------------------------- table of fits
-
 const range = (pair, unit) =>
   pair ? `${number(pair[0])} to ${number(pair[1])} ${unit ?? ""}` : "";
-const stateOf = (card) =>
-  card.cancelled
-    ? "cancelled"
-    : card.converged === false
-      ? "not converged"
-      : card.converged
-        ? "yes"
-        : "";
-const COLUMNS = [
-  { key: "name", title: "fit", class: "name", value: (card) => card.name },
-  { key: "law", title: "law", value: (card) => card.law ?? "" },
-  { key: "runs", title: "runs", number: true, value: (card) => card.runs },
-  {
-    key: "cost",
-    title: "cost",
-    unit: "%",
-    number: true,
-    value: (card) => card.cost_percent,
-    decimals: 2,
-  },
-  { key: "converged", title: "converged", value: stateOf },
-  {
-    key: "held",
-    title: "held out",
-    unit: "%, median",
-    number: true,
-    value: (card) => card.held_out_percent,
-    decimals: 2,
-  },
-  {
-    key: "command",
-    title: "command",
-    value: (card) => range(card.envelope?.command, card.command_unit),
-  },
-  {
-    key: "temperature",
-    title: "temperature",
-    value: (card) => range(card.envelope?.temperature_degC, "°C"),
-  },
-  {
-    key: "modified",
-    title: "date",
-    value: (card) => String(card.modified).slice(0, 16).replace("T", " "),
-  },
-];
+const dateOf = ({ modified }) => String(modified).slice(0, 16).replace("T", " ");
 
-/** Return the fits that match the filter, in order. */
+function stateOf({ cancelled, converged }) {
+  if (cancelled) return "cancelled";
+  return converged === false ? "not converged" : converged && "yes";
+}
+
+/** Columns of the table of fits by their key: title, value, class, and unit; numbers have two decimals. */
+const COLUMNS = {
+  name: ["fit", ({ name }) => name, "name"],
+  law: ["law", ({ law }) => law, "whole"],
+  runs: ["runs", ({ runs }) => runs, "n"],
+  cost: ["cost", ({ cost_percent: cost }) => cost, "n", "%"],
+  converged: ["converged", stateOf, "whole"],
+  held: ["held out", ({ held_out_percent: held }) => held, "n", "%, median"],
+  command: ["command", (card) => range(card.envelope?.command, card.command_unit), "whole"],
+  temperature: ["temperature", (card) => range(card.envelope?.temperature_degC, "°C"), "whole"],
+  modified: ["date", dateOf, "whole"],
+};
+
+/** Return the fits that match the filter, in order; unknown values are last. */
 function sortedFits(sort) {
-  const isDown = sort.startsWith("-");
-  const column = COLUMNS.find(({ key }) => key === sort.replace("-", "")) ?? COLUMNS[0];
-  const compare = (one, other) => {
-    const [x, y] = [column.value(one) ?? null, column.value(other) ?? null];
-    if (x === null || y === null) return (x === null) - (y === null);
-    return (
-      (isDown ? -1 : 1) *
-      (column.number ? x - y : String(x).localeCompare(String(y), "en", { numeric: true }))
-    );
-  };
+  const [, value] = COLUMNS[sort.replace("-", "")] ?? COLUMNS.name;
   const find = chosen("fits.find", "").toLowerCase();
-  return app.state.cards
-    .filter(({ name, law }) => `${name} ${law ?? ""}`.toLowerCase().includes(find))
-    .sort(compare);
+  const isFound = ({ name, law }) => `${name} ${law ?? ""}`.toLowerCase().includes(find);
+  const isKnown = (card) => (value(card) ?? "") !== "";
+  const compare = (one, other) => {
+    const [x, y] = [value(one), value(other)];
+    return typeof x === "number" ? x - y : x.localeCompare(y, "en", { numeric: true });
+  };
+  const found = app.state.cards.filter(isFound);
+  const known = found.filter(isKnown).sort(compare);
+  if (sort.startsWith("-")) known.reverse();
+  return [...known, ...found.filter((card) => !isKnown(card))];
 }
 
 function fitTable(runs) {
   const all = app.state.cards;
-  const names = all.map(({ name }) => name);
-  const ticked = chosen("fits.ticked", []).filter((name) => names.includes(name));
+  const isCard = (name) => all.some((card) => card.name === name);
+  const ticked = chosen("fits.ticked", []).filter(isCard);
   const sort = chosen("fits.sort", "-modified");
   const bring = ([file]) =>
     attempt(() => putCard(file, cardName(file.name.replace(/\.json$/i, ""))));
-  const bringCard = filePicker("Bring a card", ".json", bring, { class: "" });
-  const frame = (...body) => section({ id: "fits", "aria-label": "Fits" }, h2("Fits"), body);
+  const bringCard = filePicker("Bring a card", ".json", bring, "");
+  const frame = (...body) => div({ id: "fits" }, titled("Fits", body));
   if (!all.length)
-    return frame(
-      p({ class: "small" }, "No card yet: identify one, or bring a card.json."),
-      bringCard,
-    );
+    return frame(p.small("No card yet: identify one, or bring a card.json."), bringCard);
   const jobOfCard = ({ name }) =>
     app.state.jobs.find((job) => job.kind === "fit" && job.options.card === name);
-  const sorter = ({ key, title }) => {
-    const [isUp, isDown] = [sort === key, sort === `-${key}`];
-    const next = isUp ? `-${key}` : key;
-    return button(
-      `${title}${isUp ? " ↑" : isDown ? " ↓" : ""}`,
-      () => choose({ "fits.sort": next }),
-      { class: "quiet sort", "aria-label": `Sort by ${title}` },
-    );
-  };
-  const cellOf = (column) => (card) => {
-    const value = column.value(card);
-    if (["cancelled", "not converged"].includes(value)) return tag("warning", value);
-    return column.decimals ? fixed(value, column.decimals) : value;
-  };
   const link = (card) => {
     const job = jobOfCard(card);
-    const href = job
-      ? address("model", { "fit.job": job.id, card: card.name })
-      : address("data", { "view.cards": [card.name] });
-    return a({ href, title: job ? "Its result" : "Its loops" }, b(card.name));
+    const result = () => address("model", { "fit.job": job.id, card: card.name });
+    const href = job ? result() : address("data", { "view.cards": [card.name] });
+    const name = a({ href, title: job ? "Its result" : "Its loops" }, b(card.name));
+    return [name, card.error && span.small(` ${card.error}`)];
   };
-  const tick = (card) =>
-    check(
-      "",
-      ticked.includes(card.name),
-      () => choose({ "fits.ticked": toggled(ticked, card.name) }),
-      { "aria-label": `Overlay ${card.name}`, disabled: Boolean(card.error) },
-    );
+  const tick = ({ name, error }) => {
+    const change = () => choose({ "fits.ticked": toggled(ticked, name) });
+    const props = { "aria-label": `Overlay ${name}`, disabled: Boolean(error) };
+    return check("", ticked.includes(name), change, props);
+  };
   const actions = (card) => {
-    const job = jobOfCard(card);
-    return span(
-      { class: "row" },
-      card.report &&
-        opening(cardFile(card.name, "report.html"), "report", {
-          "aria-label": `Report of ${card.name}`,
-        }),
-      job &&
-        button("Again", () => attempt(() => again(card, job, runs)), {
-          class: "quiet",
-          "aria-label": `Again with the options of ${card.name}`,
-        }),
-      removal(deleteCard, card.name),
+    const [{ name }, job] = [card, jobOfCard(card)];
+    const repeat = () => attempt(() => again(card, job, runs));
+    const report = { "aria-label": `Report of ${name}` };
+    return span.row(
+      card.report && opening(cardFile(name, "report.html"), "report", report),
+      job && button("Again", repeat, "quiet", `Again with the options of ${name}`),
+      removal(deleteCard, name),
     );
   };
-  const [first, ...others] = COLUMNS;
-  const columns = [
-    { title: "", cell: tick },
-    {
-      ...first,
-      title: sorter(first),
-      cell: (card) => [link(card), card.error && span({ class: "small" }, ` ${card.error}`)],
-    },
-    ...others.map((column) => ({
-      class: "whole",
-      ...column,
-      title: sorter(column),
-      cell: cellOf(column),
-    })),
-    { title: "", class: "whole", cell: actions },
-  ];
-  const shown = sortedFits(sort);
-  const overlay = (more) =>
-    go("data", { "view.cards": ticked, "view.colour": "card", "view.tab": null, ...more });
-  const compare = {
-    "show.kind": "compare",
-    "compare.first": ticked[0],
-    "compare.second": ticked[1],
+  const columnOf = ([key, [title, value, look, unit]]) => {
+    const [isUp, isDown] = [sort === key, sort === `-${key}`];
+    const order = () => choose({ "fits.sort": isUp ? `-${key}` : key });
+    const mark = isUp ? " ↑" : isDown ? " ↓" : "";
+    const text = (card) => {
+      const shown = value(card);
+      if (["cancelled", "not converged"].includes(shown)) return tag("warning", shown);
+      return unit ? fixed(shown, 2) : shown;
+    };
+    const cell = key === "name" ? link : text;
+    return [button(`${title}${mark}`, order, "quiet", `Sort by ${title}`), cell, look, unit];
   };
-  const find = (event) => choose({ "fits.find": event.target.value || null });
+  const columns = [["", tick], ...Object.entries(COLUMNS).map(columnOf), ["", actions, "whole"]];
+  const overlay = () =>
+    go("data", { "view.cards": ticked, "view.colour": "card", "view.tab": null });
+  const [first, second] = ticked;
+  const compare = () =>
+    go("jobs", { "show.kind": "compare", "compare.first": first, "compare.second": second });
+  const shown = sortedFits(sort);
+  const remark = `${shown.length} of ${several(all.length, "fit")}`;
   return frame(
     div(
       { class: "row end" },
-      field(
-        "Find",
-        input({
-          type: "search",
-          id: "find-fit",
-          value: chosen("fits.find", ""),
-          placeholder: "name or law",
-          oninput: find,
-        }),
-      ),
-      button("Overlay", () => overlay({}), { disabled: !ticked.length }),
-      button("Difference", () => overlay({ "view.against": ticked[0] }), {
-        disabled: ticked.length !== 2,
-      }),
-      button("Report of the difference", () => go("jobs", compare), {
-        disabled: ticked.length !== 2,
-      }),
+      search("Find", "fits.find", "name or law"),
+      button("Overlay", overlay, "", { disabled: !ticked.length }),
+      button("Report of the difference", compare, "", { disabled: ticked.length !== 2 }),
       bringCard,
     ),
-    table(columns, shown, {
-      label: "Fits",
-      note: `${shown.length} of ${several(all.length, "fit")}`,
-      tall: shown.length > 8,
-    }),
+    table("Fits", columns, shown, { note: remark, tall: shown.length > FITS_MAX }),
   );
 }
-
-// ----------------------------------------------------------------------------------------------------- page
 
 export function ModelPage() {
   const runs = app.runs.filter((run) => !run.error);
@@ -373,31 +228,22 @@ export function ModelPage() {
     const options = form.read();
     return { ...options, card: cardName(options.card ?? freeName()), ...runOptions(runs, fitted) };
   };
-  const started = ({ card }) => choose({ card, "fit.card": null });
-  const start = startButton("fit", "Identify", read, { started, disabled: !fitted.length });
-  const job = jobOf("fit");
-  const result = resultOf(job);
-  const hint = runs.length
-    ? empty(
-        "No fit yet",
-        `${several(runs.length, "run")} can be fitted. Keep the default law, hold out one or two runs, and press Identify. The fit takes seconds to a minute. You can leave this page during the fit.`,
-      )
-    : empty(
-        "No runs to fit",
-        "A model is identified from runs. Add files first, and map their channels if they are not understood.",
-        button("Go to Data", () => go("data"), { class: "main" }),
-      );
+  const ready = `${several(runs.length, "run")} can be fitted. Keep the default law, hold out one or two runs, and press Identify. The fit takes seconds to a minute. You can leave this page during the fit.`;
+  const none =
+    "A model is identified from runs. Add files on Data first, and map their channels if they are not understood.";
   return [
-    h1("Model"),
-    p(
-      { class: "sub" },
+    pageHead(
+      "Model",
       "One law for all currents and temperatures. The result is a card, which all later steps use.",
     ),
-    div(
-      { class: "split" },
-      formPanel("What to fit", form, start, runChoice(runs, fitted, without)),
-      div(jobStatus("fit", job), result ? resultView(result, runs) : !job && hint),
-    ),
+    jobColumns("fit", "What to fit", "Identify", form, {
+      read,
+      started: ({ card }) => choose({ card, "fit.card": null }),
+      disabled: !fitted.length,
+      first: runChoice(runs, fitted, without),
+      nothing: runs.length ? ready : none,
+      view: (job) => resultView(job, runs),
+    }),
     fitTable(runs),
   ];
 }

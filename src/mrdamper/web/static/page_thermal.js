@@ -1,41 +1,18 @@
 // Thermal: heating in a load cycle, the geometry, and the search of a heat sink, for one card, geometry and load cycle.
 
 import { getGeometry, heatCurve, putGeometry } from "./api.js";
-import { formOf, inputsOf, numberField, readNumber, readSine, slider } from "./forms.js";
-import {
-  beyondCard,
-  filesOf,
-  firstScreen,
-  groundsOf,
-  jobOf,
-  jobStatus,
-  keepInput,
-  resultOf,
-  startButton,
-  tabbed,
-  tableOf,
-} from "./jobs.js";
+import { formOf, inputsOf, readNumber, readSine, slider } from "./forms.js";
+import { jobColumns, jobOf, jobStatus, keepInput, resultOf, startButton } from "./jobs.js";
+import { empty, fold, keptFold, note, notes, pageHead, tabbed, tile } from "./layout.js";
 import { nth, plot } from "./plot.js";
+import { beyondCard, filesOf, firstScreen, groundsOf, tableOf } from "./results.js";
 import { sectionOf } from "./section.js";
 import { app, attempt, cardInUse, choose, chosen, go, once, toast } from "./state.js";
-import {
-  button,
-  check,
-  duration,
-  empty,
-  field,
-  fixed,
-  fold,
-  note,
-  notes,
-  number,
-  several,
-  tags,
-  tile,
-} from "./ui.js";
+import { duration, fixed, number, several } from "./text.js";
+import { button, check, tags, textField } from "./ui.js";
 import { h, useEffect, useMemo, useRef, useState } from "./vendor/preact.js";
 
-const { aside, div, form: formOfNodes, h1, h3, input, p } = tags;
+const { aside, div, form: formOfNodes, h3, p } = tags;
 const FIRST_FIELDS = {
   body: ["outer_diameter_mm", "length_mm", "wall_mm"],
   piston: ["diameter_mm", "length_mm"],
@@ -44,194 +21,158 @@ const FIRST_FIELDS = {
   fluid: ["preset"],
 };
 const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // The calibration holds for these tables.
-const TITLES = { sink: "Heat sink", manufacture: "Manufacture", heat_capacity: "Heat capacity" };
+const ENERGY_ERROR_MAX = 1e-4; // The energy balance of a study closes below this relative error.
+const NEAR_LIMIT_K = 40; // The plot shows the limit of the fluid if the coil is nearer.
 
 /** Return the answer to the newest request, `{value, fault}`; one request runs at a time. */
 function useLatest(key, ask) {
   const [found, set] = useState({});
-  const now = useRef({});
+  const { current: work } = useRef({});
   useEffect(() => {
-    const { current: one } = now;
-    one.next = ask;
-    const work = async () => {
-      while (one.next) {
-        const next = one.next;
-        one.next = null;
+    work.next = ask;
+    const run = async () => {
+      for (; work.next; work.isBusy = Boolean(work.next)) {
+        work.isBusy = true;
+        const next = work.next;
+        work.next = null;
         await next().then(
           (value) => set({ value }),
           (fault) => set((before) => ({ ...before, fault: fault.message })),
         );
       }
-      one.isBusy = false;
     };
-    if (!one.isBusy) work();
-    one.isBusy = true;
+    if (!work.isBusy) run();
   }, [key]);
   return found;
 }
 
-/** Return the name of the geometry in use. */
+/** Return the result of a function, or the message of its error: `[value, fault]`. */
+function tried(read) {
+  try {
+    return [read(), ""];
+  } catch (error) {
+    return [null, error.message];
+  }
+}
+
 function drawingInUse() {
   const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["drawing"])];
   return names.includes(chosen("drawing")) ? chosen("drawing") : names[0];
 }
 
-/** Return the geometry with its tables, null until it has arrived. */
 function geometry(name) {
   const file = app.state.inputs.find((one) => one.name === name);
   return once(`geometry ${name} ${file?.modified}`, () => getGeometry(name));
 }
 
-// -------------------------------------------------------------------------------------------------- heating
+/** Save a geometry as a new input and use it on all pages. */
+const saveGeometry = (base, entries, more = {}) =>
+  attempt(async () => {
+    const { name } = await putGeometry(base, entries);
+    toast("good", `${name} is saved with the inputs. All pages use it now.`);
+    choose({ drawing: name, "heat.tab": "Heating", ...more });
+  });
 
-/** Quick heating curve and the full study. */
-function Heating({ card, form, facts, isTable }) {
+function Heating({ card, form, facts }) {
+  const isTable = Boolean(chosen("duty")?.table);
   const share = chosen("heat.share", 100);
   const names = app.forms["heat curve"].map(({ name }) => name);
-  let request = null;
-  let fault = "";
-  try {
+  const [request, fault] = tried(() => {
     const given = Object.entries(form.read()).filter(([name]) => names.includes(name));
     const duty_share = readNumber("Duty", share) / 100;
-    request = { ...Object.fromEntries(given), ...readSine(), card: card.name, duty_share };
-  } catch (error) {
-    fault = error.message;
-  }
-  const { value: found, fault: refused } = useLatest(
-    JSON.stringify(request),
-    async () => request && heatCurve(request),
-  );
+    return { ...Object.fromEntries(given), ...readSine(), card: card.name, duty_share };
+  });
+  const ask = async () => request && heatCurve(request);
+  const { value: found, fault: refused } = useLatest(JSON.stringify(request), ask);
   const data = useMemo(() => found && curvesOf(found), [found]);
   const job = jobOf("heat", card.name);
   const study = resultOf(job);
-  const percent = slider("Duty", share, (value) => choose({ "heat.share": value }), {
-    unit: "%",
-    min: 5,
-    max: 100,
-    step: 5,
-    id: "heat-share",
-  });
-  const quick = found &&
-    data &&
-    !isTable && [
-      tilesOf(found, card),
-      div(
-        { class: "pair", "data-asked": "yes" },
-        plot({
-          title: "Temperatures",
-          x: "time, min",
-          y: "temperature, °C",
-          name: "temperatures",
-          height: 290,
-          data: data.heat,
-        }),
-        plot({
-          title: "Peak force of a cycle",
-          x: "time, min",
-          y: "force, N",
-          name: "peak-force",
-          height: 290,
-          fromZero: true,
-          data: data.force,
-        }),
-      ),
-      notes(found.notes),
-    ];
+  const setShare = (value) => choose({ "heat.share": value });
+  const percent = () => slider("Duty", share, setShare, "%", "heat-share", [5, 100, 5]);
+  const axes = { x: "time, min", height: 290 };
+  const force = { y: "force, N", name: "peak-force", fromZero: true };
+  const heat = { y: "temperature, °C", name: "temperatures" };
+  const quick = () => [
+    tilesOf(found, card),
+    div.pair(
+      { "data-asked": "yes" },
+      plot({ title: "Temperatures", ...axes, ...heat, data: data.heat }),
+      plot({ title: "Peak force of a cycle", ...axes, ...force, data: data.force }),
+    ),
+    notes(found.notes),
+  ];
+  const full = "Full study with heat paths and finite elements";
   return div(
     (fault || refused) && note("fault", fault || refused),
-    p({ class: "small", id: "calibration" }, facts ? calibrationOf(facts) : ""),
+    p.small({ id: "calibration" }, facts ? calibrationOf(facts) : ""),
     isTable
       ? note("info", "The quick curve is for a sine. Start the full study for the table.")
-      : percent,
-    quick,
-    div(
-      { class: "actions" },
-      button("Search a heat sink", () => choose({ "heat.tab": "Heat sink" }), { class: "main" }),
+      : percent(),
+    found && !isTable && quick(),
+    div.actions(
+      button("Search a heat sink", () => choose({ "heat.tab": "Heat sink" }), "main"),
       button("Control it", () => go("controller", { card: card.name })),
-      startButton("heat", "Full study with heat paths and finite elements", form.read, {
-        id: "full-study",
-        class: "",
-      }),
+      startButton("heat", full, form.read, { id: "full-study", look: "" }),
     ),
     jobStatus("heat", job),
     study && studyView(study),
   );
 }
 
-function tilesOf(found, card) {
-  const last = (values) => values[values.length - 1];
-  const { curve, beyond, power_W: power } = found;
-  const minutes = last(curve.time_s) / 60;
-  const caveats = [found.assumed && `assumed: ${found.assumed}`, beyond].filter(Boolean).join("; ");
-  const loss = found.force_loss_percent === null ? "–" : `${fixed(found.force_loss_percent, 0)} %`;
-  return div(
-    { class: "tiles", "aria-live": "polite", id: "heat-tiles" },
-    tile(
-      "time to the limit",
-      found.time_to_limit_s === null
-        ? `not in ${fixed(minutes, 0)} min`
-        : duration(found.time_to_limit_s),
-      beyond,
-    ),
-    tile(`fluid after ${fixed(minutes, 0)} min`, `${fixed(last(curve.fluid_degC), 0)} °C`, beyond),
-    tile("coil", `${fixed(last(curve.coil_degC), 0)} °C`, beyond),
-    card.tempered
-      ? tile("force lost by heating", loss, caveats)
-      : tile("force lost by heating", "unknown", "the card has no temperature model"),
+function tilesOf({ curve, beyond, assumed, ...found }, { tempered }) {
+  const { time_to_limit_s: limit_s, force_loss_percent: lost, power_W: power } = found;
+  const minutes = `${fixed(curve.time_s.at(-1) / 60, 0)} min`;
+  const caveats = [assumed && `assumed: ${assumed}`, beyond].filter(Boolean).join("; ");
+  const loss = tempered
+    ? [lost === null ? "–" : `${fixed(lost, 0)} %`, caveats]
+    : ["unknown", "the card has no temperature model"];
+  return div.tiles(
+    { "aria-live": "polite", id: "heat-tiles" },
+    tile("time to the limit", limit_s === null ? `not in ${minutes}` : duration(limit_s), beyond),
+    tile(`fluid after ${minutes}`, `${fixed(curve.fluid_degC.at(-1), 0)} °C`, beyond),
+    tile("coil", `${fixed(curve.coil_degC.at(-1), 0)} °C`, beyond),
+    tile("force lost by heating", ...loss),
     tile("heat at the start", `${number(power.mechanical + power.coil)} W`, beyond),
   );
 }
 
 function curvesOf({ curve, limit_degC: limit }) {
   const x = curve.time_s.map((second) => second / 60);
-  const one = (name, values, colour, width, dash) => ({
-    name,
-    x,
-    y: curve[values],
-    colour: nth(colour),
-    width,
-    dash,
-  });
-  const isNear = Math.max(...curve.coil_degC) > limit - 40;
+  const line = (name, y, k, width, dash) => ({ name, x, y, colour: nth(k), width, dash });
+  const isNear = Math.max(...curve.coil_degC) > limit - NEAR_LIMIT_K;
+  const ends = { x: [0, x.at(-1)], y: [limit, limit], colour: (colours) => colours.soft };
+  const force = curve.peak_force_N.map((value) => value ?? NaN);
   return {
     heat: {
       series: [
-        one("fluid, hottest point", "hottest_degC", 1, 1.2, [6, 4]),
-        one("fluid", "fluid_degC", 1, 2.2),
-        one("coil", "coil_degC", 2, 1.5),
-        one("wall", "wall_degC", 0, 1.5),
-      ],
-      rules: [{ y: limit, name: `limit of the fluid, ${fixed(limit, 0)} °C`, inside: isNear }],
+        line("fluid, hottest point", curve.hottest_degC, 1, 1.2, [6, 4]),
+        line("fluid", curve.fluid_degC, 1, 2.2),
+        line("coil", curve.coil_degC, 2, 1.5),
+        line("wall", curve.wall_degC, 0, 1.5),
+        isNear && { ...ends, name: `limit, ${fixed(limit, 0)} °C`, dash: [5, 4] },
+      ].filter(Boolean),
     },
-    force: {
-      series: [
-        {
-          ...one("peak force", "peak_force_N", 3, 2),
-          y: curve.peak_force_N.map((value) => value ?? NaN),
-        },
-      ],
-    },
+    force: { series: [line("peak force", force, 3, 2)] },
   };
 }
 
-/** Return the result of the full study. */
 function studyView(job) {
-  const { answer } = job;
-  const closure = Math.abs(answer.energy_closure);
-  const words =
-    closure < 1e-4
-      ? "The energies close"
-      : `${number(100 * closure, 2)} % of the energy does not close`;
+  const { duty, energy_closure: closure, sink, notes: texts } = job.answer;
+  const error = Math.abs(closure);
+  const open = `${number(100 * error, 2)} % of the energy does not close`;
+  const words = error < ENERGY_ERROR_MAX ? "The energies close" : open;
   const own = `${job.id}-calibrated.toml`;
-  const take = () =>
-    attempt(() => keepInput(job, "calibrated.toml", own)).then(() => choose({ drawing: own }));
+  const take = async () => {
+    await attempt(() => keepInput(job, "calibrated.toml", own));
+    choose({ drawing: own });
+  };
   const isCalibrated = job.files.some(({ path }) => path === "calibrated.toml");
   return [
-    h3({ class: "gap" }, `Full study: ${answer.duty}`),
-    p({ class: "small" }, `${words}. Heat sink: ${answer.sink ?? "none"}.`),
+    h3.gap(`Full study: ${duty}`),
+    p.small(`${words}. Heat sink: ${sink ?? "none"}.`),
     filesOf(job),
-    isCalibrated && button("Take the calibrated geometry", take, { id: "take-calibrated" }),
-    notes(answer.notes),
+    isCalibrated && button("Take the calibrated geometry", take),
+    notes(texts),
   ];
 }
 
@@ -239,129 +180,76 @@ function studyView(job) {
 function calibrationOf({ name, tables }) {
   const { heat_capacity: capacity = 1, film = 1 } = tables?.calibration ?? {};
   const fins = tables?.sink?.film_multiplier ?? 1;
-  const all = [
-    ["heat capacity", capacity],
-    ["convection of the body", film],
-    ["convection of the fins", fins],
-  ];
-  const factors = all
-    .filter(([, factor]) => factor !== 1)
-    .map(([words, factor]) => `${words} × ${number(factor, 4)}`);
-  return factors.length
-    ? `${name} contains calibration factors: ${factors.join(", ")}. They hold for the damper on which they were measured.`
+  const all = {
+    "heat capacity": capacity,
+    "convection of the body": film,
+    "convection of the fins": fins,
+  };
+  const known = Object.entries(all).filter(([, factor]) => factor !== 1);
+  const factors = known.map(([words, factor]) => `${words} × ${number(factor, 4)}`).join(", ");
+  return factors
+    ? `${name} contains calibration factors: ${factors}. They hold for the damper on which they were measured.`
     : "";
 }
 
-// ------------------------------------------------------------------------------------------------- geometry
-
-/** Form of the geometry with its section. */
 function Geometry({ base, facts }) {
-  const isChanged = (kind) =>
-    Object.keys(app.choice).some((key) => key.startsWith(`drawing-${kind}.`));
+  const changed = Object.keys(app.choice).filter((key) => key.startsWith("drawing-"));
+  const isOther = CALIBRATED.some((kind) =>
+    changed.some((key) => key.startsWith(`drawing-${kind}.`)),
+  );
   const { calibration, sink, ...others } = facts.tables;
-  const isOther = CALIBRATED.some(isChanged);
   const isDropped = isOther && (calibration || (sink?.film_multiplier ?? 1) !== 1);
-  const tables = isOther
-    ? { ...others, sink: { ...sink, film_multiplier: undefined } }
-    : facts.tables;
-  const kinds = Object.keys(app.forms)
-    .filter((name) => name.startsWith("drawing-"))
-    .map((name) => name.slice("drawing-".length));
-  const forms = kinds.map((kind) => [
-    kind,
-    formOf(`drawing-${kind}`, { preset: tables[kind] ?? {} }),
-  ]);
+  const bare = { ...others, sink: { ...sink, film_multiplier: undefined } };
+  const tables = isOther ? bare : facts.tables;
+  const names = Object.keys(app.forms).filter((name) => name.startsWith("drawing-"));
+  const forms = names.map((name) => {
+    const kind = name.slice("drawing-".length);
+    return [kind, formOf(name, { preset: tables[kind] ?? {} })];
+  });
   const read = () => {
-    const filled = (form) =>
-      Object.fromEntries(Object.entries(form.read()).filter(([, value]) => value !== null));
+    const filled = (form) => Object.entries(form.read()).filter(([, value]) => value !== null);
+    const all = forms.map(([kind, form]) => [kind, Object.fromEntries(filled(form))]);
     const isUsed = ([kind, values]) =>
       kind === "sink" ? values.fins > 0 : Object.keys(values).length;
-    return Object.fromEntries(forms.map(([kind, form]) => [kind, filled(form)]).filter(isUsed));
+    return Object.fromEntries(all.filter(isUsed));
   };
-  let request = null;
-  let fault = "";
-  try {
-    request = { tables: read() };
-  } catch (error) {
-    fault = error.message;
-  }
-  const { value: drawn, fault: refused } = useLatest(
-    JSON.stringify([base, request]),
-    async () => request && putGeometry(base, request),
-  );
+  const [request, fault] = tried(() => ({ tables: read() }));
+  const ask = async () => request && putGeometry(base, request);
+  const { value: drawn, fault: refused } = useLatest(JSON.stringify([base, request]), ask);
   const isPreset = app.state.choices.dampers.includes(base);
   const name = chosen("heat.name", isPreset ? "damper" : base.replace(/\.toml$/, ""));
   const isTaken = app.state.inputs.some((one) => one.name === `${name}.toml`);
   const replace = chosen("heat.replace", isTaken);
-  const save = () =>
-    attempt(async () => {
-      const kept = await putGeometry(base, { name: name.trim(), replace, tables: read() });
-      toast("good", `${kept.name} is saved with the inputs. All pages use it now.`);
-      choose({
-        drawing: kept.name,
-        "heat.name": null,
-        "heat.replace": null,
-        "heat.tab": "Heating",
-      });
-    });
-  const title = (kind) => TITLES[kind] ?? `${kind[0].toUpperCase()}${kind.slice(1)}`;
-  const first = forms.filter(([kind]) => kind in FIRST_FIELDS);
-  const wrong = fault || (refused && refused);
-  const typed = (event) => choose({ "heat.name": event.target.value });
-  return div(
-    { class: "split wide-form" },
+  const save = () => {
+    const entries = { name: name.trim(), replace, tables: read() };
+    return saveGeometry(base, entries, { "heat.name": null, "heat.replace": null });
+  };
+  const table = (kind, nodes) => {
+    const title = `${kind[0].toUpperCase()}${kind.slice(1).replace("_", " ")}`;
+    return [h3.gap(title), div.fields(nodes)];
+  };
+  const first = ([kind, form]) => FIRST_FIELDS[kind] && table(kind, form.pick(FIRST_FIELDS[kind]));
+  const rest = ([kind, form]) => table(kind, form.rest(FIRST_FIELDS[kind] ?? []));
+  const set = (key) => (value) => choose({ [`heat.${key}`]: value });
+  const same = "replace the geometry of the same name";
+  const wrong = fault || refused;
+  return div.split(
     formOfNodes(
-      {
-        id: "geometry-form",
-        "aria-label": "Geometry of the damper",
-        onsubmit: (event) => event.preventDefault(),
-      },
-      p(
-        { class: "small" },
+      { "aria-label": "Geometry of the damper", onsubmit: (event) => event.preventDefault() },
+      p.small(
         `Begin with ${base}; the choice at the left changes it. An empty field has the displayed or the default value.`,
       ),
-      first.map(([kind, form]) => [
-        h3({ class: "gap" }, title(kind)),
-        div({ class: "fields" }, form.pick(FIRST_FIELDS[kind])),
-      ]),
-      tags.details(
-        {
-          id: "all-fields",
-          open: chosen("heat.all", false),
-          ontoggle: (event) => choose({ "heat.all": event.target.open || null }),
-        },
-        tags.summary("All fields"),
-        forms.map(([kind, form]) => [
-          h3({ class: "gap" }, title(kind)),
-          div({ class: "fields", id: `table-${kind}` }, form.rest(FIRST_FIELDS[kind] ?? [])),
-        ]),
+      forms.map(first),
+      keptFold("heat.all", "all-fields", "All fields", () => forms.map(rest)),
+      div.gap(
+        textField("Name of the geometry", name, set("name"), { maxlength: 60, id: "drawing-name" }),
       ),
-      div(
-        { class: "fields gap" },
-        field(
-          "Name of the geometry",
-          input({ type: "text", maxlength: 60, id: "drawing-name", value: name, oninput: typed }),
-          { wide: true },
-        ),
-      ),
-      isTaken &&
-        check(
-          "replace the geometry of the same name",
-          replace,
-          (on) => choose({ "heat.replace": on }),
-          { id: "drawing-replace" },
-        ),
-      div(
-        { class: "actions" },
-        button("Save and use it", save, {
-          class: "main",
-          id: "save-drawing",
-          disabled: Boolean(wrong),
-        }),
+      isTaken && check(same, replace, set("replace")),
+      div.actions(
+        button("Save and use it", save, "main", { id: "save-drawing", disabled: Boolean(wrong) }),
       ),
     ),
-    div(
-      { class: "stays" },
+    div.stays(
       drawn && sectionOf(drawn),
       isDropped &&
         note(
@@ -373,72 +261,56 @@ function Geometry({ base, facts }) {
   );
 }
 
-// ------------------------------------------------------------------------------------------------ heat sink
-
-const finsOf = (one) => ({
-  fins: one.fins,
-  width_mm: 1e3 * one.width_m,
-  thickness_mm: 1e3 * one.thickness_m,
-  pitch_mm: 1e3 * one.pitch_m,
-  material: one.material,
-  emissivity: one.emissivity,
-});
+/** Return a design with its lengths in millimetres. */
+const finsOf = ({ fins, material, emissivity, ...one }) => {
+  const lengths = ["width", "thickness", "pitch"].map((name) => [
+    `${name}_mm`,
+    1e3 * one[`${name}_m`],
+  ]);
+  return { fins, material, emissivity, ...Object.fromEntries(lengths) };
+};
 const isSame = (one, other) => JSON.stringify(one) === JSON.stringify(other);
 
-/** Search of a heat sink: limits, front, and the chosen design. */
-function HeatSink({ card, shared, facts }) {
-  const reason =
+/** Return the search of a heat sink: limits, front, and the chosen design. */
+function heatSink(card, shared, facts) {
+  const mass_g =
     "enter the largest mass of the fins, because the geometry has no fins whose mass is the limit.";
-  const needed = facts && !facts.sink ? { mass_g: reason } : {};
+  const needed = facts && !facts.sink ? { mass_g } : {};
   const form = formOf("heatsink", { given: { card: card.name, damper: null, duty: null }, needed });
   const read = () => {
     const { damper, duty } = shared.read();
     return { ...form.read(), damper, duty };
   };
-  const job = jobOf("heatsink", card.name);
-  const result = resultOf(job);
-  const nothing = empty(
-    "No search yet",
-    "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.",
-  );
-  return div(
-    { class: "split wide-form" },
-    formOfNodes(
-      { "aria-label": "What to search", onsubmit: (event) => event.preventDefault() },
-      form.nodes(),
-      form.more(),
-      div({ class: "actions" }, startButton("heatsink", "Search", read)),
-    ),
-    div(
-      jobStatus("heatsink", job),
-      result ? h(Front, { job: result, key: result.id }) : !job && nothing,
-    ),
-  );
+  const nothing =
+    "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.";
+  const view = (job) => h(Front, { job, key: job.id });
+  const options = { card: card.name, read, nothing, view };
+  return jobColumns("heatsink", "What to search", "Search", form, options);
 }
 
 function Front({ job }) {
   const { front, reference, bare, listed = [], shown } = job.answer;
   const kept = chosen("design");
   const all = [...front, ...listed, reference, bare];
-  const design =
-    all.find((one) => kept?.job === job.id && isSame(one, kept.design)) ?? front[front.length - 1];
+  const isKept = (one) => kept?.job === job.id && isSame(one, kept.design);
+  const design = all.find(isKept) ?? front.at(-1);
   const pick = (one) => choose({ design: { job: job.id, design: one } });
-  const facts = geometry(job.options.damper);
+  const base = job.options.damper;
+  const facts = geometry(base);
   const data = useMemo(() => {
-    const series = (name, designs, look) => ({
-      name,
-      designs,
-      kind: "points",
-      x: designs.map((one) => 1e3 * one.mass_kg),
-      y: designs.map((one) => one.temperature_degC),
-      radius: (k) => (isSame(designs[k], design) ? 7 : 4.5),
-      ...look,
-    });
+    const x = (one) => 1e3 * one.mass_kg;
+    const y = (one) => one.temperature_degC;
+    const series = (name, designs, look) => {
+      const radius = (k) => (isSame(designs[k], design) ? 7 : 4.5);
+      const points = { x: designs.map(x), y: designs.map(y), radius };
+      return { name, designs, kind: "points", ...points, ...look };
+    };
+    const soft = (colours) => colours.soft;
     return {
       series: [
-        series("front", front, { line: true, colour: (colours) => colours.accent }),
-        series("present geometry", [reference], { hollow: true, colour: nth(1) }),
-        series("without fins", [bare], { hollow: true, colour: (colours) => colours.soft }),
+        series("front", front, { colour: nth(0), line: true }),
+        series("present geometry", [reference], { colour: nth(1), hollow: true }),
+        series("without fins", [bare], { colour: soft, hollow: true }),
       ],
     };
   }, [design]);
@@ -447,48 +319,35 @@ function Front({ job }) {
     isPicked: (k) => isSame(listed[k], design),
     words: ([name, fins]) => name || `${fins} fin${fins === "1" ? "" : "s"}`,
   };
-  const use = () =>
-    attempt(async () => {
-      const stem = job.options.damper.replace(/\.toml$/, "").replace(/-(\d+-fins|bare)$/, "");
-      const { sink: _, ...tables } = facts.tables;
-      const name = `${stem}-${design.fins ? `${design.fins}-fins` : "bare"}`;
-      const fins = design.fins ? { fins: finsOf(design) } : { tables };
-      const saved = await putGeometry(job.options.damper, { name, replace: true, ...fins });
-      toast("good", `${saved.name} is saved with the inputs. All pages use it now.`);
-      choose({ drawing: saved.name, "heat.tab": "Heating" });
-    });
+  const use = () => {
+    const stem = base.replace(/\.toml$/, "").replace(/-(\d+-fins|bare)$/, "");
+    const name = `${stem}-${design.fins ? `${design.fins}-fins` : "bare"}`;
+    const bare = { tables: { ...facts.tables, sink: undefined } };
+    const entries = design.fins ? { fins: finsOf(design) } : bare;
+    return saveGeometry(base, { name, replace: true, ...entries });
+  };
+  const { fins, mass_kg: mass, temperature_degC: fluid } = design;
+  const axes = {
+    x: "mass of the fins, g",
+    y: "fluid at the end, °C",
+    name: "front",
+    height: 260,
+    isLoop: true,
+  };
+  const onPick = (one, k) => pick(one.designs[k]);
   const isThere = facts && !facts.fault;
   const [first, ...rest] = shown?.tables ?? [];
   return div(
     firstScreen(job),
-    div(
-      { class: "tiles" },
-      tile("chosen", design.fins ? several(design.fins, "fin") : "no fins"),
-      design.fins > 0 &&
-        tile(
-          "width × thickness",
-          `${number(1e3 * design.width_m)} × ${number(1e3 * design.thickness_m)} mm`,
-        ),
-      design.fins > 1 && tile("pitch", `${number(1e3 * design.pitch_m)} mm`),
-      tile("mass", `${fixed(1e3 * design.mass_kg, 0)} g`),
-      tile("fluid", `${fixed(design.temperature_degC, 1)} °C`, beyondCard(job.answer)),
+    div.tiles(
+      tile("chosen", fins ? several(fins, "fin") : "no fins"),
+      tile("mass", `${fixed(1e3 * mass, 0)} g`),
+      tile("fluid", `${fixed(fluid, 1)} °C`, beyondCard(job.answer)),
     ),
-    div(
-      { class: "actions" },
-      isThere && button("Use this sink", use, { class: "main", id: "use-sink" }),
-    ),
-    plot({
-      title: "Front: click a design",
-      x: "mass of the fins, g",
-      y: "fluid at the end, °C",
-      name: "front",
-      height: 260,
-      isLoop: true,
-      data,
-      onPick: (one, k) => pick(one.designs[k]),
-    }),
+    div.actions(isThere && button("Use this sink", use, "main", { id: "use-sink" })),
+    plot({ title: "Front: click a design", ...axes, data, onPick }),
     isThere
-      ? sectionOf(facts, design)
+      ? sectionOf(facts, finsOf(design))
       : note("warning", "The geometry of this search is not in the folder."),
     first && tableOf(first, { choice }),
     filesOf(job),
@@ -501,53 +360,37 @@ function Front({ job }) {
   );
 }
 
-// ----------------------------------------------------------------------------------------------------- page
-
 export function ThermalPage() {
-  const title = [
-    h1("Thermal"),
-    p({ class: "sub" }, "The temperature of the damper in a load cycle, and a heat sink for it."),
-  ];
+  const title = pageHead(
+    "Thermal",
+    "The temperature of the damper in a load cycle, and a heat sink for it.",
+  );
   const card = cardInUse();
   const base = drawingInUse();
   const facts = geometry(base);
-  const without = ["Geometry", () => facts?.tables && h(Geometry, { key: base, base, facts })];
+  const shape = () => facts?.tables && h(Geometry, { key: base, base, facts });
   if (!card) {
-    const fit = button("Go to Model", () => go("model"), { class: "main" });
-    return [
-      title,
-      empty(
-        "No card yet",
-        "Heat comes from the force that a card predicts. Fit a model first, or bring a card there.",
-        fit,
-      ),
-      without[1](),
-    ];
+    const words =
+      "Heat comes from the force that a card predicts. Fit a model first, or bring a card there.";
+    return [title, empty(words, "model"), shape()];
   }
   const preset = facts?.tables ? { ambient_degC: facts.ambient_degC, air_m_s: facts.air_m_s } : {};
   const isBare = facts?.tables && facts.sink === null;
   const form = formOf("heat", { given: isBare ? { with_sink: false } : {}, preset });
+  const tabs = [
+    ["Heating", () => h(Heating, { card, form, facts })],
+    ["Geometry", shape],
+    ["Heat sink", () => heatSink(card, form, facts)],
+  ];
   return [
     title,
-    div(
-      { class: "split" },
-      aside(
-        { class: "panel", "aria-label": "Card, geometry and load cycle" },
+    div.split(
+      aside.panel(
+        { "aria-label": "Card, geometry and load cycle" },
         form.nodes(),
         form.more("More of the study: a heat sink, calibration"),
       ),
-      tabbed(
-        "heat.tab",
-        [
-          [
-            "Heating",
-            () => h(Heating, { card, form, facts, isTable: Boolean(chosen("duty")?.table) }),
-          ],
-          without,
-          ["Heat sink", () => h(HeatSink, { card, shared: form, facts })],
-        ],
-        "Parts of the thermal model",
-      ),
+      tabbed("Parts of the thermal model", "heat.tab", tabs),
     ),
   ];
 }

@@ -1,12 +1,13 @@
 // Plot of time series, loops or points on uPlot, with legend, zoom, cursor and saved files.
 //
-// `data` is `{series, areas, spans, rules}` and must be a new object after each change. A series is `{name, x, y, t, colour,
-// kind, width, dash, radius, hollow, key, quiet, since}`. Series with the same `key` share one entry of the legend; `quiet`
-// series have no entry. `kind` is `series` (x sorted), `loop` or `points`; `t` are the times of a loop's samples. The y axis
-// ignores samples before `since`. `areas` are between two curves, `spans` are vertical stripes, `rules` are straight lines.
+// `data` is `{series, spans}` and must be a new object after each change. A series is `{name, x, y, t, colour,
+// kind, width, dash, radius, hollow, line, key, since}`. Series with the same `key` share one entry of the legend. `kind` is
+// `series` (default; x sorted), `loop` or `points`; `t` are the times of a loop's samples. The y axis ignores samples before
+// `since`. `spans` are vertical stripes.
 
 import { palette } from "./theme.js";
-import { button, csvText, save, tags } from "./ui.js";
+import { csvText, number, save, toggled } from "./text.js";
+import { button, tags } from "./ui.js";
 import { h, useEffect, useLayoutEffect, useRef, useState } from "./vendor/preact.js";
 
 const { uPlot } = window;
@@ -14,11 +15,13 @@ const { div, figcaption, figure, p, span } = tags;
 const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
 const STEP_MAX_PX = 8; // Longer segments of a loop are checked pixel by pixel.
 const PICK_PX = 18;
+const READOUT_MAX = 9;
+const LOW_PX = 140; // Lower plots have no height for more than the unit of y.
 const FONT = '12px "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 
 const keyOf = (one) => one.key ?? one.name;
+const isSeries = ({ kind = "series" }) => kind === "series";
 
-/** Return the function of the k-th colour of a palette. */
 export const nth = (k) => (colours) => colours.colours[k % colours.colours.length];
 
 /** Return the first index in sorted `x` from `low` to `high` whose value is at least `value`. */
@@ -41,52 +44,42 @@ export function nearest(x, value) {
 export function extent(values, from = 0, to = values.length) {
   let [low, high] = [Infinity, -Infinity];
   for (let k = from; k < to; k += 1) {
-    const value = values[k];
-    if (value < low) low = value;
-    if (value > high) high = value;
+    if (values[k] < low) low = values[k];
+    if (values[k] > high) high = values[k];
   }
   return low <= high ? [low, high] : null;
 }
 
-// ------------------------------------------------------------------------------------------------ ranges
+const joined = (ranges) => extent(ranges.filter(Boolean).flat()) ?? [0, 1];
+const rounded = (range) => range.map((value) => Number(value.toPrecision(7))); // The address contains these numbers.
 
 const padded = ([low, high]) => {
   const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
   return [low - margin, high + margin];
 };
-const joined = (ranges) => extent(ranges.filter(Boolean).flat());
 
 /** Return the drawn samples of a series: the first index, and one past the last. */
-function samplesOf(one, span) {
-  if (!one.t || !span) return [0, one.x.length];
-  return [lowerBound(one.t, span[0]), lowerBound(one.t, span[1])];
-}
+const samplesOf = ({ x, t }, part) =>
+  t && part ? part.map((end) => lowerBound(t, end)) : [0, x.length];
 
-/** Return the ranges of both axes. */
-export function rangesOf({ series, areas = [], rules = [] }, { view, span, fromZero } = {}) {
-  const isTime = series.every((one) => (one.kind ?? "series") === "series");
-  const ends = ({ x }) => (x.length ? [x[0], x[x.length - 1]] : null);
-  let x = view?.x;
-  if (!x && isTime) x = joined([...series, ...areas].map(ends)) ?? [0, 1];
-  x ??= padded(joined(series.map((one) => extent(one.x, ...samplesOf(one, span)))) ?? [0, 1]);
+export function rangesOf({ series }, { view, span: part, fromZero } = {}) {
+  const isTime = series.every(isSeries);
+  const ends = ({ x }) => x.length > 0 && [x[0], x[x.length - 1]];
+  const whole = () =>
+    isTime
+      ? joined(series.map(ends))
+      : padded(joined(series.map((one) => extent(one.x, ...samplesOf(one, part)))));
+  const x = view?.x ?? whole();
+  if (view?.y) return { x, y: view.y };
   const visible = (one, since = -Infinity) => [
     Math.max(lowerBound(one.x, x[0]) - 1, lowerBound(one.x, since), 0),
     Math.min(lowerBound(one.x, x[1]) + 1, one.x.length),
   ];
-  const y = view?.y ?? [
-    ...series.map((one) =>
-      extent(one.y, ...(isTime ? visible(one, one.since) : samplesOf(one, span))),
-    ),
-    ...areas.flatMap((one) => [one.low, one.high].map((side) => extent(side, ...visible(one)))),
-    ...rules.map((rule) => rule.inside && [rule.y, rule.y]),
-    fromZero && [0, 0],
-  ];
-  return { x, y: view?.y ?? padded(joined(y) ?? [0, 1]) };
+  const drawn = (one) => (isTime ? visible(one, one.since) : samplesOf(one, part));
+  const y = [...series.map((one) => extent(one.y, ...drawn(one))), fromZero && [0, 0]];
+  return { x, y: padded(joined(y)) };
 }
 
-// ------------------------------------------------------------------------------------------------- paths
-
-/** Return the linear functions of the two axes to pixels of the canvas. */
 function scalesOf({ bbox: { left, top, width, height }, scales: { x, y } }) {
   const [ax, ay] = [width / (x.max - x.min), -height / (y.max - y.min)];
   return [ax, left - ax * x.min, ay, top - ay * y.max];
@@ -100,9 +93,8 @@ export function seriesPath(u, { x, y }) {
   const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
   let open = false;
   const add = (px, value) => {
-    if (Number.isNaN(value)) open = false;
-    else if (open) path.lineTo(px, by + ay * value);
-    else path.moveTo(px, by + ay * value);
+    if (open) path.lineTo(px, by + ay * value);
+    else path.moveTo(px, by + ay * value); // A path ignores points that are NaN.
     open = !Number.isNaN(value);
   };
   const isDense = to - from > 4 * u.bbox.width;
@@ -119,12 +111,12 @@ export function seriesPath(u, { x, y }) {
 }
 
 /** Return the path of a loop; of many samples only the segments that touch a new pixel. */
-export function loopPath(u, one, span) {
+export function loopPath(u, one, part) {
   const { x, y } = one;
   const path = new Path2D();
   const [ax, bx, ay, by] = scalesOf(u);
   const { left, top, width, height } = u.bbox;
-  const [from, to] = samplesOf(one, span);
+  const [from, to] = samplesOf(one, part);
   const across = Math.ceil(width) + 1;
   const down = Math.ceil(height) + 1;
   const seen = to - from > ALL_SAMPLES_MAX ? new Uint8Array(across * down) : null;
@@ -133,9 +125,7 @@ export function loopPath(u, one, span) {
     seen[b * across + a] = 1;
     return true;
   };
-  let px = NaN;
-  let py = NaN;
-  let isOpen = false;
+  let [px, py, isOpen] = [NaN, NaN, false];
   for (let k = from; k < to; k += 1) {
     const qx = bx + ax * x[k];
     const qy = by + ay * y[k];
@@ -146,10 +136,9 @@ export function loopPath(u, one, span) {
       isNew = mark((qx - left) | 0, (qy - top) | 0);
       if (dx > STEP_MAX_PX || dx < -STEP_MAX_PX || dy > STEP_MAX_PX || dy < -STEP_MAX_PX) {
         const steps = Math.min(Math.ceil(Math.max(Math.abs(dx), Math.abs(dy))), 4 * across);
-        for (let s = 1; s < steps; s += 1) {
+        for (let s = 1; s < steps; s += 1)
           if (mark((px + (dx * s) / steps - left) | 0, (py + (dy * s) / steps - top) | 0))
             isNew = true;
-        }
       }
     }
     if (isNew && !isOpen) path.moveTo(px, py);
@@ -161,34 +150,21 @@ export function loopPath(u, one, span) {
   return path;
 }
 
-/** Draw stripes and areas below the series. */
-function drawBelow(u, { areas = [], spans = [] }, colours) {
-  const [ax, bx, ay, by] = scalesOf(u);
-  const { ctx, bbox } = u;
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-  ctx.clip();
-  for (const one of spans) {
-    ctx.fillStyle = one.colour(colours);
-    ctx.fillRect(bx + ax * one.from, bbox.top, ax * (one.to - one.from), bbox.height);
+/** Draw vertical stripes below the series. */
+function drawSpans(u, { spans = [] }, colours) {
+  const [ax, bx] = scalesOf(u);
+  const { top, height, left, width } = u.bbox;
+  const inside = (px) => Math.min(left + width, Math.max(left, px));
+  for (const { from, to, colour } of spans) {
+    const [begin, end] = [inside(bx + ax * from), inside(bx + ax * to)];
+    u.ctx.fillStyle = colour(colours);
+    u.ctx.fillRect(begin, top, end - begin, height);
   }
-  for (const { x, low, high, colour } of areas) {
-    const sides = [low, high].map((side) =>
-      x.map((value, k) => [bx + ax * value, by + ay * side[k]]),
-    );
-    ctx.fillStyle = colour(colours);
-    ctx.beginPath();
-    for (const [px, py] of [...sides[0], ...sides[1].reverse()]) ctx.lineTo(px, py);
-    ctx.fill();
-  }
-  ctx.restore();
 }
 
-/** Draw points and rules above the series. */
-function drawAbove(u, { series, rules = [] }, colours) {
+function drawPoints(u, { series }, colours) {
   const [ax, bx, ay, by] = scalesOf(u);
-  const { ctx, bbox } = u;
+  const { ctx } = u;
   const scale = uPlot.pxRatio;
   for (const one of series.filter(({ kind }) => kind === "points")) {
     ctx.strokeStyle = one.colour(colours);
@@ -196,50 +172,20 @@ function drawAbove(u, { series, rules = [] }, colours) {
     ctx.lineWidth = 1.4 * scale;
     for (let k = 0; k < one.x.length; k += 1) {
       ctx.beginPath();
-      ctx.arc(
-        bx + ax * one.x[k],
-        by + ay * one.y[k],
-        scale * (one.radius?.(k) ?? 5),
-        0,
-        2 * Math.PI,
-      );
+      ctx.arc(bx + ax * one.x[k], by + ay * one.y[k], scale * one.radius(k), 0, 2 * Math.PI);
       ctx.fill();
       ctx.stroke();
     }
   }
-  ctx.setLineDash([5 * scale, 4 * scale]);
-  for (const { y, name } of rules) {
-    ctx.strokeStyle = colours.soft;
-    ctx.fillStyle = colours.soft;
-    ctx.lineWidth = scale;
-    ctx.beginPath();
-    ctx.moveTo(bbox.left, by + ay * y);
-    ctx.lineTo(bbox.left + bbox.width, by + ay * y);
-    ctx.stroke();
-    ctx.textAlign = "left";
-    if (name) ctx.fillText(name, bbox.left + 6 * scale, by + ay * y - 5 * scale);
-  }
-  ctx.setLineDash([]);
 }
-
-// ----------------------------------------------------------------------------------------------- drawing
-
-const rounded = (range) => range.map((value) => Number(value.toPrecision(7))); // The address contains these numbers.
 
 /** Return a new uPlot in an element; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
 function build(place, spec, colours, heard = {}) {
-  const { x, y, height, span, isLoop } = spec;
+  const { x, y, height, span: part, isLoop } = spec;
+  const unit = y.split(", ").at(-1);
   const nothing = { x: [], y: [], colour: () => colours.ink }; // uPlot needs a series.
   const data = spec.data.series.length ? spec.data : { ...spec.data, series: [nothing] };
   const range = rangesOf(data, spec);
-  const label = (u, values, _axis, _space, step) => {
-    const decimals = Math.min(12, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
-    const digits =
-      step * 10 ** decimals > 2.4 && step * 10 ** decimals < 2.6 ? decimals + 1 : decimals;
-    return values.map((value) =>
-      Math.abs(value) >= 1e6 ? value.toExponential(1) : value.toFixed(digits),
-    );
-  };
   const axis = {
     stroke: colours.soft,
     font: FONT,
@@ -247,18 +193,31 @@ function build(place, spec, colours, heard = {}) {
     labelSize: 18,
     grid: { stroke: colours.grid, width: 1 },
     ticks: { show: false },
-    values: label,
+    values: (_u, values) => values.map((one) => String(Number(one.toPrecision(6)))),
   };
-  const widest = (u, values) => 14 + 7 * Math.max(2, ...(values ?? []).map((text) => text.length));
+  const widest = (_u, texts) => 14 + 7 * Math.max(2, ...(texts ?? []).map((text) => text.length));
   const path = (one) => (u) => {
     if (one.kind === "points" && !one.line) return null;
-    const stroke =
-      (one.kind ?? "series") === "series" ? seriesPath(u, one) : loopPath(u, one, span);
+    const stroke = isSeries(one) ? seriesPath(u, one) : loopPath(u, one, part);
     return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 1 };
   };
-  const dashOf = (one) =>
-    one.dash?.length ? one.dash.map((length) => length * uPlot.pxRatio) : undefined;
-  const facets = ["x", "y"].map((scale) => ({ scale, auto: false }));
+  const curve = (one) => ({
+    facets: ["x", "y"].map((scale) => ({ scale, auto: false })),
+    auto: false,
+    paths: path(one),
+    points: { show: false },
+    stroke: one.colour(colours),
+    width: one.kind === "points" ? 1 : (one.width ?? 1.4),
+    dash: one.dash?.length ? one.dash.map((length) => length * uPlot.pxRatio) : undefined,
+  });
+  const select = (u) => {
+    const { left, width, top, height: tall } = u.select;
+    if (width < 4) return;
+    const between = (scale, from, to) => rounded([u.posToVal(from, scale), u.posToVal(to, scale)]);
+    const tallRange = isLoop ? between("y", top + tall, top) : null;
+    heard.onRange?.({ x: between("x", left, left + width), y: tallRange });
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  };
   const options = {
     mode: 2,
     width: Math.max(50, place.clientWidth),
@@ -266,10 +225,7 @@ function build(place, spec, colours, heard = {}) {
     pxAlign: false,
     padding: [8, 12, 0, 0],
     legend: { show: false },
-    scales: {
-      x: { time: false, range: () => range.x },
-      y: { range: () => range.y },
-    },
+    scales: { x: { time: false, range: () => range.x }, y: { range: () => range.y } },
     cursor: {
       y: isLoop,
       points: { show: false },
@@ -278,71 +234,43 @@ function build(place, spec, colours, heard = {}) {
     },
     axes: [
       { ...axis, size: 22, label: x, space: 70 },
-      { ...axis, size: widest, label: y, space: Math.min(40, height / 6) },
+      { ...axis, size: widest, label: height < LOW_PX ? unit : y, space: Math.min(40, height / 6) },
     ],
-    series: [
-      null,
-      ...data.series.map((one) => ({
-        facets,
-        auto: false,
-        paths: path(one),
-        points: { show: false },
-        stroke: one.colour(colours),
-        width: one.kind === "points" ? 1 : (one.width ?? 1.4),
-        dash: dashOf(one),
-      })),
-    ],
+    series: [null, ...data.series.map(curve)],
     hooks: {
-      drawAxes: [(u) => drawBelow(u, data, colours)],
-      draw: [(u) => drawAbove(u, data, colours)],
+      drawAxes: [(u) => drawSpans(u, data, colours)],
+      draw: [(u) => drawPoints(u, data, colours)],
       setCursor: [(u) => heard.onCursor?.(u)],
-      setSelect: [
-        (u) => {
-          const { left, width, top, height: tall } = u.select;
-          if (width < 4) return;
-          const at = (pixel, scale) => u.posToVal(pixel, scale);
-          heard.onRange?.({
-            x: rounded([at(left, "x"), at(left + width, "x")]),
-            y: isLoop ? rounded([at(top + tall, "y"), at(top, "y")]) : null,
-          });
-          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-        },
-      ],
+      setSelect: [select],
     },
   };
   const u = new uPlot(options, [null, ...data.series.map((one) => [one.x, one.y])], place);
-  u.over.addEventListener("click", (event) => {
-    const found = heard.onPick && hitOf(u, data, event.offsetX, event.offsetY);
-    if (found) heard.onPick(...found);
+  u.over.addEventListener("click", ({ offsetX, offsetY }) => {
+    const hit = heard.onPick && hitOf(u, data, offsetX, offsetY);
+    if (hit) heard.onPick(...hit);
   });
   return u;
 }
 
 /** Return the point `[series, index]` next to a pixel. */
 function hitOf(u, { series }, px, py) {
-  const near = series.flatMap((one) =>
-    Array.from(one.x, (value, k) => [
-      Math.hypot(u.valToPos(value, "x") - px, u.valToPos(one.y[k], "y") - py),
-      one,
-      k,
-    ]),
-  );
-  const [best] = near.sort((a, b) => a[0] - b[0]);
-  return best?.[0] < PICK_PX ? best.slice(1) : null;
+  const away = (one, value, k) =>
+    Math.hypot(u.valToPos(value, "x") - px, u.valToPos(one.y[k], "y") - py);
+  const all = series.flatMap((one) => one.x.map((value, k) => [away(one, value, k), one, k]));
+  const [[distance, ...best]] = all.sort((one, other) => one[0] - other[0]);
+  return distance < PICK_PX ? best : null;
 }
 
-/** Shared cursor of plots: `point(t)` moves it to a time, null removes it; `heard(t)` is called then. */
-export class Link {
-  constructor(heard = null) {
-    Object.assign(this, { members: new Set(), heard, t: null });
-  }
-
-  point(t, from) {
-    if (t === this.t) return;
-    this.t = t;
-    for (const member of this.members) if (member.u !== from) member.move(t);
-    this.heard?.(t);
-  }
+/** Return a shared cursor of plots: `point(t)` moves it to a time, null removes it; `heard(t)` is called then. */
+export function createLink(heard = () => {}) {
+  const link = { members: new Set(), t: null };
+  link.point = (t, from) => {
+    if (t === link.t) return;
+    link.t = t;
+    for (const member of link.members) if (member.u !== from) member.move(t);
+    heard(t);
+  };
+  return link;
 }
 
 const due = []; // Plots to be drawn, one in a frame.
@@ -355,28 +283,13 @@ function drawDue() {
 /**
  * Plot with title, toolbar and legend.
  *
- * Without `view` and `hidden` the plot holds its own range and hidden series. `link`: shared cursor; `span`: time span of the
- * loops; `bare`: without toolbar; `fromZero`: the y axis contains zero.
+ * Without `view` the plot holds its own range. With `hidden` series, the legend is outside of the plot. `link`: shared
+ * cursor; `span`: time span of the loops; `fromZero`: the y axis contains zero.
  */
-export function Plot(props) {
-  const {
-    title,
-    x,
-    y,
-    data,
-    height = 300,
-    isLoop = false,
-    span: part = null,
-    link,
-    name,
-    bare,
-    onPick,
-  } = props;
+function Plot(props) {
+  const { title, x, y, data, height = 300, isLoop = false, link, onPick } = props;
   const [own, setOwn] = useState({ view: null, hidden: [] });
-  const [view, hidden] = [
-    props.view === undefined ? own.view : props.view,
-    props.hidden ?? own.hidden,
-  ];
+  const { view = own.view, hidden = own.hidden, span: part = null } = props;
   const setView = props.onRange ?? ((next) => setOwn({ ...own, view: next }));
   const box = useRef();
   const words = useRef();
@@ -386,6 +299,7 @@ export function Plot(props) {
 
   useLayoutEffect(() => {
     const { current: member } = mine;
+    const { dataset } = box.current.parentElement;
     member.move = (t) => move(member, visible, t);
     link?.members.add(member);
     const onCursor = (u) => {
@@ -394,13 +308,13 @@ export function Plot(props) {
       if (!isLoop && u === member.u) link?.point(t, u);
     };
     const draw = () => {
-      const before = member.u;
       if (!box.current) return;
+      const before = member.u;
       member.u = build(box.current, spec, palette(), { onRange: setView, onPick, onCursor });
       before?.destroy();
-      box.current.closest("figure").removeAttribute("data-drawing");
+      delete dataset.drawing;
     };
-    box.current.closest("figure").setAttribute("data-drawing", "");
+    dataset.drawing = "";
     due.push(draw);
     if (due.length === 1) requestAnimationFrame(drawDue);
     return () => due.includes(draw) && due.splice(due.indexOf(draw), 1);
@@ -408,9 +322,8 @@ export function Plot(props) {
 
   useEffect(() => {
     const { current: member } = mine;
-    const observer = new ResizeObserver(() =>
-      member.u?.setSize({ width: Math.max(50, box.current.clientWidth), height }),
-    );
+    const widen = () => member.u?.setSize({ width: Math.max(50, box.current.clientWidth), height });
+    const observer = new ResizeObserver(widen);
     observer.observe(box.current);
     return () => {
       observer.disconnect();
@@ -420,35 +333,34 @@ export function Plot(props) {
   }, []);
 
   const press = (event) => {
-    const range = rangesOf(visible, spec);
-    const next = moved(range, event.key);
+    const next = moved(rangesOf(visible, spec), event.key);
     if (next === undefined || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
     setView(next && { x: rounded(next.x), y: isLoop ? rounded(next.y) : null });
   };
-  const toggle = (key) => {
-    const next = hidden.includes(key) ? hidden.filter((one) => one !== key) : [...hidden, key];
-    if (props.onHide) props.onHide(next);
-    else setOwn({ ...own, hidden: next });
-  };
-  const tools = [
-    button("Whole", () => setView(null), { title: "Show all (double click, or 0)" }),
-    button("PNG", () => savePng(spec), { title: "Save this plot as PNG" }),
-    button("CSV", () => saveCsv(spec), { title: "Save the data shown as CSV" }),
-  ];
-  return figure(
-    { class: "plot" },
-    div({ class: "plot-head" }, figcaption(title), !bare && div({ class: "tools" }, tools)),
-    props.legend !== false && legendOf(data, hidden, toggle),
+  const toggle = (key) => setOwn({ ...own, hidden: toggled(hidden, key) });
+  const tool = (text, action, tip) => button(text, action, "", { title: tip });
+  const keys = "Arrow keys move, plus and minus zoom, 0 shows all.";
+  const label = `${title}. ${y} over ${x}. ${keys}`;
+  return figure.plot(
+    div.head(
+      figcaption(title),
+      div.tools(
+        tool("Whole", () => setView(null), "Show all (double click, or 0)"),
+        tool("PNG", () => savePng(spec), "Save this plot as PNG"),
+        tool("CSV", () => saveCsv(spec), "Save the data shown as CSV"),
+      ),
+    ),
+    !props.hidden && legendOf(data, hidden, toggle),
     div({
       ref: box,
       class: "plot-box",
       tabindex: 0,
       role: "img",
-      "aria-label": `${title}. ${y} over ${x}. Arrow keys move, plus and minus zoom, 0 shows all.`,
+      "aria-label": label,
       onkeydown: press,
     }),
-    props.legend !== false && !isLoop && p({ class: "readout", ref: words }),
+    !props.hidden && !isLoop && p.readout({ ref: words }),
   );
 }
 
@@ -460,7 +372,7 @@ function moved({ x, y }, key) {
   const zoomed = ([low, high]) =>
     [-1, 1].map((side) => (low + high + side * factor * (high - low)) / 2);
   if (factor) return { x: zoomed(x), y: zoomed(y) };
-  return key === "0" || key === "Escape" ? null : undefined;
+  return key === "0" ? null : undefined;
 }
 
 /** Move the cursor of a plot to a time, in a loop to the sample of the first series at this time. */
@@ -468,54 +380,38 @@ function move({ u }, { series: [first] }, t) {
   if (!u || !first) return;
   const at = t !== null && first.t ? nearest(first.t, t) : null;
   const [x, y] = at === null ? [t, u.scales.y.min] : [first.x[at], first.y[at]];
-  u.setCursor(
-    t === null ? { left: -10, top: -10 } : { left: u.valToPos(x, "x"), top: u.valToPos(y, "y") },
-    false,
-  );
+  const isAway = t === null;
+  const [left, top] = isAway ? [-10, -10] : [u.valToPos(x, "x"), u.valToPos(y, "y")];
+  u.setCursor({ left, top }, false);
 }
 
 /** Return the values of the series at a time as text. */
 function readout({ data, x }, t) {
-  const decimals = (value) =>
-    Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(value) || 1))));
   const values = data.series.map((one) => [one.name, one.y[nearest(one.x, t)]]);
   const [quantity, unit] = x.split(", ");
-  return [[quantity, t, unit], ...values]
-    .filter(([, value]) => Number.isFinite(value))
-    .slice(0, 9)
-    .map(([name, value, after = ""]) => `${name} ${value.toFixed(decimals(value))} ${after}`)
-    .join(" · ");
+  const known = [[quantity, t, unit], ...values].filter(([, value]) => Number.isFinite(value));
+  const words = ([name, value, after = ""]) => `${name} ${number(value, 4)} ${after}`;
+  return known.slice(0, READOUT_MAX).map(words).join(" · ");
 }
 
-/** Return the buttons of the legend. */
-export function legendOf({ series = [], areas = [], spans = [] }, hidden, toggle) {
-  const colours = palette();
-  const named = [
-    ...new Map(series.filter((one) => !one.quiet).map((one) => [keyOf(one), one])).values(),
-  ];
-  const blocks = [
-    ...areas.filter((one) => one.name),
-    ...spans.filter((one) => one.name).slice(0, 1),
-  ];
+export function legendOf({ series, spans = [] }, hidden, toggle) {
+  const named = [...new Map(series.map((one) => [keyOf(one), one])).values()];
+  const blocks = spans.slice(0, 1);
   if (named.length + blocks.length < 2) return null;
-  const swatch = (one, kind) =>
-    span({ class: `swatch ${kind}`, style: { "--swatch": one.colour(colours) } });
-  const kindOf = (one) => (one.kind === "points" ? "dot" : one.dash?.length ? "dashed" : "");
-  return div(
-    { class: "legend" },
-    named.map((one) =>
-      button([swatch(one, kindOf(one)), span(keyOf(one))], () => toggle(keyOf(one)), {
-        class: "key",
-        key: keyOf(one),
-        "aria-pressed": String(!hidden.includes(keyOf(one))),
-        title: "Show or hide",
-      }),
-    ),
-    blocks.map((one) => span({ class: "key" }, swatch(one, "block"), span(one.name))),
-  );
+  const swatch = ({ colour, dash }) =>
+    span({
+      class: dash?.length ? "swatch dashed" : "swatch",
+      style: { "--swatch": colour(palette()) },
+    });
+  const entry = (one) => {
+    const pressed = String(!hidden.includes(keyOf(one)));
+    const props = { key: keyOf(one), "aria-pressed": pressed, title: "Show or hide" };
+    const content = [swatch(one), span(keyOf(one))];
+    return button(content, () => toggle(keyOf(one)), "key", props);
+  };
+  const block = (one) => span.key(swatch(one), span(one.name));
+  return div.legend(named.map(entry), blocks.map(block));
 }
-
-// ------------------------------------------------------------------------------------------------- files
 
 /** Save a plot as PNG with the light colours, its title and legend. */
 async function savePng(spec) {
@@ -525,23 +421,20 @@ async function savePng(spec) {
   const colours = palette(true);
   const u = build(place, spec, colours);
   await new Promise((done) => setTimeout(done)); // uPlot draws in a microtask.
-  const picture = u.ctx.canvas;
-  const [canvas, head] = [document.createElement("canvas"), 44 * uPlot.pxRatio];
-  Object.assign(canvas, { width: picture.width, height: picture.height + head });
+  const { width, height } = u.ctx.canvas;
+  const canvas = document.createElement("canvas");
+  const scale = uPlot.pxRatio;
+  Object.assign(canvas, { width, height: height + 44 * scale });
   const context = canvas.getContext("2d");
-  context.fillStyle = colours.back;
-  context.fillRect(0, 0, canvas.width, canvas.height);
-  context.drawImage(picture, 0, head);
-  context.scale(uPlot.pxRatio, uPlot.pxRatio);
-  context.font = FONT;
-  context.fillStyle = colours.ink;
-  context.fillText(spec.title, 8, 16);
+  const fill = (style) => Object.assign(context, { fillStyle: style, font: FONT });
+  fill(colours.back).fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(u.ctx.canvas, 0, 44 * scale);
+  context.scale(scale, scale);
+  fill(colours.ink).fillText(spec.title, 8, 16);
   let left = 8;
   for (const [key, one] of new Map(spec.data.series.map((each) => [keyOf(each), each]))) {
-    context.fillStyle = one.colour(colours);
-    context.fillRect(left, 30, 16, 3);
-    context.fillStyle = colours.ink;
-    context.fillText(key, left + 21, 35);
+    fill(one.colour(colours)).fillRect(left, 30, 16, 3);
+    fill(colours.ink).fillText(key, left + 21, 35);
     left += 38 + context.measureText(key).width;
   }
   canvas.toBlob((blob) => save(`${spec.name}.png`, blob));
@@ -550,29 +443,22 @@ async function savePng(spec) {
 }
 
 /** Save the visible series inside the view as CSV: one table for a shared x, else rows by name. */
-function saveCsv(spec) {
-  const { series } = spec.data;
+function saveCsv({ data: { series }, isLoop, view, span: part, x, y, name }) {
   const isShared = series.every((one) => one.x === series[0].x);
-  const within = (one) => {
-    if (spec.isLoop || !spec.view) return samplesOf(one, spec.span);
-    return [lowerBound(one.x, spec.view.x[0]), lowerBound(one.x, spec.view.x[1])];
-  };
-  const head = isShared
-    ? [spec.x, ...series.map((one) => `${one.name} (${spec.y})`)]
-    : ["series", spec.x, spec.y];
+  const within = (one) =>
+    isLoop || !view ? samplesOf(one, part) : view.x.map((end) => lowerBound(one.x, end));
+  const head = isShared ? [x, ...series.map((one) => `${one.name} (${y})`)] : ["series", x, y];
   const rows = [head];
   for (const one of isShared ? series.slice(0, 1) : series) {
     const [from, to] = within(one);
-    for (let k = from; k < to; k += 1) {
+    for (let k = from; k < to; k += 1)
       rows.push(
         isShared
           ? [one.x[k], ...series.map((other) => other.y[k])]
           : [one.name, one.x[k], one.y[k]],
       );
-    }
   }
-  save(`${spec.name}.csv`, new Blob(csvText(rows), { type: "text/csv" }));
+  save(`${name}.csv`, new Blob(csvText(rows), { type: "text/csv" }));
 }
 
-/** Return a plot as a vnode. */
 export const plot = (props) => h(Plot, props);

@@ -1,9 +1,10 @@
 // Comparison and choice of runs: filters, copies, and runs that probably belong to another damper.
 
-import { choose, chosen } from "./state.js";
-import { check, field, fixed, has, number, rove, select, tags, toggled } from "./ui.js";
+import { chosen } from "./state.js";
+import { fixed, has, number, toggled } from "./text.js";
+import { check, choice, rove, search, tags } from "./ui.js";
 
-const { div, input } = tags;
+const { div } = tags;
 
 const unitOf = (run) => (run.command_unit ? `in ${run.command_unit}` : "unknown");
 export const motionOf = (run) => run.motion || "other";
@@ -24,16 +25,8 @@ const FORCE_RATIO_MAX = 2; // Ratio to the median force (or its inverse) from wh
 
 const isRead = (run) => !run.error && run.force_range_N;
 
-/** Return items by their keys. */
-function grouped(all, keyOf) {
-  const groups = new Map();
-  for (const one of all) groups.set(keyOf(one), [...(groups.get(keyOf(one)) ?? []), one]);
-  return groups;
-}
-
-/** Return the most frequent value. */
 export const commonest = (values) =>
-  [...grouped(values, (value) => value).values()].sort((x, y) => y.length - x.length)[0]?.[0];
+  [...Map.groupBy(values, (value) => value).values()].sort((x, y) => y.length - x.length)[0]?.[0];
 
 /** Return the id of a run in an address: its name, with the file if another run has the same name. */
 export const idOf = (run, runs) =>
@@ -41,23 +34,15 @@ export const idOf = (run, runs) =>
     ? `${run.file}|${run.name}`
     : run.name;
 
+const MEASURED = ["samples", "rate_Hz", "stroke_mm", "peak_velocity_mm_s", "force_range_N"];
+
 /** Return the copies among runs: run -> its original. */
 export function copiesOf(runs) {
-  const names = [
-    "command_unit",
-    "samples",
-    "rate_Hz",
-    "stroke_mm",
-    "peak_velocity_mm_s",
-    "force_range_N",
-    "command_range",
-  ];
-  const groups = grouped(runs.filter(isRead), (run) =>
-    JSON.stringify(names.map((name) => run[name])),
-  );
-  return new Map(
-    [...groups.values()].flatMap(([first, ...others]) => others.map((run) => [run, first])),
-  );
+  const measured = (run) => MEASURED.map((name) => run[name]);
+  const valuesOf = (run) => JSON.stringify([run.command_unit, run.command_range, ...measured(run)]);
+  const groups = Map.groupBy(runs.filter(isRead), valuesOf);
+  const pairs = [...groups.values()].flatMap(([first, ...rest]) => rest.map((run) => [run, first]));
+  return new Map(pairs);
 }
 
 /** Return the runs that probably belong to another damper: run -> reason. */
@@ -65,102 +50,63 @@ export function foreignRunsOf(runs) {
   const commanded = runs.filter((run) => run.command_unit);
   const usual = commonest(commanded.map(unitOf));
   const others = commanded.filter((run) => unitOf(run) !== usual);
-  const found = new Map(
-    others.map((run) => [run, `commanded ${unitOf(run)}, most runs are ${usual}`]),
-  );
+  const reason = (run) => `commanded ${unitOf(run)}, most runs are ${usual}`;
+  const found = new Map(others.map((run) => [run, reason(run)]));
   const rest = runs.filter((run) => !found.has(run) && isRead(run) && run.peak_velocity_mm_s > 0);
   const spanOf = ({ force_range_N: [low, high] }) => high - low;
-  for (const group of grouped(rest, (run) =>
-    JSON.stringify(FILTERS.map(([, , of]) => of(run))),
-  ).values()) {
-    for (const run of group) {
-      const isSimilar = (one) =>
-        one !== run &&
-        Math.abs(one.peak_velocity_mm_s / run.peak_velocity_mm_s - 1) <= SPEED_DIFFERENCE_MAX;
-      const spans = group.filter(isSimilar).map(spanOf);
-      if (spans.length < SIMILAR_COUNT_MIN) continue;
-      const ratio = spanOf(run) / spans.sort((x, y) => x - y)[Math.floor(spans.length / 2)];
-      const words = `its force is ${number(ratio, 2)} times the force of similar runs`;
-      if (ratio > FORCE_RATIO_MAX || ratio < 1 / FORCE_RATIO_MAX) found.set(run, words);
-    }
+  const keyOf = (run) => JSON.stringify(FILTERS.map(([, , property]) => property(run)));
+  const groups = Map.groupBy(rest, keyOf);
+  for (const run of rest) {
+    const isSimilar = (one) =>
+      one !== run &&
+      Math.abs(one.peak_velocity_mm_s / run.peak_velocity_mm_s - 1) <= SPEED_DIFFERENCE_MAX;
+    const spans = groups.get(keyOf(run)).filter(isSimilar).map(spanOf);
+    if (spans.length < SIMILAR_COUNT_MIN) continue;
+    const ratio = spanOf(run) / spans.sort((x, y) => x - y)[Math.floor(spans.length / 2)];
+    if (ratio > FORCE_RATIO_MAX || ratio < 1 / FORCE_RATIO_MAX)
+      found.set(run, `its force is ${number(ratio, 2)} times the force of similar runs`);
   }
   return found;
 }
 
 /** Return copies and runs of another damper as findings. */
 export function findingsBetween(runs) {
-  const finding = (run, found, effect, remedy) => ({
-    severity: "warning",
-    run: run.name,
-    found,
-    effect,
-    remedy,
-  });
-  return [
-    ...[...foreignRunsOf(runs)].map(([run, reason]) =>
-      finding(
-        run,
-        reason,
-        "The card describes two dampers",
-        "Exclude it from the fit if it belongs to another damper",
-      ),
-    ),
-    ...[...copiesOf(runs)].map(([run, first]) =>
-      finding(
-        run,
-        `a copy of ${first.name}`,
-        "It counts twice without new information",
-        "The fit omits it unless you choose it",
-      ),
-    ),
-  ];
+  const findings = [];
+  const add = (run, found, effect, remedy) =>
+    findings.push({ severity: "warning", run: run.name, found, effect, remedy });
+  for (const [run, reason] of foreignRunsOf(runs))
+    add(run, reason, "The card describes two dampers", "Exclude it from the fit if that is true");
+  for (const [run, { name }] of copiesOf(runs))
+    add(run, `a copy of ${name}`, "It counts twice", "The fit omits it unless you choose it");
+  return findings;
 }
 
 /** Return the runs that match the filters of a list; `prefix` is the prefix of its choices. */
-export const matching = (runs, prefix) =>
-  runs.filter(
-    (run) =>
-      FILTERS.every(
-        ([name, , of]) => !chosen(`${prefix}.${name}`) || of(run) === chosen(`${prefix}.${name}`),
-      ) && run.name.toLowerCase().includes(chosen(`${prefix}.find`, "").toLowerCase()),
-  );
+export function matching(runs, prefix) {
+  const wanted = FILTERS.map(([name, , property]) => [property, chosen(`${prefix}.${name}`)]);
+  const find = chosen(`${prefix}.find`, "").toLowerCase();
+  const isWanted = (run) => wanted.every(([property, value]) => !value || property(run) === value);
+  return runs.filter((run) => isWanted(run) && run.name.toLowerCase().includes(find));
+}
 
 /** Return the filters of a list of runs; a property that all runs share has no filter. */
 export function filtersOf(runs, prefix) {
-  const lists = FILTERS.flatMap(([name, words, of]) => {
-    const key = `${prefix}.${name}`;
-    const values = [...grouped(runs, of)].sort(([x], [y]) =>
-      x.localeCompare(y, undefined, { numeric: true }),
-    );
-    const options = [
-      ["", "all"],
-      ...values.map(([value, group]) => [value, `${value}: ${group.length}`]),
-    ];
-    const change = (value) => choose({ [key]: value || null });
-    return values.length < 2
-      ? []
-      : [field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }))];
+  const lists = FILTERS.map(([name, words, property]) => {
+    const groups = [...Map.groupBy(runs, property)];
+    groups.sort(([x], [y]) => x.localeCompare(y, undefined, { numeric: true }));
+    const options = groups.map(([value, group]) => [value, `${value}: ${group.length}`]);
+    return options.length > 1 && choice(words, `${prefix}.${name}`, [["", "all"], ...options]);
   });
-  const [id, key] = [`${prefix}-find`, `${prefix}.find`];
-  const find = { type: "search", id, value: chosen(key, ""), placeholder: "part of a name" };
-  return div(
-    { class: "fields" },
-    lists,
-    field(
-      "Find a run",
-      input({ ...find, oninput: (event) => choose({ [key]: event.target.value || null }) }),
-    ),
-  );
+  return div.fields(lists, search("Find a run", `${prefix}.find`, "part of a name"));
 }
 
 /** Return a list of runs with boxes; `ids` are the ticked ones, and `marks(run)` returns remarks on a run. */
-export const runList = (runs, all, ids, change, { words, id, marks = () => [] }) =>
-  div(
-    { class: "picks gap", id, role: "group", "aria-label": words, ref: rove },
-    runs.map((run) => {
-      const one = idOf(run, all);
-      return check([run.name, ...marks(run)].join(", "), ids.includes(one), () =>
-        change(toggled(ids, one)),
-      );
-    }),
-  );
+export function runList(words, runs, all, ids, change, marks = () => []) {
+  const box = (run) => {
+    const id = idOf(run, all);
+    return check([run.name, ...marks(run)].join(", "), ids.includes(id), () =>
+      change(toggled(ids, id)),
+    );
+  };
+  return div({ class: "picks gap", role: "group", "aria-label": words, ref: rove }, runs.map(box));
+}

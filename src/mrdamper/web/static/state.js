@@ -8,21 +8,15 @@ import * as api from "./api.js";
 
 const SHARED = ["card", "drawing", "duty", "controller"];
 
+const page = (title, keys) => ({ title, letter: title[0].toLowerCase(), keys: keys.split(" ") });
+
 /** Pages: title, letter of the keyboard shortcut, and prefixes of the choices in their addresses. */
 export const PAGES = {
-  data: { title: "Data", letter: "d", keys: ["view", "list", "file", "rig", "check", "fetch"] },
-  model: { title: "Model", letter: "m", keys: ["card", "fit", "choose", "loops", "fits"] },
-  thermal: {
-    title: "Thermal",
-    letter: "t",
-    keys: ["card", "drawing", "duty", "heat", "heatsink", "design"],
-  },
-  controller: {
-    title: "Controller",
-    letter: "c",
-    keys: ["card", "drawing", "controller", "track", "export"],
-  },
-  jobs: { title: "Jobs", letter: "j", keys: ["card", "drawing", "duty", "show"] },
+  data: page("Data", "view list file rig check fetch"),
+  model: page("Model", "card fit choose loops fits"),
+  thermal: page("Thermal", "card drawing duty heat heatsink design"),
+  controller: page("Controller", "card drawing controller track export"),
+  jobs: page("Jobs", "card drawing duty show"),
 };
 
 export const app = {
@@ -31,21 +25,11 @@ export const app = {
   runs: null,
   reading: 0,
   page: "data",
-  choice: restored(),
+  choice: decode(sessionStorage.getItem(`mrdamper${api.DAMPER}`)) ?? {},
   toasts: [],
   faults: {}, // Errors of jobs that did not start, by kind.
   draw: () => {},
 };
-
-// ------------------------------------------------------------------------------------------------- choices
-
-function restored() {
-  try {
-    return JSON.parse(sessionStorage.getItem(`mrdamper${api.DAMPER}`)) ?? {};
-  } catch {
-    return {};
-  }
-}
 
 const encode = (value) =>
   typeof value === "string" && decode(value) === value ? value : JSON.stringify(value);
@@ -58,50 +42,44 @@ function decode(text) {
   }
 }
 
-const belongs = (key, page) => {
+const belongs = (key) => {
   const [prefix] = key.split(/[.-]/);
-  return PAGES[page].keys.includes(prefix) || (page === "jobs" && prefix in (app.forms ?? {}));
+  const isJob = app.page === "jobs" && prefix in (app.forms ?? {});
+  return PAGES[app.page].keys.includes(prefix) || isJob;
 };
 
-/** Return the address of a page with choices. */
-export function address(page, choices = {}) {
-  const query = new URLSearchParams(
-    Object.entries(choices).map(([key, value]) => [key, encode(value)]),
-  );
-  return `#/${page}${query.size ? `?${query}` : ""}`;
+export function address(name, choices = {}) {
+  const pairs = Object.entries(choices).map(([key, value]) => [key, encode(value)]);
+  return `#/${name}${pairs.length ? `?${new URLSearchParams(pairs)}` : ""}`;
 }
 
 /** Return a choice, or `otherwise` if there is none. */
 export const chosen = (key, otherwise = null) => app.choice[key] ?? otherwise;
 
+function remove(isWanted) {
+  for (const key of Object.keys(app.choice)) if (isWanted(key)) delete app.choice[key];
+}
+
 /** Set choices, null for the default; with `step` the Back button undoes the change. */
 export function choose(values, step = false) {
-  if ("drawing" in values && values.drawing !== app.choice.drawing) {
-    // The entries of the geometry form belong to the previous geometry.
-    for (const key of Object.keys(app.choice))
-      if (key.startsWith("drawing-")) delete app.choice[key];
-  }
-  for (const [key, value] of Object.entries(values)) {
-    if (value === null || value === undefined) delete app.choice[key];
-    else app.choice[key] = value;
-  }
+  // The entries of the geometry form belong to the previous geometry.
+  if ("drawing" in values && values.drawing !== app.choice.drawing)
+    remove((key) => key.startsWith("drawing-"));
+  Object.assign(app.choice, values);
+  remove((key) => (app.choice[key] ?? null) === null);
   write(step);
   app.draw();
 }
 
 /** Go to another page and set choices. */
-export function go(page, values = {}) {
+export function go(name, values = {}) {
   choose(values);
-  window.location.hash = address(page);
+  window.location.hash = address(name);
 }
 
 function write(step) {
-  try {
-    sessionStorage.setItem(`mrdamper${api.DAMPER}`, JSON.stringify(app.choice));
-  } catch {
-    // Without storage the choices are in the address only.
-  }
-  const own = Object.entries(app.choice).filter(([key]) => belongs(key, app.page));
+  sessionStorage.setItem(`mrdamper${api.DAMPER}`, JSON.stringify(app.choice));
+  const own = Object.entries(app.choice).filter(([key]) => belongs(key));
   const next = address(app.page, Object.fromEntries(own));
   if (next === window.location.hash) return;
   const depth = window.history.state?.depth ?? 0;
@@ -114,23 +92,15 @@ export function route() {
   const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
   app.page = path in PAGES ? path : "data";
   document.title = `${PAGES[app.page].title} · mrdamper`;
-  if (query) {
-    for (const key of Object.keys(app.choice))
-      if (belongs(key, app.page) && !SHARED.includes(key)) delete app.choice[key];
-    for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
-  }
+  if (query) remove((key) => belongs(key) && !SHARED.includes(key));
+  for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
   if (app.forms) write(false); // The forms decide which choices belong to a page.
   app.draw();
 }
 
-// -------------------------------------------------------------------------------------------------- folder
-
 /** Fetch the state of the folder, and its runs if files have changed. */
 export async function refresh(files = true) {
-  const [state, found] = await Promise.all([
-    api.getState(),
-    files || !app.runs ? api.getRuns() : null,
-  ]);
+  const [state, found] = await Promise.all([api.getState(), (files || !app.runs) && api.getRuns()]);
   app.state = state;
   if (found) Object.assign(app, { runs: found.runs, reading: found.reading });
   app.draw();
@@ -144,9 +114,9 @@ export async function watch() {
   try {
     if (document.visibilityState === "visible") {
       const now = await api.getChanges();
-      const isBusy = app.state?.jobs.some(isRunning);
       const isNew = JSON.stringify(now) !== JSON.stringify(before);
-      if (isNew || isBusy || app.lost) await refresh(now.files !== before?.files || app.lost);
+      if (isNew || app.lost || app.state?.jobs.some(isRunning))
+        await refresh(now.files !== before?.files || app.lost);
       before = now;
       if (app.lost) Object.assign(app, { lost: false }).draw();
     }
@@ -188,16 +158,13 @@ const fetched = new Map();
 /** Return the answer to a request, null until it has arrived (then the page is drawn again); `key` identifies it. */
 export function once(key, ask) {
   if (!fetched.has(key)) {
-    const one = { value: null };
-    fetched.set(key, one);
+    const keep = (value) => fetched.set(key, value);
+    keep(null);
     ask()
-      .then(
-        (value) => Object.assign(one, { value }),
-        (fault) => Object.assign(one, { value: { fault: fault.message } }),
-      )
+      .then(keep, (fault) => keep({ fault: fault.message }))
       .then(() => app.draw());
   }
-  return fetched.get(key).value;
+  return fetched.get(key);
 }
 
 /** Return the cards that can be read. */
@@ -205,8 +172,14 @@ export const cards = () => app.state.cards.filter((card) => !card.error);
 
 /** Return the card in use: the chosen, or the newest card; undefined if there is none. */
 export function cardInUse() {
-  const newest = [...cards()].sort((a, b) =>
-    String(b.modified).localeCompare(String(a.modified)),
-  )[0];
+  const newest = cards().reduce(
+    (one, other) => (one && String(one.modified) >= String(other.modified) ? one : other),
+    undefined,
+  );
   return cards().find(({ name }) => name === chosen("card")) ?? newest;
+}
+
+export function cardDetails(name) {
+  const card = app.state.cards.find((one) => one.name === name);
+  return once(`card ${name} ${card?.modified}`, () => api.getCard(name));
 }

@@ -1,149 +1,96 @@
 // Linked view: measured and modelled forces of runs as loops and versus time, with one cursor and one time span.
 //
-// The choices of a view have its prefix: `t` (time span), `d` and `v` (ranges of the loops), `colour`, `against`, `hide`,
-// `without`, `centre` and `cycles`. Each zoom is a step of the browser's history, so that Back undoes it.
+// The choices of a view have its prefix: `t` (time span), `d` and `v` (ranges of the loops), `colour`, `hide`, `centre` and
+// `cycles`. Each zoom is a step of the browser's history, so that Back undoes it.
 
-import { getCard, samples } from "./api.js";
-import { extent, legendOf, Link, nearest, nth, plot } from "./plot.js";
-import { commandOf, idOf, temperatureOf } from "./runs.js";
-import { app, choose, chosen, once } from "./state.js";
+import { samples } from "./api.js";
+import { note, table } from "./layout.js";
+import { createLink, extent, legendOf, nearest, nth, plot } from "./plot.js";
+import { commandOf, temperatureOf } from "./runs.js";
+import { app, cardDetails, choose, chosen, once } from "./state.js";
 import { rampColour } from "./theme.js";
-import { button, counted, fixed, has, note, several, table, tags, toggled } from "./ui.js";
+import { counted, fixed, has, several, toggled } from "./text.js";
+import { button, tags } from "./ui.js";
 import { h, useEffect, useMemo, useState } from "./vendor/preact.js";
 
 const { div, p } = tags;
 
-const PANES = [
-  {
-    id: "d",
-    title: "Displacement loops",
-    x: "displacement, mm",
-    y: "force, N",
-    of: ["displacement_mm", "force_N"],
-  },
-  {
-    id: "v",
-    title: "Velocity loops",
-    x: "velocity, mm/s",
-    y: "force, N",
-    of: ["velocity_mm_s", "force_N"],
-  },
-  { id: "f", title: "Force over time", y: "force, N", of: ["time_s", "force_N"], height: 160 },
-  {
-    id: "r",
-    title: "Residual over time",
-    y: "residual, N",
-    of: ["time_s", "residual_N"],
-    height: 130,
-  },
-  {
-    id: "x",
-    title: "Displacement over time",
-    y: "displacement, mm",
-    of: ["time_s", "displacement_mm"],
-    height: 110,
-  },
-  {
-    id: "A",
-    title: "Current over time",
-    y: "current, A",
-    of: ["time_s", "command_A"],
-    height: 100,
-    fromZero: true,
-  },
-  {
-    id: "V",
-    title: "Voltage over time",
-    y: "voltage, V",
-    of: ["time_s", "command_V"],
-    height: 100,
-    fromZero: true,
-  },
-  {
-    id: "T",
-    title: "Temperature over time",
-    y: "temperature, °C",
-    of: ["time_s", "temperature_degC"],
-    height: 100,
-  },
-];
-const VALUES = [
-  ["force_N", "force", "N", 0],
-  ["residual_N", "residual", "N", 0],
-  ["displacement_mm", "displacement", "mm", 2],
-  ["velocity_mm_s", "velocity", "mm/s", 1],
-  ["command_A", "current", "A", 2],
-  ["temperature_degC", "temperature", "°C", 1],
-];
+const LOOPS = ["d", "v"];
+/** Plots by the keys of their choices: columns of x and y, and height. */
+const PANES = {
+  d: ["displacement_mm", "force_N", 290],
+  v: ["velocity_mm_s", "force_N", 290],
+  f: ["time_s", "force_N", 160],
+  r: ["time_s", "residual_N", 130],
+  x: ["time_s", "displacement_mm", 110],
+  A: ["time_s", "command_A", 100],
+  V: ["time_s", "command_V", 100],
+  T: ["time_s", "temperature_degC", 100],
+};
+const MODELLED = "dvfr"; // Plots that show cards, too.
+/** Quantities of the columns: word, unit, and decimals at the cursor. */
+const QUANTITIES = {
+  time_s: ["time", "s"],
+  force_N: ["force", "N", 0],
+  residual_N: ["residual", "N", 0],
+  displacement_mm: ["displacement", "mm", 2],
+  velocity_mm_s: ["velocity", "mm/s", 1],
+  command_A: ["current", "A", 2],
+  command_V: ["voltage", "V", 2],
+  temperature_degC: ["temperature", "°C", 1],
+};
 const SAMPLES_MAX = 2_200_000; // Sum of all curves.
-const REQUESTS_MAX = 4; // Parallel requests.
-const SPLITS = { training: "training", held_out: "held out" };
+const CURSOR_ROWS_MAX = 8;
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
 /** Return how a fit used its runs: name -> `training` or `held_out`; empty until the card has been fetched. */
-export function splitsOf(name) {
-  const card = app.state.cards.find((one) => one.name === name);
-  const runs = once(`card ${name} ${card?.modified}`, () => getCard(name))?.evidence?.runs ?? [];
-  return new Map(runs.map((run) => [run.name, run.split]));
-}
+export const splitsOf = (name) =>
+  new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
 
 /** Return the runs of the most frequent motion with constant command at the lowest temperature. */
 export function usualRuns(runs) {
-  const counts = new Map(runs.map(({ motion }) => [motion, 0]));
-  for (const { motion, command } of runs) counts.set(motion, counts.get(motion) + has(command));
-  const [motion] = [...counts].sort((x, y) => y[1] - x[1])[0] ?? [];
-  const similar = runs.filter((run) => run.motion === motion);
+  const counts = Map.groupBy(runs, ({ motion }) => motion);
+  const constant = ([, group]) => group.filter(({ command }) => has(command)).length;
+  const [[, similar] = [null, []]] = [...counts].sort((x, y) => constant(y) - constant(x));
   const coldest = Math.min(...similar.map((run) => run.temperature_degC ?? Infinity));
   return similar.filter((run) => coldest === Infinity || run.temperature_degC < coldest + 5);
 }
 
-// -------------------------------------------------------------------------------------------------- samples
+/** Fetch the samples of a run, or of the force of a card and its residual. */
+async function fetchOne(run, card, limits) {
+  const failed = (fault) => {
+    if (fault.name === "AbortError") throw fault;
+    return { fault: fault.message, columns: {} };
+  };
+  const answer = await samples(run, card, limits).catch(failed);
+  const { force_N: force, measured_N: measured } = answer.columns;
+  if (measured) answer.columns.residual_N = force.map((value, k) => value - measured[k]);
+  return { run, card, ...answer };
+}
 
-/** Fetch the samples of runs and of the forces of cards: `{shown, ms, most}`; `shown` is null during a request. */
-function useSamples(picked, cards, span) {
+/** Fetch the samples of runs and of the forces of cards: `{shown, ms}`; `shown` is null during a request. */
+function useSamples(picked, cards, part) {
   const [found, set] = useState({ shown: null });
   const fraction = SAMPLES_MAX / Math.max(1, picked.length * (1 + cards.length));
   const isThinned = picked.some((run) => run.samples > fraction);
-  const max = isThinned ? 2 ** Math.floor(Math.log2(Math.max(64, fraction))) : undefined;
-  const part = isThinned && span ? { from: span[0], to: span[1] } : {};
-  const wanted = picked.flatMap((run) => [null, ...cards].map((card) => ({ run, card })));
-  const versions = cards.map(
-    (name) => app.state.cards.find((card) => card.name === name)?.modified,
-  );
-  const key = JSON.stringify([
-    wanted.map(({ run, card }) => [run.file, run.name, card]),
-    versions,
-    max,
-    part,
-  ]);
+  const limits = isThinned ? { max: 2 ** Math.floor(Math.log2(Math.max(64, fraction))) } : {};
+  if (isThinned && part) [limits.from_s, limits.to_s] = part;
+  const wanted = picked.flatMap((run) => [null, ...cards].map((card) => [run, card]));
+  const versions = app.state.cards.filter(({ name }) => cards.includes(name));
+  const key = [wanted.map(([run, card]) => [run.file, run.name, card]), versions, limits];
   useEffect(() => {
     const asked = new AbortController();
     const began = performance.now();
-    const shown = [];
-    const queue = [...wanted.entries()];
-    const next = async () => {
-      for (let one = queue.shift(); one; one = queue.shift())
-        shown[one[0]] = await fetchOne(one[1]);
-    };
-    const fetchOne = async ({ run, card }) => {
-      const answer = await samples(run, card, { max, ...part, signal: asked.signal }).catch(
-        (fault) => {
-          if (fault.name === "AbortError") throw fault;
-          return { fault: fault.message, columns: {} };
-        },
-      );
-      const { force_N: force, measured_N: measured } = answer.columns;
-      if (measured) answer.columns.residual_N = force.map((value, k) => value - measured[k]);
-      return { run, card, ...answer };
-    };
+    const all = wanted.map(([run, card]) =>
+      fetchOne(run, card, { ...limits, signal: asked.signal }),
+    );
     set({ shown: null });
-    Promise.all([...Array(REQUESTS_MAX)].map(next)).then(
-      () => set({ shown, ms: Math.round(performance.now() - began) }),
-      (fault) =>
-        fault.name === "AbortError" || set({ shown: [{ fault: fault.message, columns: {} }] }),
+    Promise.all(all).then(
+      (shown) => set({ shown, ms: Math.round(performance.now() - began) }),
+      () => {}, // Only an aborted request ends here.
     );
     return () => asked.abort();
-  }, [key]);
+  }, [JSON.stringify(key)]);
   return found;
 }
 
@@ -155,315 +102,194 @@ function prepared(columns, count, isCentred) {
   const rises = [];
   if (count)
     for (let k = 1; k < x.length; k += 1) if (x[k - 1] < middle && x[k] >= middle) rises.push(k);
-  const [from, to] =
-    rises.length > count && count ? [rises.at(-1 - count), rises.at(-1) + 1] : [0, x.length];
+  const isCut = rises.length > count && count;
+  const [from, to] = isCut ? [rises.at(-1 - count), rises.at(-1) + 1] : [0, x.length];
   const all = Object.entries(columns).map(([name, values]) => [name, values?.subarray(from, to)]);
   const cut = Object.fromEntries(all);
-  return isCentred
-    ? { ...cut, displacement_mm: cut.displacement_mm.map((value) => value - middle) }
-    : cut;
+  if (isCentred) cut.displacement_mm = cut.displacement_mm.map((value) => value - middle);
+  return cut;
 }
 
 /** Return key and colour of a run by its command, temperature or name; each unit has its own ramp. */
 function colourOf(run, by, runs) {
-  if (by === "run") return [run.name, nth(runs.indexOf(run))];
+  if (by === "run") return { key: run.name, colour: nth(runs.indexOf(run)) };
   const isWarm = by === "temperature";
-  const [key, value] = isWarm
-    ? [temperatureOf(run), run.temperature_degC]
-    : [commandOf(run), run.command];
+  const valueOf = (one) => (isWarm ? one.temperature_degC : one.command);
+  const key = isWarm ? temperatureOf(run) : commandOf(run);
   const similar = runs.filter((other) => isWarm || other.command_unit === run.command_unit);
-  const range = extent(
-    similar.map((other) => (isWarm ? other.temperature_degC : other.command)).filter(has),
-  );
-  if (!has(value) || !range) return [key, nth(3)]; // This colour differs from measured curves and from the ramp.
-  const fraction = (value - range[0]) / (range[1] - range[0] || 1);
-  return [key, (colours) => rampColour(fraction, colours, !isWarm && run.command_unit === "V")];
+  const range = extent(similar.map(valueOf).filter(has));
+  if (!has(valueOf(run)) || !range) return { key, colour: nth(3) }; // This colour differs from measured curves and from the ramp.
+  const fraction = (valueOf(run) - range[0]) / (range[1] - range[0] || 1);
+  const isVolts = !isWarm && run.command_unit === "V";
+  return { key, colour: (colours) => rampColour(fraction, colours, isVolts) };
 }
 
 /** Return the curves of samples: measured ones grey and wide below modelled ones. */
-function curvesOf(shown, { runs, cards, by, against, cycles, isCentred }) {
-  const drawn = shown.map(({ run }) => run).filter((run, k, all) => run && all.indexOf(run) === k);
+function curvesOf(shown, { runs, cards, by, cycles, isCentred }) {
+  const drawn = [...new Set(shown.map(({ run }) => run))];
   const isHeld = (run) => cards.some((card) => splitsOf(card).get(run.name) === "held_out");
   const words = (run) => `${commandOf(run)}, ${temperatureOf(run)}`.replace(", unknown", "");
   const isUnique = (run) => drawn.filter((other) => words(other) === words(run)).length === 1;
-  const nameOf = (run) =>
-    `${isUnique(run) ? words(run) : run.name}${isHeld(run) ? ", held out" : ""}`;
-  const cut = shown
-    .filter(({ head }) => head)
-    .map((one) => ({ ...one, columns: prepared(one.columns, cycles, isCentred) }));
-  const curves = cut.map((one) => {
+  const curve = (one) => {
     const { run, card } = one;
-    const [key, colour] =
-      by === "card" ? [card, nth(cards.indexOf(card))] : colourOf(run, by, runs);
-    if (card) {
-      const dash = by === "card" ? [] : DASHES[cards.indexOf(card) % DASHES.length];
-      return {
-        ...one,
-        name: `${nameOf(run)}, ${card}`,
-        key: cards.length > 1 ? card : key,
-        colour,
-        width: 1.3,
-        dash,
-      };
+    const columns = prepared(one.columns, cycles, isCentred);
+    const isCard = by === "card" && card;
+    const look = isCard ? { key: card, colour: nth(cards.indexOf(card)) } : colourOf(run, by, runs);
+    const name = (isUnique(run) ? words(run) : run.name) + (isHeld(run) ? ", held out" : "");
+    const base = { ...one, columns, name, width: 1.3, ...look };
+    if (!cards.length) return base;
+    if (!card) {
+      const measured = { key: "measured", colour: (colours) => colours.measured, width: 2.4 };
+      return { ...base, name: `${name}, measured`, ...measured };
     }
-    const isBelow = cards.length > 0;
-    const measured = {
-      name: `${nameOf(run)}, measured`,
-      key: "measured",
-      colour: (colours) => colours.measured,
-      width: 2.4,
-    };
-    return { ...one, ...(isBelow ? measured : { name: nameOf(run), key, colour, width: 1.3 }) };
-  });
-  for (const one of against ? curves.filter(({ card }) => card) : []) {
-    const { force_N: other } =
-      cut.find(({ run, card }) => run === one.run && card === against)?.columns ?? {};
-    const residual_N =
-      one.card === against || !other
-        ? null
-        : one.columns.force_N.map((value, k) => value - other[k]);
-    one.columns = { ...one.columns, residual_N };
-  }
-  return curves;
+    const dash = isCard ? [] : DASHES[cards.indexOf(card) % DASHES.length];
+    return { ...base, name: `${name}, ${card}`, key: cards.length > 1 ? card : look.key, dash };
+  };
+  return shown.filter(({ head }) => head).map(curve);
 }
 
-/** Return the data of a pane. */
-function dataOf({ id, of: [x, y], isLoop }, curves) {
-  const isDrawn = ({ columns, card }) => columns[x] && columns[y] && (!card || "dvfr".includes(id));
-  const series = curves.filter(isDrawn).map(({ columns, head, ...one }) => ({
-    ...one,
-    x: columns[x],
-    y: columns[y],
-    ...(isLoop
-      ? { kind: "loop", t: columns.time_s }
-      : { since: id === "r" ? (head.scored_from_s ?? 0) : 0 }),
-  }));
+/** Return the plot of a pane: its axes and its data. */
+function paneOf(id, curves) {
+  const [x, y, height] = PANES[id];
+  const isLoop = LOOPS.includes(id);
+  const isDrawn = ({ columns, card }) =>
+    columns[x] && columns[y] && (!card || MODELLED.includes(id));
+  const series = curves.filter(isDrawn).map(({ columns, head, ...one }) => {
+    const samplesOf = { ...one, x: columns[x], y: columns[y] };
+    if (isLoop) return { ...samplesOf, kind: "loop", t: columns.time_s };
+    return { ...samplesOf, since: id === "r" ? (head.scored_from_s ?? 0) : 0 };
+  });
   const start = Math.max(0, ...series.map(({ since }) => since ?? 0));
   const band = { from: 0, to: start, name: "start, not scored", colour: (colours) => colours.band };
-  return { series, spans: start > 0 ? [band] : [] };
+  const label = (name) => QUANTITIES[name].slice(0, 2).join(", ");
+  const word = QUANTITIES[isLoop ? x : y][0];
+  const title = `${word[0].toUpperCase()}${word.slice(1)} ${isLoop ? "loops" : "over time"}`;
+  const axes = { x: label(x), y: label(y), height, isLoop, fromZero: y.startsWith("command") };
+  const name = title.toLowerCase().replaceAll(" ", "-");
+  return { id, title, name, ...axes, data: { series, spans: start > 0 ? [band] : [] } };
 }
-
-// ---------------------------------------------------------------------------------------------------- view
 
 /**
  * Linked view of runs and cards.
  *
  * @param {{runs: object[], picked: object[], cards: string[], prefix: string, panes?: string}} props
- *   runs: all runs, which determine the colours; picked: drawn runs; panes: ids of the plots
+ *   runs: all runs, which determine the colours; picked: drawn runs; panes: keys of the plots
  */
-export function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
+function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
   const [t, point] = useState(null);
-  const link = useMemo(() => new Link(point), []);
+  const link = useMemo(() => createLink(point), []);
   const get = (name, otherwise = null) => chosen(`${prefix}.${name}`, otherwise);
-  const set = (values) =>
-    choose(
-      Object.fromEntries(
-        Object.entries(values).map(([name, value]) => [`${prefix}.${name}`, value]),
-      ),
-      true,
-    );
-  const span = get("t");
-  const { shown, ms } = useSamples(picked, cards, span);
-  const isOne = (of) => new Set(picked.map(of)).size === 1;
-  const usual =
-    cards.length > 1
-      ? "card"
-      : isOne(commandOf) && !isOne(temperatureOf)
-        ? "temperature"
-        : "command";
-  const how = {
-    runs,
-    cards,
-    by: get("colour") ?? usual,
-    against: get("against"),
-    cycles: get("cycles", 0),
+  const set = (values) => {
+    const entries = Object.entries(values).map(([name, value]) => [`${prefix}.${name}`, value]);
+    choose(Object.fromEntries(entries), true);
   };
-  const isCentred = get("centre", false);
+  const part = get("t");
+  const { shown, ms } = useSamples(picked, cards, part);
+  const isOne = (property) => new Set(picked.map(property)).size === 1;
+  const differs = isOne(commandOf) && !isOne(temperatureOf) ? "temperature" : "command";
+  const by = get("colour", cards.length > 1 ? "card" : differs);
+  const how = { by, cycles: Number(get("cycles", 0)), isCentred: get("centre", false) };
   const splits = cards.map((card) => splitsOf(card).size);
-  const curves = useMemo(
-    () => curvesOf(shown ?? [], { ...how, isCentred }),
-    [shown, JSON.stringify([how, isCentred, splits])],
-  );
-  const own = useMemo(
-    () =>
-      PANES.filter(({ id }) => panes.includes(id)).map((pane) => {
-        const isLoop = pane.id === "d" || pane.id === "v";
-        return { ...pane, isLoop, data: dataOf({ ...pane, isLoop }, curves) };
-      }),
-    [curves],
-  );
-  const [hide, without] = [get("hide", []), get("without", [])];
-  const known = own.filter(({ data }) => data.series.length);
-  const draw = (pane) => {
-    const { id, isLoop, title } = pane;
-    const range = isLoop ? get(id) : span;
-    const view = range && { x: range.slice(0, 2), y: isLoop ? range.slice(2) : null };
+  const drawn = useMemo(() => {
+    const curves = curvesOf(shown ?? [], { runs, cards, ...how });
+    return { curves, panes: [...panes].map((id) => paneOf(id, curves)) };
+  }, [shown, JSON.stringify([how, splits])]);
+  const hide = get("hide", []);
+  const draw = ({ id, ...pane }) => {
+    const range = pane.isLoop ? get(id) : part;
+    const view = range && { x: range.slice(0, 2), y: pane.isLoop ? range.slice(2) : null };
     const onRange = (next) =>
-      set(isLoop ? { [id]: next && [...next.x, ...next.y] } : { t: next && next.x });
-    const y = id === "r" && how.against ? `force less that of ${how.against}, N` : pane.y;
-    const name = title.toLowerCase().replaceAll(" ", "-");
-    return plot({
-      x: "time, s",
-      height: 290,
-      ...pane,
-      key: id,
-      y,
-      name,
-      view,
-      onRange,
-      span,
-      hidden: hide,
-      legend: false,
-      link,
-    });
+      set(pane.isLoop ? { [id]: next && [...next.x, ...next.y] } : { t: next && next.x });
+    return plot({ ...pane, key: id, view, onRange, span: part, hidden: hide, link });
   };
-  const visible = known.filter(({ id }) => !without.includes(id));
-  const [loops, rest] = [
-    visible.filter(({ isLoop }) => isLoop),
-    visible.filter(({ isLoop }) => !isLoop),
-  ];
-  const depth = window.history.state?.depth ?? 0;
+  const visible = drawn.panes.filter(({ data }) => data.series.length);
+  const loops = visible.filter(({ isLoop }) => isLoop);
   const count = (shown ?? []).reduce((sum, { head }) => sum + (head?.n ?? 0), 0);
   const faults = [...new Set((shown ?? []).map(({ fault }) => fault).filter(Boolean))];
-  const status = !picked.length
-    ? "No run is chosen: tick some."
-    : !shown
-      ? "Fetching …"
-      : `${several(picked.length, "run")}, ${counted(count)} samples drawn.`;
-  const press = (event) => {
-    if (!(event.ctrlKey || event.metaKey) || event.target.matches("input")) return;
-    if (event.key === "z") window.history.back();
-    else if (event.key === "y") window.history.forward();
+  const drawnWords = `${several(picked.length, "run")}, ${counted(count)} samples drawn.`;
+  const words = picked.length
+    ? shown
+      ? drawnWords
+      : "Fetching …"
+    : "No run is chosen: tick some.";
+  const status = shown ? { "data-ms": ms, "data-samples": count } : {};
+  const press = ({ ctrlKey, metaKey, key }) => {
+    if ((ctrlKey || metaKey) && key === "z") window.history.back();
+    if ((ctrlKey || metaKey) && key === "y") window.history.forward();
   };
-  return div(
-    { class: "linked", onkeydown: press },
-    div(
-      { class: "row" },
-      button("Undo zoom", () => window.history.back(), {
-        disabled: depth === 0,
-        title: "Ctrl+Z, or the browser's Back",
-      }),
-      button("Whole", () => set({ t: null, d: null, v: null }), { title: "All of every plot" }),
-      div(
-        { class: "chips", role: "group", "aria-label": "Plots" },
-        known.map(({ id, title }) =>
-          button(title.replace(" over time", ""), () => set({ without: toggled(without, id) }), {
-            "aria-pressed": String(!without.includes(id)),
-          }),
-        ),
-      ),
-    ),
-    p(
-      {
-        class: "small",
-        "aria-live": "polite",
-        id: "view-status",
-        "data-ms": shown ? ms : null,
-        "data-samples": shown ? count : null,
-      },
-      status,
+  const undo = { disabled: !window.history.state?.depth, title: "Ctrl+Z, or the browser's Back" };
+  return div.linked(
+    { onkeydown: press },
+    div.row(
+      button("Undo zoom", () => window.history.back(), "", undo),
+      button("Whole", () => set({ t: null, d: null, v: null }), "", { title: "All of every plot" }),
+      p.small({ "aria-live": "polite", id: "view-status", ...status }, words),
     ),
     faults.slice(0, 2).map((fault) => note("warning", fault)),
-    own[0].data && legendOf(own[0].data, hide, (key) => set({ hide: toggled(hide, key) })),
-    loops.length > 0 && div({ class: "pair" }, loops.map(draw)),
-    rest.map(draw),
-    curves.length > 0 &&
-      readout(
-        curves.filter(({ key }) => !hide.includes(key)),
-        t,
-      ),
+    legendOf(drawn.panes[0].data, hide, (key) => set({ hide: toggled(hide, key) })),
+    div.pair(loops.map(draw)),
+    visible.filter((pane) => !loops.includes(pane)).map(draw),
+    drawn.curves.length > 0 && readout(drawn.curves, hide, t),
   );
 }
 
 /** Return the values at the cursor, one row for each curve. */
-function readout(curves, t) {
-  const known = VALUES.filter(([name]) => curves.some(({ columns }) => columns[name]));
-  const valueOf = ({ columns }, name, digits) => {
-    const at = t === null ? null : nearest(columns.time_s, t);
-    return at === null || !columns[name] ? "" : fixed(columns[name][at], digits);
-  };
-  const cell = ([name, title, unit, digits]) => ({
-    title,
-    unit,
-    number: true,
-    cell: (one) => valueOf(one, name, digits),
-  });
-  const first = {
-    title: t === null ? "point at a plot over time" : `${t.toFixed(3)} s`,
-    class: "name",
-    cell: ({ name }) => name,
-  };
-  return div(
-    { class: "readout-table" },
-    table([first, ...known.map(cell)], curves.slice(0, 8), { label: "Values at the cursor" }),
+function readout(all, hide, t) {
+  const curves = all.filter(({ key }) => !hide.includes(key)).slice(0, CURSOR_ROWS_MAX);
+  const known = Object.entries(QUANTITIES).filter(
+    ([name, [, , digits]]) => has(digits) && curves.some(({ columns }) => columns[name]),
   );
+  const columnOf = ([name, [word, unit, digits]]) => {
+    const value = ({ columns }) =>
+      t !== null && columns[name] ? fixed(columns[name][nearest(columns.time_s, t)], digits) : "";
+    return [word, value, "n", unit];
+  };
+  const title = t === null ? "point at a plot over time" : `${t.toFixed(3)} s`;
+  const first = [title, ({ name }) => name, "name"];
+  const columns = [first, ...known.map(columnOf)];
+  return div["readout-table"](table("Values at the cursor", columns, curves));
 }
 
-/** Return the errors of cards on runs. */
-export function errorTable(picked, cards, link = (run) => run.name) {
+export function errorTable(picked, cards, link) {
   const rows = picked.flatMap((run) => cards.map((card) => ({ run, card })));
-  const cell =
-    (name, digits) =>
-    ({ run, card }) => {
-      const found = once(`error ${run.file} ${run.name} ${card}`, () =>
-        samples(run, card, { max: 64 }),
-      );
-      return fixed(found?.head?.[name], digits);
-    };
-  return table(
-    [
-      { title: "run", class: "name", cell: ({ run }) => link(run) },
-      { title: "card", class: "whole", cell: ({ card }) => card },
-      {
-        title: "in the fit",
-        class: "whole",
-        cell: ({ run, card }) => SPLITS[splitsOf(card).get(run.name)] ?? "not used",
-      },
-      { title: "RMS error", unit: "N", number: true, cell: cell("rmse_N", 1) },
-      { title: "error", unit: "% of spread", number: true, cell: cell("nrmse_percent", 2) },
-    ],
-    rows,
-    {
-      label: "Errors of the whole run",
-      note: "Errors of the whole run. Grey and wide: measured. Thin and coloured: modelled.",
-      rowClass: ({ run, card }) => (splitsOf(card).get(run.name) === "held_out" ? "held" : ""),
-    },
-  );
+  const splitOf = ({ run, card }) => splitsOf(card).get(run.name);
+  const value = (name, digits) => (row) => {
+    const { run, card } = row;
+    const ask = () => samples(run, card, { max: 64 });
+    return fixed(once(`error ${run.file} ${run.name} ${card}`, ask)?.head?.[name], digits);
+  };
+  const columns = [
+    ["run", ({ run }) => link(run), "name"],
+    ["card", ({ card }) => card, "whole"],
+    ["in the fit", (row) => splitOf(row)?.replace("_", " ") ?? "not used", "whole"],
+    ["RMS error", value("rmse_N", 1), "n", "N"],
+    ["error", value("nrmse_percent", 2), "n", "% of spread"],
+  ];
+  const rowClass = (row) => (splitOf(row) === "held_out" ? "held" : "");
+  return table("Errors of the whole run", columns, rows, { rowClass });
 }
 
-/** Return peak forces, energy and damping of the drawn runs. */
+/** Return peak forces, energy and damping of the last complete cycle of the drawn runs. */
 export function characteristics(picked) {
   const valuesOf = (run) =>
     once(`samples ${run.file} ${run.name}`, () => samples(run, null, { max: 65536 }))?.columns;
-  const rows = picked.map((run) => ({
-    run,
-    ...(valuesOf(run)?.force_N ? measuresOf(valuesOf(run)) : {}),
-  }));
-  const value = (title, unit, name, digits) => ({
-    title,
-    unit,
-    number: true,
-    cell: (row) => fixed(row[name], digits),
-  });
-  return table(
-    [
-      { title: "run", class: "name", cell: ({ run }) => run.name },
-      { title: "command", class: "whole", cell: ({ run }) => commandOf(run) },
-      value("peak speed", "mm/s", "speed", 0),
-      value("highest force", "N", "high", 0),
-      value("lowest force", "N", "low", 0),
-      value("energy per cycle", "J", "energy", 2),
-      value("equivalent damping", "kN s/m", "damping", 2),
-    ],
-    rows.sort((x, y) => x.run.command - y.run.command),
-    {
-      label: "Characteristic",
-      note: "Peak forces, energy and equivalent damping of the last complete cycle of each run.",
-    },
-  );
+  const rows = picked.map((run) => ({ run, ...measuresOf(valuesOf(run)) }));
+  rows.sort((x, y) => x.run.command - y.run.command);
+  const show = (name, digits) => (row) => fixed(row[name], digits);
+  const columns = [
+    ["run", ({ run }) => run.name, "name"],
+    ["command", ({ run }) => commandOf(run), "whole"],
+    ["peak speed", show("speed", 0), "n", "mm/s"],
+    ["highest force", show("high", 0), "n", "N"],
+    ["lowest force", show("low", 0), "n", "N"],
+    ["energy per cycle", show("energy", 2), "n", "J"],
+    ["equivalent damping", show("damping", 2), "n", "kN s/m"],
+  ];
+  return table("Characteristic of the last complete cycle", columns, rows);
 }
 
 function measuresOf(columns) {
+  if (!columns?.force_N) return {};
   const { displacement_mm: x, force_N: force, time_s: time } = prepared(columns, 1, true);
   let energy = 0;
   for (let k = 1; k < x.length; k += 1)
@@ -476,4 +302,3 @@ function measuresOf(columns) {
 }
 
 export const linkedView = (props) => h(LinkedView, props);
-export { idOf };

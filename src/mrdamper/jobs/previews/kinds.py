@@ -28,24 +28,13 @@ _CSV: tuple[tuple[str, str], ...] = (
 )
 
 
-def kind_of_input(path: Path) -> str | None:
-    """Return the probable kind of an input; None if its first lines match no kind."""
-    try:
-        found = path.stat()
-        return _kind(path, found.st_size, found.st_mtime_ns)
-    except OSError:
-        return None
-
-
 @lru_cache(maxsize=1024)
-def _kind(path: Path, _size: int, _time: int) -> str | None:
+def kind_of_input(path: Path, _size: int, _time: int) -> str | None:
+    """Return the probable kind of an input; None if its first lines match no kind."""
     with path.open("rb") as file:
-        text = file.read(_HEAD_SIZE_BYTES).decode("utf-8", errors="replace")
-    if path.suffix.lower() == ".toml":
-        lines = [line.strip() for line in text.splitlines()]
-        said = ((kind, re.compile(pattern)) for kind, pattern in _TOML)
-        return next((kind for kind, known in said if any(known.match(line) for line in lines)), None)
+        lines = file.read(_HEAD_SIZE_BYTES).decode("utf-8", errors="replace").splitlines()
     if path.suffix.lower() == ".csv":
-        head = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+        head = next((line for line in lines if line.strip() and not line.startswith("#")), "")
         return next((kind for kind, pattern in _CSV if re.search(pattern, head)), None)
-    return None
+    text = "\n".join(line.strip() for line in lines)
+    return next((kind for kind, pattern in _TOML if re.search(f"^({pattern})", text, re.MULTILINE)), None)

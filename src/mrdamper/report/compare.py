@@ -12,14 +12,15 @@ from rich.markup import escape
 
 from mrdamper.models.characteristics import in_degrees
 from mrdamper.models.comparison import Comparison
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
-from mrdamper.report.figures.palette import shortened
-from mrdamper.report.sections import Table
+from mrdamper.report.figures.style import shortened
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import Table, table_of
 from mrdamper.schema import Json
 
 
-def _answer(comparison: Comparison) -> Json:
+def _fields(comparison: Comparison) -> dict[str, object]:
     forces = _forces(comparison)
     return {
         "verdict": comparison.verdict,
@@ -35,8 +36,8 @@ def _answer(comparison: Comparison) -> Json:
         "forces": forces,
         "energy": _energies(comparison),
         "response": _responses(comparison),
-        "numbers": [asdict(pair) for pair in comparison.parameters],
-        "notes": list(comparison.notes),
+        "numbers": comparison.parameters,
+        "notes": comparison.notes,
     }
 
 
@@ -157,7 +158,7 @@ def _picture(comparison: Comparison) -> Figure:
 
 
 REPORT: Report[Comparison] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=Page(
         name="compare.html",

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from statistics import fmean, median
 
-import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
@@ -14,32 +13,36 @@ from mrdamper.identify.evaluate import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.evaluate import EvaluateResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
-from mrdamper.report.figures.fit import errors_figure
-from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_figure
-from mrdamper.report.figures.style import svg_drawn_by
+from mrdamper.report.base import Report, csv_file, print_notes
+from mrdamper.report.figures.errors import errors_figure, interval_figure
 from mrdamper.report.identification.scores import (
     error_table,
-    pooled_json,
     show_errors,
     show_summaries,
     summaries,
 )
+from mrdamper.report.page import FirstScreen, Page, Tile, count_of
 from mrdamper.report.sections import Picture, Section
-from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json
+
+PANEL_COUNT_MAX = 8  # The worst runs are drawn with the interval of the force.
 
 
-def _answer(result: EvaluateResult) -> Json:
+def _fields(result: EvaluateResult) -> dict[str, object]:
     return {
         "law": result.law,
         "runs": _rows(result),
         "summary": summaries(result.errors),
-        "by_temperature": pooled_json(result.errors),
-        "promised": {split: dict(errors) for split, errors in result.promised.items()},
-        "force_band": _band_json(result),
-        "posterior": _posterior(result),
-        "notes": list(result.notes),
+        "promised": result.promised,
+        "force_band": _band(result),
+        # The 90 % intervals of forces and coefficients from the posterior samples.
+        "posterior": {
+            "probability": INTERVAL_PROBABILITY,
+            "interval_width_N": median(each.width_N for each in result.forces),
+            "coefficients": result.coefficients,
+        }
+        if result.forces
+        else None,
+        "notes": result.notes,
     }
 
 
@@ -48,23 +51,6 @@ def _rows(result: EvaluateResult) -> list[dict[str, object]]:
     for each, interval in zip(rows, result.forces, strict=False):
         each |= {"rmse_interval_N": list(interval.rmse_N), "interval_width_N": interval.width_N}
     return rows
-
-
-def _posterior(result: EvaluateResult) -> Json | None:
-    """Return the 90 % intervals of forces and coefficients from the posterior samples."""
-    if not result.forces:
-        return None
-    return {
-        "probability": INTERVAL_PROBABILITY,
-        "interval_width_N": median(each.width_N for each in result.forces),
-        "coefficients": [
-            {
-                name: value.tolist() if isinstance(value, np.ndarray) else value
-                for name, value in asdict(each).items()
-            }
-            for each in result.coefficients
-        ],
-    }
 
 
 def _interval_sentences(result: EvaluateResult) -> Iterator[str]:
@@ -103,7 +89,7 @@ def _new_runs(result: EvaluateResult) -> list[RunError]:
     return [each for each in result.errors if each.split == "held_out"]
 
 
-def _band_json(result: EvaluateResult) -> Json | None:
+def _band(result: EvaluateResult) -> dict[str, object] | None:
     """Return the force band of the card, and the fractions of samples within it."""
     if result.band is None:
         return None
@@ -129,7 +115,7 @@ def _first(result: EvaluateResult) -> FirstScreen:
     sizes, rms = [each.nrmse_percent for each in found], [each.rmse_N for each in found]
     known = "" if band is None else f". The expected error is {band.expected_nrmse_percent:.1f} %"
     inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
-    runs = f"{len(found)} run{'' if len(found) == 1 else 's'}"
+    runs = count_of("run", len(found))
     return FirstScreen(
         title="Evaluation of runs",
         subject=f"A card of the model {result.law}, on {runs}.",
@@ -151,44 +137,31 @@ def _first(result: EvaluateResult) -> FirstScreen:
     )
 
 
-def _picture(result: EvaluateResult) -> Figure:
-    bar_count_max = 20  # The figure shows the worst runs.
-    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:bar_count_max]
-    return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
-
-
 def _sections(result: EvaluateResult) -> list[Section]:
     """Return the table of runs, and the intervals of forces and coefficients."""
     heading = "90 % intervals of coefficients and of the forces of the worst runs"
-    intervals = {each.name: each for each in result.forces}
-    return [
-        error_table(result.errors, intervals),
-        *([Picture(heading, lambda: _interval_svg(result, heading))] if result.forces else []),
-    ]
+    errors = error_table(result.errors, {each.name: each for each in result.forces})
+    return [errors, Picture(heading, lambda: _intervals(result))]
 
 
-def _interval_svg(result: EvaluateResult, label: str) -> str:
-    return svg_drawn_by(lambda: _intervals(result), label)
-
-
-def _intervals(result: EvaluateResult) -> Figure:
-    panel_count_max = 8  # The worst runs are drawn with the interval of the force.
+def _intervals(result: EvaluateResult) -> Figure | None:
+    if not result.forces:
+        return None
     error = {each.name: each.nrmse_percent for each in result.errors}
-    worst = sorted(result.forces, key=lambda each: -error[each.name])[:panel_count_max]
-    groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
-    return panel_figure(groups)
+    worst = sorted(result.forces, key=lambda each: -error[each.name])[:PANEL_COUNT_MAX]
+    return interval_figure(worst, result.coefficients, result.command_unit)
 
 
 REPORT: Report[EvaluateResult] = Report(
-    answer=_answer,
+    fields=_fields,
     show=_show,
     page=Page(
         name="evaluate.html",
         first=_first,
-        picture=_picture,
+        picture=lambda result: errors_figure(result.errors),
         label="Error by run",
         sections=_sections,
     ),
-    files=(WrittenFile(name="errors.csv", write=lambda result, path: write_table(path, _rows(result))),),
+    files=(csv_file("errors.csv", _rows),),
     rows=_rows,
 )

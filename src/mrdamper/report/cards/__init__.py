@@ -1,1 +1,0 @@
-"""Reports of jobs on cards: errors on runs, comparison of two cards."""
