@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+DEVIATION_PER_MAD = 1.4826  # standard / median absolute deviation of a normal distribution
 
 
 def read_only(values: ArrayLike) -> FloatArray:

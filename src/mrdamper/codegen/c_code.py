@@ -29,7 +29,6 @@ from mrdamper.errors import InputError
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-VALUES_PER_LINE = 8
 _REAL_BYTES = {"float": 4, "double": 8}
 
 
@@ -153,8 +152,9 @@ class _Array:
 
     @property
     def lines(self) -> Iterator[str]:
-        for start in range(0, len(self.values), VALUES_PER_LINE):
-            yield ", ".join(self.values[start : start + VALUES_PER_LINE])
+        values_per_line = 8
+        for start in range(0, len(self.values), values_per_line):
+            yield ", ".join(self.values[start : start + values_per_line])
 
 
 @dataclass(frozen=True, slots=True)

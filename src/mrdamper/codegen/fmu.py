@@ -32,12 +32,6 @@ from mrdamper.files import is_folder
 _BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # folder names of FMI 2.0, by operating system and machine
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
-# Longest communication step. The inputs are known only at the beginning of a communication step. Therefore
-# the motion is extrapolated by a parabola. With the longest step, the force deviates by 0.1 % (RMS) for a
-# motion at 1 Hz and by 6 % at 5 Hz.
-STEP_MAX_S = 10e-3
-_LARGEST_DOUBLE = 1.7976931348623157e308
-_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # A constant date makes the archive of a target always the same.
 
 
 def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
@@ -94,8 +88,14 @@ def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict
 
 
 def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[str, Any]:
+    # The inputs are known only at the beginning of a communication step. Therefore the motion is extrapolated
+    # by a parabola. With the longest step, the force deviates by 0.1 % (RMS) for a motion at 1 Hz and by 6 %
+    # at 5 Hz.
+    step_max_s = 10e-3
+    largest_double = 1.7976931348623157e308
+
     def number(value: float) -> str:
-        finite = math.copysign(_LARGEST_DOUBLE, value) if math.isinf(value) else value
+        finite = math.copysign(largest_double, value) if math.isinf(value) else value
         return repr(float(finite))
 
     def access(variable: Variable) -> str:
@@ -112,7 +112,7 @@ def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[
         "number": number,
         "access": access,
         "token": token,
-        "step_max_s": max(STEP_MAX_S, target.period_s),
+        "step_max_s": max(step_max_s, target.period_s),
     }
 
 
@@ -153,11 +153,12 @@ def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
 
 def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
     """Write a ZIP archive atomically. The same content always gives the same bytes."""
+    zip_date = (1980, 1, 1, 0, 0, 0)  # A constant date makes the archive of a target always the same.
     beside = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         with zipfile.ZipFile(beside, "w") as archive:
             for name, data in content.items():
-                entry = zipfile.ZipInfo(name, date_time=_ZIP_DATE)
+                entry = zipfile.ZipInfo(name, date_time=zip_date)
                 entry.create_system = 3  # Unix, so that the file modes below are valid
                 entry.external_attr = (0o100755 if name.endswith(".so") else 0o100644) << 16
                 archive.writestr(entry, data, zipfile.ZIP_DEFLATED, 9)

@@ -26,10 +26,8 @@ from mrdamper.models.characteristics import PERIOD_COUNT, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-SPEED_COUNT = 12  # Speeds in each direction, denser at low speeds.
 COMMAND_COUNT = 9
 TEMPERATURE_STEP_K = 20.0
-LOOP_SAMPLE_COUNT = 4000  # Samples of one period of the loop.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +83,7 @@ def force_map(card: ModelCard) -> ForceMap:
     InputError
         If the envelope of the card has no motion, or the card has a user-defined law.
     """
+    speed_count = 12  # Speeds in each direction, denser at low speeds.
     damper, envelope = card.damper, card.envelope
     amplitude, fastest = max(map(abs, envelope.displacement)), max(map(abs, envelope.velocity))
     if not (amplitude > 0.0 and fastest > 0.0):
@@ -94,7 +93,7 @@ def force_map(card: ModelCard) -> ForceMap:
             expected="a motion",
             remedy="Identify runs in which the damper moves",
         )
-    shares = (np.arange(1, SPEED_COUNT + 1) / SPEED_COUNT) ** 1.5
+    shares = (np.arange(1, speed_count + 1) / speed_count) ** 1.5
     speeds = np.array([float(f"{fastest * share:.3g}") for share in shares[:-1]] + [fastest])
     commands = np.linspace(max(envelope.command[0], 0.0), envelope.command[1], COMMAND_COUNT)
     if np.ptp(commands) == 0.0:
@@ -121,18 +120,19 @@ def _branches(
     card: ModelCard, amplitude: float, command: float, kelvin: float, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the force where a steady sine passes each velocity upwards, and where downwards."""
+    loop_sample_count = 4000  # Samples of one period of the loop.
     fastest = float(velocity[-1])
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))
     path = drive(
         motion,
         duration=PERIOD_COUNT * motion.period,
-        rate_Hz=LOOP_SAMPLE_COUNT * motion.frequency,
+        rate_Hz=loop_sample_count * motion.frequency,
         command=command,
         temperature=kelvin,
     )
-    force = simulate(card.damper, path)[-LOOP_SAMPLE_COUNT - 1 :]
-    v = path.velocity[-LOOP_SAMPLE_COUNT - 1 :]
-    half = LOOP_SAMPLE_COUNT // 2
+    force = simulate(card.damper, path)[-loop_sample_count - 1 :]
+    v = path.velocity[-loop_sample_count - 1 :]
+    half = loop_sample_count // 2
     upwards = np.interp(velocity, v[half:], force[half:])
     downwards = np.interp(velocity, v[half::-1], force[half::-1])
     return upwards, downwards

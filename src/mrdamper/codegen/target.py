@@ -27,7 +27,6 @@ Precision = Literal["float", "double"]
 CONTENTS: tuple[Content, ...] = ("model", "controller", "both")
 PRECISIONS: tuple[Precision, ...] = ("float", "double")
 
-STEP_RANGE_S = (50e-6, 10e-3)  # The filter of the motion signal is designed for this range.
 _C_WORDS = (
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
     "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
@@ -172,7 +171,8 @@ def _check_name(name: str) -> None:
 
 
 def _check_step(period_s: float) -> None:
-    low, high = STEP_RANGE_S
+    step_range_s = (50e-6, 10e-3)  # The filter of the motion signal is designed for this range.
+    low, high = step_range_s
     if not low <= period_s <= high:
         raise InputError(
             found=f"step is {1e3 * period_s:g} ms",

@@ -10,15 +10,8 @@ from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, typical_power
 
 __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 
-POWER_FILTER_S = 30.0  # time constant of the filtered power that predicts the time to the limit
-# *Missing heat* is the estimated heat flow that the model does not contain. Without a valid reading, the
-# estimate decays with this time constant.
-MISSING_HEAT_DECAY_S = 1800.0
-MISSING_HEAT_MAX_RATIO = 0.3  # maximum missing heat, divided by the typical power
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
 HORIZON_S = 7200.0  # MRD_THERMAL_HORIZON
-COMMAND_MIN_A = 0.2  # The coil resistance is used as a measurement only above this current.
-SURFACE_KIND_COUNT_MAX = 8
 
 
 def steps_between_updates(period_s: float) -> int:
@@ -31,6 +24,13 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
 
     ``amperes_per_command`` is the coil current divided by the command [A/A or A/V]; 0 if it is unknown.
     """
+    power_filter_s = 30.0  # time constant of the filtered power that predicts the time to the limit
+    # *Missing heat* is the estimated heat flow that the model does not contain. Without a valid reading, the
+    # estimate decays with this time constant.
+    missing_heat_decay_s = 1800.0
+    missing_heat_max_ratio = 0.3  # maximum missing heat, divided by the typical power
+    command_min_A = 0.2  # The coil resistance is used as a measurement only above this current.
+    surface_kind_count_max = 8
     n, kinds, every = model.states, len(model.law), steps_between_updates(period_s)
     update, power, films = every * period_s, typical_power(model), model.films
     points = len(PARTS) * POINT_COUNT
@@ -38,7 +38,7 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
     through = np.vstack(
         [model.fluid_feedthrough, model.coil_feedthrough, model.spots_feedthrough.reshape(points, 2)]
     )
-    law = (*model.law, *[0] * (SURFACE_KIND_COUNT_MAX - kinds))
+    law = (*model.law, *[0] * (surface_kind_count_max - kinds))
     limits = {f"limit_{part}": float(each) for part, each in zip(PARTS, model.limits, strict=True)}
     return {
         "states": n,
@@ -53,10 +53,10 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
         "air_speed": model.air_speed,
         "coil_heat": model.resistance * amperes_per_command**2,
         "resistance": model.resistance,
-        "least_command": COMMAND_MIN_A / amperes_per_command if amperes_per_command else 1e6,
-        "smoothing": update / POWER_FILTER_S,
-        "most_excess": MISSING_HEAT_MAX_RATIO * power,
-        "fading": float(np.exp(-update / MISSING_HEAT_DECAY_S)),
+        "least_command": command_min_A / amperes_per_command if amperes_per_command else 1e6,
+        "smoothing": update / power_filter_s,
+        "most_excess": missing_heat_max_ratio * power,
+        "fading": float(np.exp(-update / missing_heat_decay_s)),
         "still": _STILL_K,
         "frozen_change": FROZEN_K,
         "wrong": _WRONG_K,

@@ -27,8 +27,6 @@ _OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
 _OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE
 _OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
 
-GAIN_MAX = 1e9  # upper limit of feedback gains, so large that it has no effect
-
 
 def variables_of(target: Target) -> tuple[Variable, ...]:
     """Return the variables of the FMU of a target, in the order of their value references."""
@@ -182,6 +180,8 @@ def _tunables(target: Target) -> Iterator[Variable]:
 
 
 def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
+    gain_max = 1e9  # upper limit of feedback gains, so large that it has no effect
+
     def number(name: str, of: str, unit: str, low: float, high: float, description: str) -> Variable:
         return tunable(name, unit, attrgetter(of)(config), low, high, description, f"{part}_data.{of}")
 
@@ -192,9 +192,9 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
         yield number("fall_back", "faults.fall_back", unit, 0.0, largest, description)
         if feedback.kind is FeedbackKind.PI:
             description = "gain of the force error"
-            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, GAIN_MAX, description)
+            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, gain_max, description)
             description = "gain of the integral of the force error"
-            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, GAIN_MAX, description)
+            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, gain_max, description)
     if config.heating.heat_capacity > 0.0:
         description = "temperature of the surroundings"
         yield number("ambient_temperature", "heating.ambient", "K", coldest, hottest, description)

@@ -23,9 +23,6 @@ COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "want
 ``wanted_ahead`` is the target force a preview time later. NaN means that an input is unknown.
 """
 
-VALID_TEMPERATURE_K = (233.15, 423.15)  # Temperatures outside this range are faults.
-SINE_COUNT = 12
-
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
@@ -93,6 +90,7 @@ def command_column(target: Target) -> str:
 
 
 def _limits_of(target: Target) -> _Limits:
+    valid_temperature_K = (233.15, 423.15)  # Temperatures outside this range are faults.
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
@@ -100,16 +98,17 @@ def _limits_of(target: Target) -> _Limits:
     motion = Sine(within, speed / (2.0 * np.pi * within))
     strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
-    low, high = VALID_TEMPERATURE_K
+    low, high = valid_temperature_K
     temperature = (max(axes.coldest - 12.0, low + 1.0), min(axes.warmest + 12.0, high - 1.0))
     return _Limits(target.period_s, stroke, speed, target.largest, force, temperature)
 
 
 def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fastest: float) -> FloatArray:
     """Return a sum of sines with random periods between two limits [s]; the values are within -1 to 1."""
+    sine_count = 12
     t = step * np.arange(count)
-    periods = np.exp(rng.uniform(np.log(slowest), np.log(fastest), SINE_COUNT))
-    weight, phase = rng.random(SINE_COUNT), rng.uniform(0.0, 2.0 * np.pi, SINE_COUNT)
+    periods = np.exp(rng.uniform(np.log(slowest), np.log(fastest), sine_count))
+    weight, phase = rng.random(sine_count), rng.uniform(0.0, 2.0 * np.pi, sine_count)
     waves = weight[:, None] * np.sin(2.0 * np.pi * t / periods[:, None] + phase[:, None])
     return np.asarray(waves.sum(axis=0) / weight.sum())
 

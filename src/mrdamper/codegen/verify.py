@@ -42,7 +42,6 @@ DOUBLE_TOLERANCE = 1e-12
 """Relative tolerance in double precision. In single precision, the outputs must be bit-identical."""
 
 STATE_SAMPLE_COUNT = 500  # Internal forces and commands are compared only at every 500th sample.
-PROGRAM_TIME_MAX_S = 300.0  # time limit for the compiler and for the compiled program
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
@@ -300,6 +299,7 @@ def compile_c(command: Sequence[str], place: Path) -> None:
 
 
 def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str]:
+    program_time_max_s = 300.0  # time limit for the compiler and for the compiled program
     plain = {**os.environ, "LC_ALL": "C"}
     try:
         return subprocess.run(
@@ -309,11 +309,11 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
             text=True,
             check=False,
             env=plain,
-            timeout=PROGRAM_TIME_MAX_S,
+            timeout=program_time_max_s,
         )
     except subprocess.TimeoutExpired as fault:
         raise CheckError(
-            place="verification", found=f"{shlex.join(command)} took more than {PROGRAM_TIME_MAX_S:g} s"
+            place="verification", found=f"{shlex.join(command)} took more than {program_time_max_s:g} s"
         ) from fault
     except OSError as fault:
         raise CheckError(

@@ -23,8 +23,6 @@ TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
 """Tolerance of single (True) and double precision (False) [K]."""
 
 _COLUMNS = ("fluid", "gap", "coil", "seal")
-UPDATE_COUNT = 3600
-SEGMENT_COUNT = 12
 LOAD_COMMAND = 1.0
 PROGRAM_TIME_MAX_S = 120.0
 
@@ -79,17 +77,19 @@ def _draw_load(power: float, coil_W: float) -> CompactLoad:
 
     Power, ambient temperature and air speed change at random times.
     """
+    update_count = 3600
+    segment_count = 12
     rng = np.random.default_rng(1)
-    of = np.sort(rng.integers(0, SEGMENT_COUNT, UPDATE_COUNT))
+    of = np.sort(rng.integers(0, segment_count, update_count))
 
     def steps(values: FloatArray) -> FloatArray:
         return np.asarray(values.astype(np.float32)[of], dtype=np.float64)
 
     return CompactLoad(
-        power=steps(power * rng.uniform(0.0, 2.0, SEGMENT_COUNT)),
-        coil_W=np.full(UPDATE_COUNT, coil_W * LOAD_COMMAND**2),
-        ambient=steps(rng.uniform(258.0, 318.0, SEGMENT_COUNT)),
-        air_speed=steps(rng.uniform(-4.0, 10.0, SEGMENT_COUNT).clip(0.0)),
+        power=steps(power * rng.uniform(0.0, 2.0, segment_count)),
+        coil_W=np.full(update_count, coil_W * LOAD_COMMAND**2),
+        ambient=steps(rng.uniform(258.0, 318.0, segment_count)),
+        air_speed=steps(rng.uniform(-4.0, 10.0, segment_count).clip(0.0)),
     )
 
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import DEVIATION_PER_MAD, FloatArray
 
 _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))
 
@@ -91,7 +91,7 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     odd = np.concatenate([kept[:-1], -kept[:0:-1]])  # An odd function has sine terms only.
     coefficient = -np.fft.rfft(odd).imag[1:-1] * np.sqrt(0.5 / (n - 1))
     frequency = np.arange(1, n - 1) / (2.0 * (n - 1) * step)
-    noise = 1.4826 * float(np.median(np.abs(coefficient[-(n // 4) :])))
+    noise = DEVIATION_PER_MAD * float(np.median(np.abs(coefficient[-(n // 4) :])))
     return Spectrum(step, frequency, coefficient**2, max(noise, _rounding(displacement)))
 
 

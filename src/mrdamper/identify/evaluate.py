@@ -17,13 +17,10 @@ from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.problem import FittedDamper, envelope_of
 from mrdamper.identify.scores import RunError, score_run
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-
-# Fraction of samples that is ignored at either end of the range of acceleration. Such extreme values are
-# artefacts of the smoothing.
-ACCELERATION_QUANTILE = 1e-3
 
 
 def evaluate(
@@ -93,7 +90,7 @@ def operating_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
         lows, highs = zip(*ranges, strict=True)
         return min(lows), max(highs)
 
-    ends = ACCELERATION_QUANTILE, 1.0 - ACCELERATION_QUANTILE
+    ends = NUMERICS.acceleration_quantile, 1.0 - NUMERICS.acceleration_quantile
     return replace(
         envelope_of(runs),
         acceleration=union(

@@ -28,6 +28,7 @@ from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.temperature import scale_thinning
 from mrdamper.identify.terms import archetypes_of
 from mrdamper.identify.windows import run_windows
@@ -43,11 +44,6 @@ from mrdamper.schema import finite_or_none
 __all__ = ["Identification", "Law", "assess", "default_law", "fit_law", "versions"]
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
-
-# Limits for the fit of the actuation. Long runs are resampled at a lower rate, but not below 200 Hz. This
-# rate resolves time constants of 5 ms and more.
-ACTUATION_SAMPLES_MAX = 100_000
-ACTUATION_RATE_Hz_MIN = 200.0
 
 
 @dataclass(frozen=True)
@@ -212,7 +208,7 @@ def _with_actuation(
     If this fit fails, the result gets a note and no actuation fit is returned (None).
     """
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
-    rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
+    rate_Hz = max(NUMERICS.actuation_rate_min_Hz, NUMERICS.actuation_samples_max / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
     try:
         found = fit_actuation(result.damper, stepping)

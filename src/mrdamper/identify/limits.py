@@ -14,21 +14,14 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import FitProblem, envelope_of
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.laws import Coefficient
 from mrdamper.quantities import REFERENCE_K
 
-# Number of equidistant currents at which the coefficients of a fitted damper are checked.
-COMMAND_COUNT = 1001
-# A note reports a coefficient if the limitation changes it by more than this ratio of its maximum.
-REPORTED_CHANGE_MIN = 1e-3
-BISECTION_COUNT = 40
 # Parameters that define the shape of a dependence. ``_weaker`` scales all parameters except these.
 _SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")
-# Maximum relative change of the valve force by the position gain at the end of the stroke. Below 1, the valve
-# force keeps its sign.
-POSITION_CHANGE_MAX = 0.99
 
 
 def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
@@ -43,20 +36,20 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
     not sufficient, the dependence of the coefficient on current and temperature is weakened as little as
     necessary.
     """
-    commands = np.linspace(*envelope.command, COMMAND_COUNT)
+    commands = np.linspace(*envelope.command, NUMERICS.limit_command_count)
     kelvin = damper.temperature_range or envelope.temperature or (REFERENCE_K,) * 2
     temperatures = damper.clip_temperature(np.linspace(*kelvin, 9 if kelvin[1] > kelvin[0] else 1))
     at, warm = (grid.ravel() for grid in np.meshgrid(commands, temperatures))
     forms, notes = dict(damper.coefficients), []
     for name, form in damper.coefficients.items():
         # A coefficient that does not depend on current is checked once at each temperature.
-        few = slice(None, None, COMMAND_COUNT if form.kind == "constant" else 1)
+        few = slice(None, None, NUMERICS.limit_command_count if form.kind == "constant" else 1)
         inside = _raised(form, damper.law[name], at[few], warm[few])
         if inside is form:
             continue
         before, after = form.value(at, warm), inside.value(at, warm)
         forms[name] = inside
-        if np.abs(after - before).max() > REPORTED_CHANGE_MIN * np.abs(after).max():
+        if np.abs(after - before).max() > NUMERICS.reported_change_min * np.abs(after).max():
             notes.append(
                 f"{name} is limited to the range of the law, which the fit would exceed within the runs"
             )
@@ -81,7 +74,7 @@ def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin:
     if _keeps(form, admissible, at, kelvin):
         return form
     low, high = 0.0, 1.0
-    for _ in range(BISECTION_COUNT):
+    for _ in range(NUMERICS.bisection_count):
         middle = 0.5 * (low + high)
         inside = _keeps(_weaker(form, middle, admissible), admissible, at, kelvin)
         low, high = (middle, high) if inside else (low, middle)
@@ -109,7 +102,7 @@ def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> Par
 
 def _open_valve(gain: ParameterLaw, envelope: OperatingEnvelope) -> ParameterLaw:
     """Return a position gain limited so that the valve force keeps its sign within the stroke."""
-    gain_max = POSITION_CHANGE_MAX / max(abs(end) for end in envelope.displacement)
+    gain_max = NUMERICS.position_change_max / max(abs(end) for end in envelope.displacement)
     if abs(gain.parameters[0]) <= gain_max or gain.kind != "constant":
         return gain
     return gain.with_parameters((math.copysign(gain_max, gain.parameters[0]),))

@@ -14,14 +14,9 @@ import numpy as np
 
 from mrdamper.arrays import level_numbers
 from mrdamper.data.prepare import PreparedRun
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.force_band import LeftOut
-
-FOLD_COUNT_MAX = 5
-# Two runs have the same motion up to this ratio of their standard deviations of displacement and velocity.
-SIZE_RATIO_MAX = 1.3
-# Two currents count as equal if they differ by less than this fraction of the largest current.
-LEVEL_DISTANCE_RATIO = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +59,9 @@ def motion_groups(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
         for run in runs
     ]
     groups: list[list[int]] = []
+    distance_max = np.log(NUMERICS.fold_motion_ratio)
     for k in sorted(range(len(runs)), key=lambda k: (*sizes[k].tolist(), k)):
-        near = (g for g in groups if np.abs(sizes[k] - sizes[g[0]]).max() < np.log(SIZE_RATIO_MAX))
+        near = (g for g in groups if np.abs(sizes[k] - sizes[g[0]]).max() < distance_max)
         group = next(near, None)
         if group is None:
             groups.append([k])
@@ -77,24 +73,22 @@ def motion_groups(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
 def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
     """Return the folds of a cross-validation; each run or time block is in at most one fold.
 
-    If there are several motions, whole motions are distributed among at most ``FOLD_COUNT_MAX`` folds, so
+    If there are several motions, whole motions are distributed among at most ``fold_count_max`` folds, so
     that each fold has slow and fast motions. If there are a single motion and at least four currents, all
     runs at one current are held out together, except for the smallest and the largest current. Otherwise each
-    run is divided into ``FOLD_COUNT_MAX`` time blocks, and each fold holds out one block of every run.
+    run is divided into this number of time blocks, and each fold holds out one block of every run.
     """
     groups = motion_groups(runs)
     if len(groups) == 1:
         groups = _inner_levels(runs)
         if len(groups) < 2:
             everything = tuple(range(len(runs)))
-            return tuple(
-                Fold(f"block {k + 1} of {FOLD_COUNT_MAX} in time", everything, k)
-                for k in range(FOLD_COUNT_MAX)
-            )
+            count = NUMERICS.fold_count_max
+            return tuple(Fold(f"block {k + 1} of {count} in time", everything, k) for k in range(count))
         labels = [f"{run.trajectory.command.mean():.3g} {run.run.command_unit}" for run in runs]
     else:
         labels = [run.motion for run in runs]
-    count = min(FOLD_COUNT_MAX, len(groups))
+    count = min(NUMERICS.fold_count_max, len(groups))
     dealt = [groups[k::count] for k in range(count)]
     return tuple(
         Fold(
@@ -109,6 +103,6 @@ def _inner_levels(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
     """Return one tuple of run indices for each constant current except the smallest and the largest."""
     known = {k: held for k, run in enumerate(runs) if (held := run.run.constant_command) is not None}
     commands = np.array(list(known.values()))
-    numbers = level_numbers(commands, LEVEL_DISTANCE_RATIO * np.abs(commands).max(initial=0.0))
+    numbers = level_numbers(commands, NUMERICS.same_current_ratio * np.abs(commands).max(initial=0.0))
     inner = range(1, numbers.max(initial=0))
     return tuple(tuple(np.array(list(known))[numbers == level].tolist()) for level in inner)

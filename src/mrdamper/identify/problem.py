@@ -17,15 +17,11 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.identify.settings import DEFAULT_SETTINGS, NUMERICS, FitSettings
 from mrdamper.identify.windows import FitWindow, changing_sample_count, representative_windows, run_windows
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
-
-# Numbers of commands and temperatures at which the fit enforces the valid range of linear coefficients.
-CONDITION_COMMAND_COUNT = 17
-CONDITION_TEMPERATURE_COUNT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +87,9 @@ class FitProblem:
         temperatures.
         """
         template, names = self.template, [free.name for free in self.linear]
-        grid = np.unique(np.linspace(*envelope_of(self.runs).command, CONDITION_COMMAND_COUNT))
-        kelvin = np.unique(
-            np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), CONDITION_TEMPERATURE_COUNT)
-        )
+        grid = np.unique(np.linspace(*envelope_of(self.runs).command, NUMERICS.condition_command_count))
+        span = template.temperature_range or (REFERENCE_K, REFERENCE_K)
+        kelvin = np.unique(np.linspace(*span, NUMERICS.condition_temperature_count))
         rows, floor = [np.zeros((0, len(names)))], [np.zeros(0)]
         for name, law in template.coefficients.items():
             members = [i for i, number in enumerate(names) if number.partition(".")[0] == name]

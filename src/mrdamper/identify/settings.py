@@ -66,3 +66,79 @@ class FitSettings:
 
 
 DEFAULT_SETTINGS = FitSettings()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumericalSettings:
+    """Tolerances, grids and steps of the numerical methods of the identification."""
+
+    # Same operating point: two runs differ by less than these values
+    same_motion_ratio: float = 1.1  # ratio of standard deviations of displacement and of velocity
+    same_current_ratio: float = 0.03  # difference of currents / largest current of all runs
+    same_temperature_K: float = 5.0
+
+    # Windows
+    same_weight_tolerance: float = 1e-6  # relative difference of two weights that count as equal
+    steps_per_period_min: int = 400  # integration steps for slow motions
+    steps_per_sample: int = 4  # A sample with more integration steps counts as several samples.
+    parallel_window_count: int = 8  # windows that the kernel integrates at once
+    fold_count_max: int = 5
+    fold_motion_ratio: float = 1.3  # ratio of standard deviations within the motion that a fold holds out
+    # Limits of the fit of the actuation. Long runs are resampled, but 200 Hz resolves time constants of 5 ms.
+    actuation_samples_max: int = 100_000
+    actuation_rate_min_Hz: float = 200.0
+    acceleration_quantile: float = 1e-3  # Larger accelerations are artefacts of the smoothing.
+
+    # Search: steps of a descent
+    step_max_e_folds: float = 1.5  # longest step of a coordinate on a logarithmic scale
+    step_range_ratio_max: float = 0.3  # longest step on a linear scale / range of the bounds
+    box_round_count_max: int = 8
+    damping_start: float = 1e-2
+    damping_max: float = 1e12
+    # The drift is the change of the force by the elimination of linear parameters, relative to the force.
+    drift_max: float = 0.03  # The tangents are computed again if the drift is larger.
+    failed_drift_max: float = 1e-4  # limit after a failed step
+    # A descent has converged if the expected gain of a step, or the gain of the last steps, is smaller.
+    predicted_gain_min: float = 1e-9  # fraction of the cost
+    gain_min: float = 5e-5  # fraction of the cost that the last steps gain together
+    gain_step_count: int = 10  # number of these last steps
+
+    # Search: linear parameters
+    regularisation_cost: float = 1e-6  # cost [%^2] at a bound; a parameter without effect stays near 0
+    eigenvalue_min: float = 1e-12  # regularisation of a matrix with a unit diagonal
+    # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal.
+    multiplier_regularisation: float = 1e-10
+    resolved_cost_ratio: float = 1e-9  # A smaller cost / cost of the guess is a rounding error.
+    active_stiffness: float = 1e8  # relative stiffness of an active condition
+    sum_count_max: int = 1 << 21  # sums of single runs in memory at a time
+    # OpenBLAS uses one thread for products of this size. Several threads would wait actively.
+    one_thread_size_max: int = 1 << 17
+    invalid_cost: float = 1e6  # cost of a candidate with invalid coefficients on all runs [%^2]
+
+    # Thorough search
+    # Fraction of the coordinates that a perturbation changes, and its size in e-folds on a logarithmic scale
+    perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
+    perturbation_range_ratio: float = 0.1  # the same size on a linear scale / range of the bounds
+    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # coefficients that come from another minimum
+    python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
+
+    # Conditions and limits of coefficients
+    condition_command_count: int = 17  # commands at which conditions are enforced
+    condition_temperature_count: int = 3
+    limit_command_count: int = 1001  # currents at which the coefficients of a fitted damper are checked
+    reported_change_min: float = 1e-3  # change of a coefficient / its maximum
+    bisection_count: int = 40
+    # Relative change of the valve force by the position gain at the end of the stroke; 1 changes the sign
+    position_change_max: float = 0.99
+
+    # Temperature
+    linear_decrease_max: float = 0.95  # A linear factor stays positive at the measured temperatures.
+    temperature_margin_K: float = 5.0  # Coefficients are extrapolated this far beyond the runs.
+    sharpness_level_count_min: int = 5  # currents for a fit of the sharpness of a saturation
+
+    # Actuation
+    command_step_ratio: float = 0.01  # step of a difference quotient / largest command
+    parameter_step_ratio: float = 0.01  # step of a difference quotient / scale of the parameter
+
+
+NUMERICS = NumericalSettings()

@@ -16,6 +16,7 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FreeParameter
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import (
     Bipolynomial,
@@ -44,13 +45,8 @@ _VISCOUS = (
 _YIELDING = ("yield_force", "second_force", "rate_force", "memory_force", "bristle_stiffness")
 _MOBILE = ("creep",)  # Creep is proportional to 1 / viscosity.
 _FRICTION = ("coulomb_friction", "breakaway_friction", "friction_force")
-# Temperatures with a smaller difference count as one temperature.
-LEVEL_DISTANCE_MIN_K = 5.0
 # Number of different temperatures that each kind of temperature dependence requires.
 LEVEL_COUNT_MIN = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}
-# A linear factor must stay positive. Its decrease at the temperature farthest from 20 degC is limited to this
-# value.
-LINEAR_DECREASE_MAX = 0.95
 
 
 class FluidFactors(Protocol):
@@ -77,7 +73,7 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
     ends = sorted({float(end) for track in known for end in (track.min(), track.max())})
     levels = [ends[0]]
     for end in ends[1:]:
-        if end - levels[-1] >= LEVEL_DISTANCE_MIN_K:
+        if end - levels[-1] >= NUMERICS.same_temperature_K:
             levels.append(end)
     return tuple(levels)
 
@@ -149,7 +145,7 @@ def apply_temperature(
             ),
         )
     span = max(1.0, *(abs(level - REFERENCE_K) for level in levels))
-    slope_max = LINEAR_DECREASE_MAX / span
+    slope_max = NUMERICS.linear_decrease_max / span
     temperature_dependent: dict[str, ParameterLaw] = dict(forms)
     moved = list(free)
     for name in affected:

@@ -16,6 +16,7 @@ from mrdamper.arrays import level_numbers
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FreeParameter
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.temperature import (
     FluidFactors,
     Temperature,
@@ -29,12 +30,7 @@ from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw
 from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.schema import unknown_name
 
-HELD_BEYOND_K = 5.0
-"""Coefficients are extrapolated by this beyond the temperatures of the runs [K]. Then they stay constant."""
-
 _DEGREES = {"line": 1, "polynomial": 2}  # degree of the polynomial in the current
-# Number of different currents that a fit of the sharpness of a saturation requires.
-SHARPNESS_LEVEL_COUNT_MIN = 5
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
@@ -130,7 +126,8 @@ def template(
         free.append(FreeParameter(LAG, 1e-4, 0.3, "log"))
     beyond = None if fluid is None else fluid.valid_K
     if follows_temperature:
-        beyond = (scale.temperatures[0] - HELD_BEYOND_K, scale.temperatures[-1] + HELD_BEYOND_K)
+        margin = NUMERICS.temperature_margin_K
+        beyond = (scale.temperatures[0] - margin, scale.temperatures[-1] + margin)
     return Damper(law, forms, units.pop(), lag, temperature_range=beyond), tuple(free)
 
 
@@ -230,7 +227,7 @@ def _dependence(
             FreeParameter(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
             FreeParameter(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
         ]
-        if form == "saturation" and s.levels >= SHARPNESS_LEVEL_COUNT_MIN:
+        if form == "saturation" and s.levels >= NUMERICS.sharpness_level_count_min:
             bend = FreeParameter(f"{name}.sharpness", 0.5, 6.0, "log")
             return Saturation(0.1 * start, start, s.command, 1.5, s.command), [*parameters, bend]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]

@@ -26,19 +26,8 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
-from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.identify.settings import DEFAULT_SETTINGS, NUMERICS, FitSettings
 from mrdamper.models.simulate import Drive, open_drive
-
-SAME_WEIGHT_TOLERANCE = 1e-6  # relative difference of two weights that count as equal
-# Two runs have the same operating point if they differ by less than all of the following limits.
-SAME_MOTION_RATIO = 1.1  # ratio of standard deviations of displacement and of velocity
-SAME_CURRENT_RATIO = 0.03  # difference of currents, divided by the largest current of all runs
-SAME_TEMPERATURE_K = 5.0
-STEPS_PER_PERIOD = 400  # min number of integration steps per period for slow motions
-STEPS_PER_SAMPLE = 4  # A sample with more integration steps than this counts as several samples.
-# Number of windows that the kernel integrates in parallel. One long window takes as long as this number of
-# short windows.
-PARALLEL_COUNT = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,13 +78,13 @@ def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, .
     """Return the features of a run, scaled so that a difference of 1 means another operating point."""
     path, part = run.trajectory, slice(run.scored_from, None)
     kelvin = 0.0 if path.temperature is None else float(path.temperature[part].mean())
-    current = path.command[part] / (SAME_CURRENT_RATIO * highest_current)
+    current = path.command[part] / (NUMERICS.same_current_ratio * highest_current)
     return (
-        math.log(max(float(np.std(path.displacement[part])), 1e-9)) / math.log(SAME_MOTION_RATIO),
-        math.log(max(float(np.std(path.velocity[part])), 1e-9)) / math.log(SAME_MOTION_RATIO),
+        math.log(max(float(np.std(path.displacement[part])), 1e-9)) / math.log(NUMERICS.same_motion_ratio),
+        math.log(max(float(np.std(path.velocity[part])), 1e-9)) / math.log(NUMERICS.same_motion_ratio),
         float(current.mean()),
         float(np.std(current)),
-        kelvin / SAME_TEMPERATURE_K,
+        kelvin / NUMERICS.same_temperature_K,
     )
 
 
@@ -193,12 +182,12 @@ def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> Fi
 
 
 def _longest_step_s(run: PreparedRun) -> float:
-    return max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
+    return max(core.LONGEST_STEP, _shortest_period_s(run) / NUMERICS.steps_per_period_min)
 
 
 def _relative_cost(run: PreparedRun) -> float:
     """Return the simulation time per sample, divided by the time of a run with few integration steps."""
-    return max(run.trajectory.step / _longest_step_s(run) / STEPS_PER_SAMPLE, 1.0)
+    return max(run.trajectory.step / _longest_step_s(run) / NUMERICS.steps_per_sample, 1.0)
 
 
 def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
@@ -338,7 +327,7 @@ def _merge(
     several windows in parallel.
     """
     merged: list[tuple[_Span, float]] = []
-    longest = sum(span.stop - span.start for span in spans) / PARALLEL_COUNT
+    longest = sum(span.stop - span.start for span in spans) / NUMERICS.parallel_window_count
     for span, fraction in zip(spans, fractions, strict=True):
         if merged:
             last, before = merged[-1]
@@ -348,7 +337,7 @@ def _merge(
             if (
                 is_short
                 and (last.run, last.block, last.stop) == (span.run, span.block, span.start)
-                and abs(ratio - 1.0) < SAME_WEIGHT_TOLERANCE
+                and abs(ratio - 1.0) < NUMERICS.same_weight_tolerance
                 and len(_split_by_temperature(runs[span.run], joined, settings)) == 1
             ):
                 merged[-1] = (joined, before + fraction)

@@ -34,7 +34,6 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import finite_or_none
 
 _USUAL = CheckOptions()
-_SAMPLE_COUNT_MAX = 400  # max number of plotted samples of each run
 
 HELD_OUT_EFFECT = "The run is held out: its held-out error is affected, the fit is not"
 HELD_OUT_KINDS = frozenset(
@@ -205,9 +204,10 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
 
 def _interval_widths(run: Recording) -> FloatArray:
     """Return equally spaced samples of a run for a plot: displacement [mm] and force [N], shape (n, 2)."""
+    sample_count_max = 400  # max number of plotted samples of each run
     count = min(len(run.displacement), len(run.force))
     chosen = np.unique(
-        np.linspace(0, max(count - 1, 0), min(count, _SAMPLE_COUNT_MAX)).round().astype(np.intp)
+        np.linspace(0, max(count - 1, 0), min(count, sample_count_max)).round().astype(np.intp)
     )
     return np.column_stack([1e3 * run.displacement[chosen], run.force[chosen]])
 

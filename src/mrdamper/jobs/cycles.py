@@ -17,7 +17,6 @@ from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
 from mrdamper.results import JobResult
 
 _DEFAULT = CyclesOptions()
-GROUP_COUNT_MAX = 2048  # max number of points of a curve on the page
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +69,7 @@ class CyclesResult(JobResult):
     @property
     def group_size(self) -> int:
         """Return the number of cycles in each group; a group is one point of a plotted curve."""
-        return -(-len(self.cycles) // GROUP_COUNT_MAX) or 1
+        return -(-len(self.cycles) // 2048) or 1  # max number of points of a curve on the page
 
     @property
     def group_number(self) -> FloatArray:

@@ -21,8 +21,6 @@ from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import to_degC
 from mrdamper.results import JobResult
 
-FLUX_DENSITY_MAX_T = 5.0  # No rheometer reaches a larger value. Such a value indicates a wrong unit.
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FluidResult(JobResult):
@@ -117,12 +115,13 @@ def _study_yield_stress(tables: Sequence[RheometerTable], like: Fluid, notes: li
 
 
 def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place: str) -> FloatArray:
+    flux_density_max_T = 5.0  # No rheometer reaches a larger value. Such a value indicates a wrong unit.
     largest = float(np.abs(flux_density_T).max())
-    if largest > FLUX_DENSITY_MAX_T:
+    if largest > flux_density_max_T:
         raise InputError(
             f"a field of {largest:g} T",
             place=place,
-            expected=f"at most {FLUX_DENSITY_MAX_T:g} T",
+            expected=f"at most {flux_density_max_T:g} T",
             remedy="Check the unit in the header (field_mT, field_T, field_kA_m)",
         )
     return field_strength(flux_density_T, particle_fraction)

@@ -22,8 +22,6 @@ from mrdamper.quantities import REFERENCE_K
 PYTHON_RATE_Hz = 200.0
 """Sampling rate of simulations with a law in Python. It is low because such a law is slow."""
 
-_COMMAND_COUNT = 41  # number of points on the curve of a coefficient versus the command
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceInterval:
@@ -81,7 +79,7 @@ def coefficient_intervals(
     damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
 ) -> tuple[CoefficientInterval, ...]:
     """Return all coefficients that depend on the command, with intervals from the posterior samples."""
-    command = np.linspace(*commands, _COMMAND_COUNT)
+    command = np.linspace(*commands, 41)  # number of points on the curve of a coefficient versus the command
     kelvin = np.full(len(command), REFERENCE_K)
     found = []
     for name, form in damper.coefficients.items():

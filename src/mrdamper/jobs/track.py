@@ -45,8 +45,6 @@ TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
 _REACHED_FRACTION_MIN = 0.5  # min fraction of the time with attainable target force
-_STROKE_RATIO_MAX = 1.05  # max displacement of a target, divided by the displacement of the card
-_FORCE_RATIO_MAX = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 
 
@@ -476,7 +474,8 @@ def _scenarios(
 
 
 def _is_within(displacement: FloatArray, stroke: tuple[float, float]) -> bool:
-    low, high = _STROKE_RATIO_MAX * min(stroke[0], 0.0), _STROKE_RATIO_MAX * max(stroke[1], 0.0)
+    stroke_ratio_max = 1.05  # max displacement of a target, divided by the displacement of the card
+    low, high = stroke_ratio_max * min(stroke[0], 0.0), stroke_ratio_max * max(stroke[1], 0.0)
     return bool(displacement.min() >= low and displacement.max() <= high)
 
 
@@ -570,12 +569,13 @@ def _build(place: str, card: ModelCard, options: TrackOptions, largest: float) -
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
     """Return a note if the forces of card and damper differ much at the largest current."""
+    force_ratio_max = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A
     plant = damper.plant.copy().advance_many(course.displacement, course.velocity, largest, degrees)
     own = simulate(card.damper, open_drive(_path(course, np.full(len(course), largest), scenario)))
     sizes = [0.5 * float(np.subtract(*ends_of(force[course.scored_from :])[::-1])) for force in (own, plant)]
-    if max(sizes) < _FORCE_RATIO_MAX * min(sizes):
+    if max(sizes) < force_ratio_max * min(sizes):
         return []
     return [
         f"the card gives {sizes[0]:.0f} N at {largest:g} A along {scenario.name} and the damper "

@@ -45,7 +45,6 @@ FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
 )
 """Name in a card -> form of the dependence on command and temperature."""
 
-CARD_SIZE_MAX_BYTES = 1 << 26  # A card has about 10 kB. A larger file is not a card.
 _HASH_KEY = "content_sha256"
 _KEYS_OUTSIDE_HASH = {_HASH_KEY, "notes"}
 _FormName = Annotated[str, Option(among=lambda: FORMS)]
@@ -256,7 +255,8 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     InputError
         The message lists all problems of the file and their locations.
     """
-    text = read_text(path, "card", CARD_SIZE_MAX_BYTES)
+    card_size_max_bytes = 1 << 26  # A card has about 10 kB. A larger file is not a card.
+    text = read_text(path, "card", card_size_max_bytes)
     try:
         document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
     except json.JSONDecodeError as fault:

@@ -30,11 +30,6 @@ Value = TypeVar("Value")
 PERIOD_COUNT = 3
 """Periods of a cycle that are simulated from rest; the last period is evaluated."""
 
-SAMPLES_PER_PERIOD = 400  # A multiple of 4, so that the peak velocities are samples.
-RESPONSE_FRACTIONS = (0.63, 0.90)
-STATIC_COMMAND_COUNT = 21  # Number of commands between which the static force is interpolated.
-CURVE_SPEED_COUNT = 15
-CURVE_SPEED_COUNT_PYTHON = 6  # A law in Python is slow.
 TEMPERATURE_STEP_K = 20.0
 FORCE_RATIO_MIN = 1e-9  # A smaller ratio of forces is a rounding error.
 
@@ -77,17 +72,18 @@ def steady_cycle(
 
 def steady_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | None]]) -> list[SteadyCycle]:
     """Return ``steady_cycle`` of each case (motion, command [A or V], temperature [K])."""
+    samples_per_period = 400  # A multiple of 4, so that the peak velocities are samples.
     paths = [
         drive(
             motion,
             duration=PERIOD_COUNT * motion.period,
-            rate_Hz=SAMPLES_PER_PERIOD * motion.frequency,
+            rate_Hz=samples_per_period * motion.frequency,
             command=command,
             temperature=REFERENCE_K if temperature is None else temperature,
         )
         for motion, command, temperature in cases
     ]
-    last = slice(-SAMPLES_PER_PERIOD - 1, None)
+    last = slice(-samples_per_period - 1, None)
     return [
         SteadyCycle(motion, path.velocity[last], force[last])
         for (motion, *_), path, force in zip(cases, paths, simulate_each(damper, paths), strict=True)
@@ -233,7 +229,7 @@ def default_scope(
         speeds.insert(0, _round_down(speeds[0] * 0.75, (1.0, 2.0, 5.0)))
     if commands is None:
         commands = sorted(set(np.linspace(*envelope.command, 5).tolist()))
-    count = CURVE_SPEED_COUNT if damper.law.kernel is not None else CURVE_SPEED_COUNT_PYTHON
+    count = 15 if damper.law.kernel is not None else 6  # A law in Python is slow.
     return Scope(
         commands=tuple(sorted(map(float, commands))),
         temperatures=_temperatures(damper, envelope, temperatures),
@@ -278,6 +274,8 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
     without delay. Therefore, the force has reached a fraction of its change when the effective command
     reaches the command with this static force.
     """
+    response_fractions = (0.63, 0.90)
+    static_command_count = 21  # Number of commands between which the static force is interpolated.
     low, high = (scope.commands[index] for index in scope.ends)
     lags = damper.actuation
     if lags is None and damper.command_lag_s > 0.0:
@@ -285,7 +283,7 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
     if lags is None or low == high:
         return ()
     found = []
-    fractions = np.linspace(0.0, 1.0, STATIC_COMMAND_COUNT)
+    fractions = np.linspace(0.0, 1.0, static_command_count)
     for start, end in ((low, high), (high, low)):
         cases = [
             (
@@ -299,9 +297,9 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
         times: list[float | None] = [None, None]
         if abs(force[-1] - force[0]) > FORCE_RATIO_MIN * float(np.abs(force).max()):
             change = np.maximum.accumulate((force - force[0]) / (force[-1] - force[0]))
-            reached = np.interp(RESPONSE_FRACTIONS, change, fractions)
+            reached = np.interp(response_fractions, change, fractions)
             times = [lags.response_time(float(fraction), start, end) for fraction in reached]
-        command = [lags.response_time(fraction, start, end) for fraction in RESPONSE_FRACTIONS]
+        command = [lags.response_time(fraction, start, end) for fraction in response_fractions]
         found.append(Response(start, end, command[0], command[1], times[0], times[1]))
     return tuple(found)
 

@@ -19,7 +19,6 @@ from mrdamper.models.damper import OperatingEnvelope, Range
 from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.results import JobResult
 
-NEARLY_EVERYWHERE_FRACTION = 0.9
 TEMPERATURE_TOLERANCE_K = 5.0  # Temperatures closer than this count as the same.
 
 
@@ -64,6 +63,7 @@ class Comparison(JobResult):
     @property
     def verdict(self) -> str:
         """One sentence: how the second damper differs from the first, and where the difference is largest."""
+        nearly_everywhere_fraction = 0.9
         first, second = self.names
         before = self.found[0].damping
         difference = self.found[1].damping - before
@@ -85,7 +85,7 @@ class Comparison(JobResult):
         word = "weaker" if below > 0.5 else "stronger"
         part = max(below, 1.0 - below)
         extent = "everywhere" if part == 1.0 else "nearly everywhere"
-        if part < NEARLY_EVERYWHERE_FRACTION:
+        if part < nearly_everywhere_fraction:
             word, extent = "weaker", "in some cases and stronger in others"
         errors = "" if own is None else f"; the RMS errors of both cards together are {own:.0f} N"
         return (

@@ -25,8 +25,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
 from mrdamper.quantities import REFERENCE_K
 
-CALL_COUNT_MAX = 20_000  # Calls of a law's rate for one sample; typical are some tens.
-
 Values = Mapping[str, float]
 State = Sequence[float]
 Rate = Callable[[State, float, float, Values], State]  # states, displacement, velocity, coefficients
@@ -171,6 +169,7 @@ class _Path:
 
 def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
     """Return the states at the samples, shape (n, states); the integration restarts at each reversal."""
+    call_count_max = 20_000  # Calls of a law's rate for one sample; typical are some tens.
     from scipy.integrate import solve_ivp
 
     last = path.count - 1
@@ -180,7 +179,7 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
     samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
     z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
-        left = iter(range(int(CALL_COUNT_MAX * (end - start + 1.0))))
+        left = iter(range(int(call_count_max * (end - start + 1.0))))
 
         def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
             if next(left, None) is None:  # LSODA itself would continue forever

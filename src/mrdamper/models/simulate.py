@@ -20,9 +20,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.python_law import integrate
 from mrdamper.quantities import REFERENCE_K
 
-_PYTHON_TOLERANCE = 1e-8  # tolerance of the integrator of laws in Python
-BATCH_RUN_COUNT_MIN = 3  # Fewer runs are simulated one by one.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
@@ -67,10 +64,11 @@ def simulate(
         If the law is not well posed at a command or temperature of the trajectory, or the damper depends on
         temperature and the trajectory has none.
     """
+    python_tolerance = 1e-8  # tolerance of the integrator of laws in Python
     drive = trajectory if isinstance(trajectory, Drive) else open_drive(trajectory)
     require_temperature(damper, drive.trajectory)
     if damper.law.kernel is None:
-        return integrate(damper, drive.trajectory, tolerance=_PYTHON_TOLERANCE)
+        return integrate(damper, drive.trajectory, tolerance=python_tolerance)
     command, _, temperature = effective_command(damper, drive)
     coefficients = _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
     if form == "causal":
@@ -92,7 +90,7 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
     together = [k for k, point in enumerate(points) if point is not None and damper.law.kernel is not None]
-    together = together if len(together) >= BATCH_RUN_COUNT_MIN else []
+    together = together if len(together) >= 3 else []  # Fewer runs are simulated one by one.
     found = dict(zip(together, _simulate_at_points(damper, [drives[k] for k in together]), strict=True))
     return [found[k] if k in found else simulate(damper, drive) for k, drive in enumerate(drives)]
 

@@ -21,11 +21,6 @@ from mrdamper.models.simulate import (
     require_temperature,
 )
 
-# A law in Python is integrated less accurately in fits than in simulations. The relative step of the central
-# differences is large compared with the error of its force.
-PYTHON_LAW_TOLERANCE = 1e-6
-PYTHON_LAW_DIFFERENCE = 1e-3
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
@@ -163,22 +158,26 @@ def _by_differences(damper: Damper, drive: Drive, parameters: Sequence[str]) -> 
     The internal states do not depend on the coefficients in which the force is linear. They are therefore
     integrated only once for the derivatives with respect to all these coefficients.
     """
+    # A law in Python is integrated less accurately in fits than in simulations. The relative step of the
+    # central differences is large compared with the error of its force.
+    python_law_tolerance = 1e-6
+    python_law_difference = 1e-3
     path = drive.trajectory
     require_temperature(damper, path)
     linear = {each.name for each in damper.law.coefficients if each.linear}
-    states = integrate_states(damper, path, tolerance=PYTHON_LAW_TOLERANCE)
+    states = integrate_states(damper, path, tolerance=python_law_tolerance)
     force = force_of_states(damper, path, states)
     columns = np.empty((len(parameters), len(force)))
     values = damper.parameters
     for row, name in enumerate(parameters):
-        step = PYTHON_LAW_DIFFERENCE * max(abs(values[name]), 1e-3)
+        step = python_law_difference * max(abs(values[name]), 1e-3)
         sides = [damper.with_parameters({name: values[name] + change}) for change in (step, -step)]
         is_linear = name.partition(".")[0] in linear
         above, below = (
             force_of_states(
                 side,
                 path,
-                states if is_linear else integrate_states(side, path, tolerance=PYTHON_LAW_TOLERANCE),
+                states if is_linear else integrate_states(side, path, tolerance=python_law_tolerance),
             )
             for side in sides
         )

@@ -20,13 +20,6 @@ from mrdamper.report.figures.style import TRAINING
 from mrdamper.report.page import FirstScreen, Page, Tile, count_of, range_of, sentence
 from mrdamper.report.sections import Column, Section, Table
 
-# The terminal shows the most important lines. The report has all of them.
-PANEL_COUNT_MAX = 8
-FINDING_COUNT_MAX = 4
-QUESTION_COUNT_MAX = 4
-FORMAT_COUNT_MAX = 2
-INFERENCE_COUNT_MAX = 3
-
 _COLOUR: dict[Severity, str] = {"fault": "red", "warning": "yellow", "note": "cyan"}
 _COLUMNS = (
     "run",
@@ -70,6 +63,8 @@ def _first(result: CheckResult) -> FirstScreen:
 
 def _figure(result: CheckResult) -> Figure | None:
     """Return force versus displacement of the runs with the worst findings, or None without runs."""
+    # The terminal shows the most important lines. The report has all of them.
+    panel_count_max = 8
     drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
     if not drawable:
         return None
@@ -82,7 +77,7 @@ def _figure(result: CheckResult) -> Figure | None:
                 run.max_severity == "fault",
                 "force, N",
             )
-            for run in sorted(drawable, key=_severity)[:PANEL_COUNT_MAX]
+            for run in sorted(drawable, key=_severity)[:panel_count_max]
         ]
     )
 
@@ -189,6 +184,7 @@ def _rows(result: CheckResult) -> list[dict[str, object]]:
 
 def _show(result: CheckResult, console: Console) -> None:
     """Print the verdict, the findings, open questions, and the file formats."""
+    format_count_max = 2
     verdict, counts = _verdict(result)
     if result.runs:
         console.print(f"[bold]{verdict}[/bold]: {counts} in {count_of('run', len(result.runs))}.")
@@ -197,33 +193,36 @@ def _show(result: CheckResult, console: Console) -> None:
     show_findings(result.findings, console)
     _show_questions(result, console)
     layouts = _by_layout(result.files)
-    for words, paths in list(layouts.items())[:FORMAT_COUNT_MAX]:
+    for words, paths in list(layouts.items())[:format_count_max]:
         console.print(f"{escape(paths)}: {escape(words)}")
-    _print_rest(len(layouts) - FORMAT_COUNT_MAX, "formats", console)
+    _print_rest(len(layouts) - format_count_max, "formats", console)
 
 
 def _show_questions(result: CheckResult, console: Console) -> None:
     """Print values that were read from words, and questions that the files leave open."""
+    question_count_max = 4
+    inference_count_max = 3
     inferred = [inference for file in result.files for inference in file.inferred]
-    for inference in inferred[:INFERENCE_COUNT_MAX]:
+    for inference in inferred[:inference_count_max]:
         console.print(escape(inference.in_words()))
-    _print_rest(len(inferred) - INFERENCE_COUNT_MAX, "values from the names of files and folders", console)
-    for question in result.questions[:QUESTION_COUNT_MAX]:
+    _print_rest(len(inferred) - inference_count_max, "values from the names of files and folders", console)
+    for question in result.questions[:question_count_max]:
         choice = f" ({escape(', '.join(question.candidates[:6]))})" if question.candidates else ""
         console.print(f"[cyan]Question[/cyan] {escape(question.file)}: {escape(question.text)}{choice}.")
         console.print(f"  Answer it with --answer {question.key}=VALUE", markup=False)
-    _print_rest(len(result.questions) - QUESTION_COUNT_MAX, "questions", console)
+    _print_rest(len(result.questions) - question_count_max, "questions", console)
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
     """Print the largest finding of each kind, the worst first."""
+    finding_count_max = 4
     kinds = by_kind(findings)
-    for finding, run_count in kinds[:FINDING_COUNT_MAX]:
+    for finding, run_count in kinds[:finding_count_max]:
         colour, others = _COLOUR[finding.severity], max(run_count - 1, 0)
         more = f" (and in {others} more run{'s' if others > 1 else ''})" if others else ""
         text = f"{finding.run or 'all runs'}: {finding.found}{more}. {finding.effect}. {finding.remedy}"
         console.print(f"[{colour}]{finding.severity.capitalize()}[/{colour}]: {escape(sentence(text))}")
-    _print_rest(len(kinds) - FINDING_COUNT_MAX, "kinds of findings", console)
+    _print_rest(len(kinds) - finding_count_max, "kinds of findings", console)
 
 
 def _print_rest(count: int, name: str, console: Console) -> None:

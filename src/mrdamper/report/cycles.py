@@ -34,10 +34,9 @@ _PANELS = (
     ("temperature_degC",),
 )
 
-FLAG_COUNT_MAX = 2  # The first screen has space for two findings.
-
 
 def _first(result: CyclesResult) -> FirstScreen:
+    flag_count_max = 2  # The first screen has space for two findings.
     count = len(result.cycles)
     stroke = f"a cycle has a stroke of more than {1e3 * result.stroke_min_m:.4g} mm"
     size = result.group_size
@@ -48,7 +47,7 @@ def _first(result: CyclesResult) -> FirstScreen:
         verdict=f"{count:,} cycles dissipate {result.energy_J:.5g} J",
         tiles=_tiles(result),
         caption=f"Values versus cycle number{groups}",
-        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:FLAG_COUNT_MAX]],
+        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:flag_count_max]],
     )
 
 

@@ -24,8 +24,6 @@ from mrdamper.report.identification.scores import (
 from mrdamper.report.page import FirstScreen, Page, Tile, count_of
 from mrdamper.report.sections import Picture, Section
 
-PANEL_COUNT_MAX = 8  # The worst runs are drawn with the interval of the force.
-
 
 def _fields(result: EvaluateResult) -> dict[str, object]:
     return {
@@ -145,10 +143,11 @@ def _sections(result: EvaluateResult) -> list[Section]:
 
 
 def _intervals(result: EvaluateResult) -> Figure | None:
+    panel_count_max = 8  # The worst runs are drawn with the interval of the force.
     if not result.forces:
         return None
     error = {each.name: each.nrmse_percent for each in result.errors}
-    worst = sorted(result.forces, key=lambda each: -error[each.name])[:PANEL_COUNT_MAX]
+    worst = sorted(result.forces, key=lambda each: -error[each.name])[:panel_count_max]
     return interval_figure(worst, result.coefficients, result.command_unit)
 
 

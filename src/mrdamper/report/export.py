@@ -22,7 +22,6 @@ from mrdamper.report.sections import table_of
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json
 
-LISTED_FILE_COUNT_MAX = 3  # The closing line gives only the number of files if there are more.
 _CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
 
 
@@ -106,7 +105,7 @@ def _show(found: ExportResult, console: Console) -> None:
 def _closing(_: ExportResult, answer: Json) -> list[str]:
     """Return the written files, or their number and folders if there are many."""
     files = [Path(name) for name in answer["files"]]
-    if len(files) <= LISTED_FILE_COUNT_MAX:
+    if len(files) <= 3:  # The closing line gives only the number of files if there are more.
         return [f"Wrote {', '.join(map(str, files))}."]
     folders = dict.fromkeys(str(file.parent) for file in files)
     return [f"Wrote {len(files)} files to {', '.join(folders)}."]

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Result = TypeVar("Result")
-LEGIBLE_PX_PER_PT = 0.92  # Letters of 7 points are then 6.5 CSS pixels high.
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +154,9 @@ def _zoomed(svg: str) -> str:
     The variable ``--legible`` is the smallest width with legible letters on a phone. Matplotlib has escaped
     the texts of the figure.
     """
+    legible_px_per_pt = 0.92  # Letters of 7 points are then 6.5 CSS pixels high.
     width = re.search(r'width="([\d.]+)pt"', svg)
-    legible = round(LEGIBLE_PX_PER_PT * float(width[1])) if width else 0
+    legible = round(legible_px_per_pt * float(width[1])) if width else 0
     box = '<input type="checkbox" aria-label="enlarge">'
     return f'<label class="zoom" style="--legible: {legible}px">{box}{svg}</label>'
 

@@ -24,11 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = TypeVar("Row")
-# Limits of the general table. A page with more columns or rows is hard to read.
-COLUMN_COUNT_MAX = 7
-ROW_COUNT_MAX = 120
 OPEN_ROW_COUNT_MAX = 40  # A longer table is folded on a page.
-NAME_LENGTH_MAX = 24  # Shorter words are not broken into lines. Other columns become narrower instead.
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +136,12 @@ Section = Table[Any] | Picture
 
 def table_of(rows: Sequence[Mapping[str, object]], title: str = "Table") -> list[Table[Mapping[str, object]]]:
     """Return a table with the first columns of a result and, of many rows, evenly spaced ones."""
+    # Limits of the general table. A page with more columns or rows is hard to read.
+    column_count_max = 7
     if not rows:
         return []
-    names = list(dict.fromkeys(name for row in rows for name in row))[:COLUMN_COUNT_MAX]
-    step = max(-(-len(rows) // ROW_COUNT_MAX), 1)
+    names = list(dict.fromkeys(name for row in rows for name in row))[:column_count_max]
+    step = max(-(-len(rows) // 120), 1)
     selected = rows[::step]
     return [
         Table(
@@ -185,6 +183,7 @@ def terminal_table(
     left : names of the columns with words, which are aligned to the left; long cells are broken into lines
     whole : True if no cell is broken into lines
     """
+    name_length_max = 24  # Shorter words are not broken into lines. Other columns become narrower instead.
     table = RichTable(title=escape(title))
     names, cell_rows = list(columns), [None if row is None else list(row) for row in rows]
     for k, name in enumerate(names):
@@ -194,7 +193,7 @@ def terminal_table(
             escape(name),
             justify="left" if words else "right",
             overflow="fold" if words else "ellipsis",
-            no_wrap=whole or (words and longest <= NAME_LENGTH_MAX),
+            no_wrap=whole or (words and longest <= name_length_max),
         )
     for row in cell_rows:
         if row is None:

@@ -17,8 +17,6 @@ from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import table_of
 from mrdamper.schema import Json
 
-POINT_COUNT_MAX = 4000  # More points make the figure large but not more accurate.
-
 
 def _fields(found: SimulateResult) -> Json:
     path = found.trajectory
@@ -63,8 +61,9 @@ def _show(found: SimulateResult, console: Console) -> None:
 
 def _figure(found: SimulateResult) -> Figure:
     """Return the loops of force versus displacement and velocity, with a measured force in grey."""
+    point_count_max = 4000  # More points make the figure large but not more accurate.
     path = found.trajectory
-    thin = slice(None, None, max(1, len(path) // POINT_COUNT_MAX))
+    thin = slice(None, None, max(1, len(path) // point_count_max))
     drawn: list[Panel] = []
     for x_m, label in ((path.displacement, "displacement, mm"), (path.velocity, "velocity, mm/s")):
         x = 1e3 * x_m[thin]

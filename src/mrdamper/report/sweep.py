@@ -20,7 +20,6 @@ from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json, json_value
 
-PANEL_COUNT_MAX = 12  # More panels do not fit on the page.
 _TITLES = {
     "campaigns": "Fits of many campaigns",
     "samples": "Tracking on random dampers",
@@ -123,7 +122,8 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 def _figure(run: SweepResult) -> Figure | None:
     """Return the cumulative distribution of each value, or None if all values are constant."""
-    names = [name for name, found in run.statistics.items() if found.least < found.most][:PANEL_COUNT_MAX]
+    panel_count_max = 12  # More panels do not fit on the page.
+    names = [name for name, found in run.statistics.items() if found.least < found.most][:panel_count_max]
     if not names:
         return None
     drawn = []

@@ -34,15 +34,13 @@ from mrdamper.thermal.model.finite_element import build_field, cooling_in
 from mrdamper.thermal.model.heat_equation import HeatEquation, simulate_field, steady_field
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.stepping import Load, Part
+from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.temperature_rise import loads_of, works_of
 
 Quantity = Literal["current", "stroke", "duty"]
 """Quantity that is reduced: the command, the stroke, or the fraction of time in operation."""
 
 FRACTIONS = np.linspace(0.0, 1.0, 5)  # simulated fractions of the quantity
-JOINT_ORDER = 24  # number of unknowns of the reduced model
-STEADY_TIME_S = 4.0 * 3600.0  # time at which the factors for the interval of the steady state are computed
-_LONGEST_STEP_S, _FIRST_STEP_S = 120.0, 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +149,8 @@ def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
     ]
     model = build_field(replace(drawing, surroundings=around[0]))
-    return reduce_field(model, order=JOINT_ORDER, elsewhere=[cooling_in(model, each) for each in around[1:]])
+    coolings = [cooling_in(model, each) for each in around[1:]]
+    return reduce_field(model, order=SETTINGS.map_model_order, elsewhere=coolings)
 
 
 def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, air: float) -> HeatEquation:
@@ -172,9 +171,8 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
     try:
         if finite.any():
             longest = replace(load, duration=float(duration[finite][-1]))
-            course = simulate_field(
-                equation, [longest], first_step=_FIRST_STEP_S, longest_step=_LONGEST_STEP_S
-            )
+            first, most = SETTINGS.map_first_step_s, SETTINGS.map_step_max_s
+            course = simulate_field(equation, [longest], first_step=first, longest_step=most)
             for k, part in enumerate(parts):
                 hottest = np.maximum.accumulate(course.hottest(part) - equation.ambient)
                 found[k, finite] = PchipInterpolator(course.time, hottest)(duration[finite])
@@ -191,7 +189,7 @@ def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Co
     """Return the two ends of the 90 % interval of the rise divided by the rise, shape (durations, 2)."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
-    ends = np.where(np.isfinite(conditions.duration), conditions.duration, STEADY_TIME_S)
+    ends = np.where(np.isfinite(conditions.duration), conditions.duration, SETTINGS.map_steady_time_s)
     longest = replace(load, duration=float(ends.max()))
     return rise_factors(replace(drawing, surroundings=around), longest, ends)
 

@@ -20,9 +20,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.duty import Segment
-
-TEMPERATURE_SPAN_K = (273.15, 423.15)  # Loops are simulated in the part of this range that the card covers.
-TEMPERATURE_COUNT = 11  # number of simulated temperatures
+from mrdamper.thermal.settings import SETTINGS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,13 +85,13 @@ def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray
 def _temperatures(damper: Damper) -> FloatArray:
     if not damper.temperature_dependent:
         return np.array([REFERENCE_K])
-    low, high = TEMPERATURE_SPAN_K
+    low, high = SETTINGS.loss_temperature_range_K
     if damper.temperature_range is not None:
         low, high = max(low, damper.temperature_range[0]), min(high, damper.temperature_range[1])
     if not low < high:
-        middle = 0.5 * sum(damper.temperature_range or TEMPERATURE_SPAN_K)
+        middle = 0.5 * sum(damper.temperature_range or SETTINGS.loss_temperature_range_K)
         return np.array([middle])
-    found = np.linspace(low, high, TEMPERATURE_COUNT)
+    found = np.linspace(low, high, SETTINGS.loss_temperature_count)
     if low < REFERENCE_K < high and not math.isclose(float(np.abs(found - REFERENCE_K).min()), 0.0):
         found = np.sort(np.append(found, REFERENCE_K))
     return found

@@ -23,14 +23,13 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heat_capacity import CapacityCurve, PolynomialHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
+from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.stirring import PAPER_STROKE, Channel, FluidHeat, Stroke, conduct_fluid
 
 Orientation = Literal["horizontal", "vertical"]
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 _STEEL = MATERIALS["steel"]
-DEPTH_RATIO = 0.4  # default depth of the coil, divided by the radial distance from rod to piston surface
-_CARRIER_CONDUCTIVITY = 0.14  # default conductivity of the carrier oil [W/(m K)]
 AIR_MAX_M_S = 50.0
 """Maximum air speed across the axis [m/s]."""
 
@@ -313,7 +312,7 @@ def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
         "density": fluid.density_kg_m3,
         "heat_capacity": fluid.heat_capacity_J_kg_K,
         "conductivity": fluid.conductivity_W_m_K
-        or _CARRIER_CONDUCTIVITY * (1.0 + 2.0 * share) / (1.0 - share),
+        or SETTINGS.carrier_conductivity_W_mK * (1.0 + 2.0 * share) / (1.0 - share),
     }
     known = {**stated, **given}
     for name, unit in (("density", "kg_m3"), ("heat_capacity", "J_kg_K")):
@@ -385,7 +384,7 @@ def _check_inside(drawing: DamperDrawing) -> None:
     )
     depth = 0.5 * (piston.diameter - rod.diameter)
     if coil.depth == 0.0:
-        coil = replace(coil, depth=DEPTH_RATIO * depth)
+        coil = replace(coil, depth=SETTINGS.coil_depth_ratio * depth)
         object.__setattr__(drawing, "coil", coil)
     check_ranges(coil, f"{place}: coil")
     _require(

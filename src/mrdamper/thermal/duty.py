@@ -27,15 +27,12 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
 from mrdamper.files import is_file
 from mrdamper.quantities import QUANTITIES, to_si
+from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.stirring import Stroke
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
 """The load cycle of the paper: 15 mm, 1 Hz, 2 A for 30 minutes."""
 
-SAMPLE_TIME_S = 120.0  # simulated time of a motion that is not periodic, for the mean power
-CHUNK_TIME_S = 20.0  # duration of the segments into which a measured motion is divided
-STEP_DEVIATION_MAX_RATIO = 1e-3  # max deviation of a time step from the mean step
-DURATION_MAX_S = 1e6
 _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
 
 
@@ -76,11 +73,11 @@ class Duty:
                 found=f"the command is {largest:.4g} {self.command_unit}",
                 expected=f"at most {most:g} {self.command_unit}, the limit of a damper coil",
             )
-        if self.duration > DURATION_MAX_S:
+        if self.duration > SETTINGS.duration_max_s:
             raise InputError(
                 place=f"duty {self.text!r}",
                 found=f"it lasts {self.duration:.3g} s",
-                expected=f"at most {DURATION_MAX_S:g} s (11 days)",
+                expected=f"at most {SETTINGS.duration_max_s:g} s (11 days)",
                 remedy="A damper reaches its steady temperature after some hours",
             )
 
@@ -161,7 +158,7 @@ def segment_of(motion: Motion, command: float, duration: float) -> Segment:
     """
     period = getattr(motion, "period", None)
     if period is None:
-        length = min(duration, SAMPLE_TIME_S)
+        length = min(duration, SETTINGS.motion_time_s)
         path = drive(motion, duration=length, rate_Hz=1000.0, command=command)
         return Segment(duration, path, len(path) // 20, abs(command))
     samples = round(min(max(1000.0 * period, 1000.0), 20000.0))
@@ -223,7 +220,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
                 segments.append(segment_of(Sine(abs(amplitude), frequency), level, duration))
         return Duty(tuple(segments), unit, place)
     step = float(time[-1] - time[0]) / (len(time) - 1)
-    if np.abs(steps - step).max() > STEP_DEVIATION_MAX_RATIO * step or len(time) < 8:
+    if np.abs(steps - step).max() > SETTINGS.step_deviation_ratio_max * step or len(time) < 8:
         raise InputError(
             place=place,
             found=(
@@ -272,7 +269,7 @@ def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple
     """Divide a measured motion into segments of about 20 s."""
     velocity = differentiate(displacement, step)
     acceleration = differentiate(velocity, step)
-    count = max(1, round((len(displacement) - 1) * step / CHUNK_TIME_S))
+    count = max(1, round((len(displacement) - 1) * step / SETTINGS.measured_motion_time_s))
     cuts = np.linspace(0, len(displacement) - 1, count + 1).round().astype(int)
     segments = []
     for low, high in pairwise(cuts):

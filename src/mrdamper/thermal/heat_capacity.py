@@ -20,9 +20,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Option
 
-COEFFICIENT_COUNT_MAX = 6
-CHECKED_POINTS = 101
-
 Coefficients = tuple[float, ...] | None
 
 
@@ -91,9 +88,9 @@ class PolynomialHeatCapacity:
         if "damper_J_K" in given and len(given.keys() - {"fins_J_kg_K"}) > 1:
             raise _fault("damper_J_K and single parts are both given", "the whole damper, or its parts")
         for name, coefficients in given.items():
-            if not 1 <= len(coefficients) <= COEFFICIENT_COUNT_MAX:
-                raise _fault(f"{name} has {len(coefficients)} coefficients", f"1 to {COEFFICIENT_COUNT_MAX}")
-            least = float(Polynomial(coefficients)(np.linspace(*self.range_degC, CHECKED_POINTS)).min())
+            if not 1 <= len(coefficients) <= 6:
+                raise _fault(f"{name} has {len(coefficients)} coefficients", "1 to 6")
+            least = float(Polynomial(coefficients)(np.linspace(*self.range_degC, 101)).min())
             if not 0.0 < least < np.inf:
                 raise _fault(f"{name} falls to {least:.4g} in its range", "finite heat capacities above zero")
 

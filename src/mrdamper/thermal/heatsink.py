@@ -19,12 +19,11 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
-_LONGEST_mm = 10_000.0  # A larger number is probably not in millimetres.
-
 
 def length_option(key: str, default_help: str = "") -> Option:
     """Return the declaration of a length [m] that a file states in millimetres with the given key."""
-    return Option(key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
+    # A length above 10 m is probably not in millimetres.
+    return Option(key=key, unit="mm", above=0.0, most=10_000.0, default_help=default_help)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,8 +25,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from mrdamper.thermal.settings import SETTINGS
+
 MR_FLUID_PRANDTL = 300.0  # 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); the value has hardly any effect
-MIXED_FRACTION = 0.5  # fraction m of the displaced volume that mixes
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,5 +81,5 @@ def conduct_fluid(channel: Channel, stroke: Stroke) -> FluidHeat:
     return FluidHeat(
         gap,
         max(k, 0.25 * film * channel.chamber_width),
-        MIXED_FRACTION * heat * stroke.frequency * swept * emptied,
+        SETTINGS.mixed_fraction * heat * stroke.frequency * swept * emptied,
     )

@@ -36,11 +36,10 @@ from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.model.surfaces import name_correlations
 from mrdamper.thermal.model.transient import Heating, simulate_network
+from mrdamper.thermal.settings import SETTINGS
 
 Model = Literal["reduced", "network", "lumped"]
 """Thermal model: reduced-order finite elements, three axial zones, or one node (Eq. (8) of the paper)."""
-
-PISTON_PRESSURE_MAX_PA = 50e6  # Above this pressure, card and geometry probably belong to different dampers.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -243,12 +242,12 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
     """
     force = max(float(work.peak.max()) for work in works)
     pressure = force / drawing.piston_area
-    if pressure > PISTON_PRESSURE_MAX_PA:
+    if pressure > SETTINGS.piston_pressure_max_Pa:
         raise InputError(
             place=drawing.name,
             found=f"the card's force of {force:.4g} N is a pressure of {1e-6 * pressure:.4g} MPa on the "
             f"piston's ring of {1e6 * drawing.piston_area:.4g} mm^2",
-            expected=f"at most {1e-6 * PISTON_PRESSURE_MAX_PA:g} MPa",
+            expected=f"at most {1e-6 * SETTINGS.piston_pressure_max_Pa:g} MPa",
             remedy="Use the geometry file of this damper; check its millimetres, and the newtons of the card",
         )
     return [

@@ -15,6 +15,8 @@ from typing import Literal
 
 import numpy as np
 
+from mrdamper.arrays import DEVIATION_PER_MAD
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -37,11 +39,9 @@ _CHANNEL = {
     "frequency": "time", "stroke": "displacement", "command": "current", "temperature": "temperature"
 }  # fmt: skip
 _AT_LEAST = {"frequency": 0.002, "stroke": 0.3, "command": 0.06, "temperature": 6.0}  # Absolute tolerances.
-PERIOD_RATIO_MAX = 0.03  # Periods of a sine differ by less than this fraction.
 _RATIO = {"frequency": 0.12, "stroke": 0.25}  # Runs of one motion differ by less than these fractions.
 _DEVIATION_MIN = {"frequency": 0.015, "stroke": 0.04}  # A run that differs by a larger fraction is reported.
 _SCATTER_MAX = {"frequency": 0.003, "stroke": 0.012}  # Limit of the scatter among the remaining runs.
-SIBLING_RUN_COUNT_MIN = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
         others = [each for other, each in sines if other is not run and all(
             abs(getattr(each, name) / getattr(mine, name) - 1.0) < ratio for name, ratio in _RATIO.items()
         )]  # fmt: skip
-        if len(others) < SIBLING_RUN_COUNT_MIN:
+        if len(others) < SETTINGS.sibling_run_count_min:
             continue
         for quantity, cause, channel in (
             ("frequency", "time_scale", "time"), ("stroke", "displacement_scale", "displacement")
@@ -91,7 +91,7 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
             values = np.array([getattr(each, quantity) for each in others])
             middle = float(np.median(values))
             ratio = getattr(mine, quantity) / middle
-            scatter = 1.4826 * float(np.median(np.abs(values / middle - 1.0)))
+            scatter = DEVIATION_PER_MAD * float(np.median(np.abs(values / middle - 1.0)))
             if abs(ratio - 1.0) < _DEVIATION_MIN[quantity] or scatter > _SCATTER_MAX[quantity]:
                 continue
             if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(np.abs(values / middle - 1.0))) / 2.0):
@@ -173,6 +173,6 @@ def _frequency(run: Recording) -> float | None:
         share = float(-x[k - 1] / (x[k] - x[k - 1]))
         ups.append(float(run.time[k - 1] + share * (run.time[k] - run.time[k - 1])))
     periods = np.diff(ups[1:]) if len(ups) > 3 else np.diff(ups)
-    if len(periods) < 1 or float(np.ptp(periods)) > PERIOD_RATIO_MAX * float(np.median(periods)):
+    if len(periods) < 1 or float(np.ptp(periods)) > SETTINGS.period_ratio_max * float(np.median(periods)):
         return None
     return 1.0 / float(np.mean(periods))

@@ -12,14 +12,9 @@ import numpy as np
 
 from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.repeatability import drift, estimate_lag
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
-
-OFFSET_RATIO = 0.05  # Fraction of the force's standard deviation.
-DRIFT_RATIO_MAX = 0.03  # Fraction of the stroke and of the force range.
-FORCE_RANGE_CHANGE_MAX_PERCENT = 5.0  # Change of the force range from the first to the last cycle.
-LEAD_MAX_PERIODS = 0.003  # The force may lead the velocity by this fraction of the period.
-LAG_MAX_PERIODS = 0.17  # A phase of 60 degrees.
 
 
 def find_wrong_sign(prepared: PreparedRun) -> Finding:
@@ -51,12 +46,12 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
     if offset is None or prepared.run.constant_command is None:
         return
     spread = float(np.std(prepared.force[prepared.scored_from :]))
-    least = OFFSET_RATIO * spread if prepared.period_s is not None else 2.0 * OFFSET_RATIO * spread
-    if abs(offset) <= least:
+    limit = SETTINGS.force_offset_ratio_max * spread
+    if abs(offset) <= (limit if prepared.period_s is not None else 2.0 * limit):
         return
     yield Finding(
         kind="force_offset",
-        severity="warning" if abs(offset) > 2.0 * OFFSET_RATIO * spread else "note",
+        severity="warning" if abs(offset) > 2.0 * limit else "note",
         channel="force",
         size=offset,
         unit="N",
@@ -92,7 +87,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
         ),
         ("force", "force_drift", found.force_N, span, "N", f"{found.force_N:+.3g} N"),
     ):
-        if abs(size) <= DRIFT_RATIO_MAX * scale:
+        if abs(size) <= SETTINGS.drift_ratio_max * scale:
             continue
         yield Finding(
             kind=kind,
@@ -110,7 +105,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             if channel == "displacement"
             else "Let the load cell and its amplifier warm up; take a shorter segment",
         )
-    if abs(found.spread_percent) > FORCE_RANGE_CHANGE_MAX_PERCENT:
+    if abs(found.spread_percent) > SETTINGS.force_range_change_max_percent:
         yield Finding(
             kind="force_level_changes",
             channel="force",
@@ -136,8 +131,8 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
         return
     step, period = prepared.trajectory.step, prepared.period_s
     lag = estimate_lag(prepared, period)
-    early = lag < -max(1.5 * step, LEAD_MAX_PERIODS * period)
-    if not early and lag < LAG_MAX_PERIODS * period:
+    early = lag < -max(1.5 * step, SETTINGS.force_lead_max_periods * period)
+    if not early and lag < SETTINGS.force_lag_max_periods * period:
         return
     yield Finding(
         kind="force_early" if early else "force_late",

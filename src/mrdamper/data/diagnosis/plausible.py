@@ -15,13 +15,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding
 from mrdamper.data.records import Recording
-
-PEAK_RANGE_N = (150.0, 20e3)
-PEAK_MIN_AT_1A_N = 300.0
-CURRENT_RANGE_A = (0.3, 15.0)  # Range of the largest current.
-STROKE_RANGE_m = (2e-3, 0.5)
 
 _HINTS = {
     "force": "kgf, lbf or kN read as N, N read as kN",
@@ -38,11 +34,11 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
     current = max(amperes, default=0.0)
     peak = max(float(np.ptp(run.force)) / 2.0 for run in runs)
     stroke = max(float(np.ptp(run.displacement)) for run in runs)
-    peak_min = PEAK_MIN_AT_1A_N if current >= 1.0 else PEAK_RANGE_N[0]
+    peak_min = SETTINGS.peak_force_min_at_1A_N if current >= 1.0 else SETTINGS.peak_force_range_N[0]
     for channel, value, low, high, unit in (
-        ("force", peak, peak_min, PEAK_RANGE_N[1], "N"),
-        ("displacement", stroke, *STROKE_RANGE_m, "m"),
-        *((("current", current, *CURRENT_RANGE_A, "A"),) if current else ()),
+        ("force", peak, peak_min, SETTINGS.peak_force_range_N[1], "N"),
+        ("displacement", stroke, *SETTINGS.stroke_range_m, "m"),
+        *((("current", current, *SETTINGS.peak_current_range_A, "A"),) if current else ()),
     ):
         if low <= value <= high:
             continue

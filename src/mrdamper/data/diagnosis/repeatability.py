@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import CycleFigures, cycles
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.prepare import PreparedRun
-
-CYCLE_RATIO_MAX = 0.03  # Relative tolerance of stroke, duration and end position.
-PHASE_COUNT = 200  # Cycles are compared at this number of points.
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +84,12 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
 
 def is_typical(values: FloatArray) -> NDArray[np.bool_]:
     """Return True for each stroke or duration that differs from the median by less than 3 %."""
-    return np.asarray(np.abs(values / np.median(values) - 1.0) < CYCLE_RATIO_MAX)
+    return np.asarray(np.abs(values / np.median(values) - 1.0) < SETTINGS.cycle_ratio_max)
 
 
 def forces_by_phase(prepared: PreparedRun, found: CycleFigures) -> FloatArray:
     """Return the force of each cycle interpolated to equal phases, shape (cycles, phases)."""
-    phase = np.linspace(0.0, 1.0, PHASE_COUNT, endpoint=False)
+    phase = np.linspace(0.0, 1.0, SETTINGS.cycle_phase_count, endpoint=False)
     samples = np.arange(len(prepared))
     pairs = zip(found.row.tolist(), found.samples.tolist(), strict=True)
     return np.array([np.interp(start + phase * count, samples, prepared.force) for start, count in pairs])
@@ -103,5 +101,5 @@ def select_typical_cycles(prepared: PreparedRun) -> CycleFigures:
     if not len(found):
         return found
     x = prepared.trajectory.displacement
-    closed = np.abs(x[found.end] - x[found.row]) < CYCLE_RATIO_MAX * np.median(found.stroke_m)
+    closed = np.abs(x[found.end] - x[found.row]) < SETTINGS.cycle_ratio_max * np.median(found.stroke_m)
     return found.where(is_typical(found.stroke_m) & is_typical(found.samples.astype(np.float64)) & closed)

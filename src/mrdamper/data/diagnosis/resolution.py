@@ -6,23 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import DEVIATION_PER_MAD, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.diagnosis.repeatability import forces_by_phase, repeatability, select_typical_cycles
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
-
-SAMPLE_COUNT_MIN = 60.0
-SAMPLE_COUNT_FAULT = 20.0
-REVERSAL_RATIO_MIN = 0.3  # Smaller motions, as a fraction of the stroke range, are not reversals.
-NOISE_MAX_PERCENT = 5.0  # Noise above this percentage of the force's standard deviation is reported.
-DEVIATION_MAX_PERCENT = 5.0  # Larger deviations of cycles, in the same unit, are reported.
-LINE_RATIO_MIN = 0.03  # RMS of a spectral line divided by the force's standard deviation.
-LINE_POWER_RATIO_MIN = 0.5  # Fraction of the power of the deviation from the mean cycle.
-# Smallest distance of a line to a harmonic: in bins of the spectrum, and the limits in harmonic numbers.
-DISTANCE_BINS, DISTANCE_RANGE = 1.2, (0.1, 0.3)
-CYCLE_COUNT_MIN = 3
-LINE_HARMONIC_MIN = 2.0  # Lower harmonics contain slow changes of the force.
 
 
 def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
@@ -31,21 +20,21 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
     if period is None:
         turns = turning_points(
             prepared.trajectory.displacement,
-            REVERSAL_RATIO_MIN * float(np.ptp(prepared.trajectory.displacement)),
+            SETTINGS.fast_reversal_stroke_ratio_min * float(np.ptp(prepared.trajectory.displacement)),
         )
         apart = np.diff(turns) * step
         period = 2.0 * float(apart.min()) if len(apart) else None
-    if period is not None and period / step < SAMPLE_COUNT_MIN:
+    if period is not None and period / step < SETTINGS.cycle_samples_min:
         per_cycle = period / step
         yield Finding(
             kind="few_samples_per_cycle",
-            severity="warning" if per_cycle > SAMPLE_COUNT_FAULT else "fault",
+            severity="warning" if per_cycle > SETTINGS.cycle_samples_fault_max else "fault",
             channel="time",
             size=per_cycle,
             unit="samples",
             found=f"the fastest cycle has {per_cycle:.3g} samples (at {1 / step:.4g} Hz)",
             effect="Velocity and the corners of the loop are lost between samples",
-            remedy=f"Record at {SAMPLE_COUNT_MIN / period:.3g} Hz or more",
+            remedy=f"Record at {SETTINGS.cycle_samples_min / period:.3g} Hz or more",
         )
 
 
@@ -57,7 +46,7 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])
     share = 100.0 * noise / spread if spread else 0.0
-    if share > NOISE_MAX_PERCENT:
+    if share > SETTINGS.force_noise_max_percent:
         yield Finding(
             kind="force_noise",
             channel="force",
@@ -69,7 +58,7 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
             remedy="Shield the load cell's cable, use more of its range; more cycles average it out in a fit",
         )
     apart = None if prepared.run.constant_command is None else repeatability(prepared)
-    if apart is None or apart <= DEVIATION_MAX_PERCENT:
+    if apart is None or apart <= SETTINGS.cycle_deviation_max_percent:
         return
     more = apart > 2.0 * share
     yield Finding(
@@ -98,19 +87,21 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     if prepared.period_s is None or prepared.run.constant_command is None:
         return
     cycle_forces = forces_by_phase(prepared, select_typical_cycles(prepared))
-    if len(cycle_forces) < CYCLE_COUNT_MIN:
+    if len(cycle_forces) < SETTINGS.line_cycle_count_min:
         return
     spread = float(np.std(cycle_forces))
     beside = (cycle_forces - cycle_forces.mean(axis=0)).ravel()
     power = 2.0 * np.abs(np.fft.rfft(beside)) ** 2 / len(beside) ** 2
     harmonic = np.arange(len(power)) / len(cycle_forces)
-    off = float(np.clip(DISTANCE_BINS / len(cycle_forces), *DISTANCE_RANGE))
+    bins = SETTINGS.line_distance_min_bins / len(cycle_forces)
+    off = float(np.clip(bins, *SETTINGS.line_distance_range_harmonics))
     between = np.abs(harmonic - np.round(harmonic)) > off
-    rest = np.where(between & (harmonic > LINE_HARMONIC_MIN), power, 0.0)
+    rest = np.where(between & (harmonic > SETTINGS.line_harmonic_min), power, 0.0)
     top = int(np.argmax(rest))
     line = float(rest[top - 2 : top + 3].sum())
     amplitude = float(np.sqrt(line))
-    if amplitude < LINE_RATIO_MIN * spread or line < LINE_POWER_RATIO_MIN * float(power.sum()):
+    power_min = SETTINGS.line_power_ratio_min * float(power.sum())
+    if amplitude < SETTINGS.line_force_ratio_min * spread or line < power_min:
         return
     yield Finding(
         kind="interference",
@@ -135,4 +126,4 @@ def white_noise(values: FloatArray) -> float:
     if len(values) < 16:
         return 0.0
     fourth = np.diff(values, 4)
-    return 1.4826 * float(np.median(np.abs(fourth))) / float(np.sqrt(70.0))
+    return DEVIATION_PER_MAD * float(np.median(np.abs(fourth))) / float(np.sqrt(70.0))

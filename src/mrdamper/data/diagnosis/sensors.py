@@ -9,30 +9,14 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.resolution import white_noise
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording, channels_of
 from mrdamper.quantities import QUANTITIES
 
 _MEASURED = ("displacement", "force", "velocity")
-FLAT_COUNT_MIN = 3  # Consecutive samples at the extreme value.
-COUNT_RATIO_MIN = 8.0  # A clipped channel has this many times more samples at its extreme than next to it.
-LEVEL_COUNT = 4  # Number of values next to the extreme that are compared with the extreme.
-EXTREME_COUNT = 8
-CLIPPED_RATIO_MAX = 0.01  # A larger fraction of clipped samples is a fault.
 
 STEP_RATIO = math.sqrt(12.0)  # The standard error of rounding is the step divided by this.
-COARSE_RATIO, FAULT_RATIO = 0.01, 0.03  # Rounding error divided by the standard deviation.
-GRID_RATIO_MIN = 0.8  # Quantised: at least this fraction of distances between values is 1, 2 or 3 steps.
-
-STUCK_COUNT = 20
-MOTION_RATIO = 0.15  # The displacement changes by this fraction of its range while the force is stuck.
-LENGTH_RATIO = 5.0  # A stuck sensor is constant for this multiple of the 90 % quantile of constant segments.
-
-LEVEL_STEPS = 1.5  # Neighbouring quantised values differ by less than this multiple of the resolution.
-
-SPIKE_RATIO = 0.1  # Smallest height of a spike as a fraction of the range from 0.5 % to 99.5 % quantile.
-_ABOVE_NOISE = 30.0
-SPIKE_COUNT_MIN = 100
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
@@ -46,18 +30,21 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
         counts = np.unique(values, return_counts=True)[1]
         for side, folded, often in (("upper", values, counts[::-1]), ("lower", -values, counts)):
             at_top = folded == folded.max()
-            below = float(np.mean(often[1 : 1 + LEVEL_COUNT]))
+            below = float(np.mean(often[1 : 1 + SETTINGS.clipped_level_count]))
             segments = [
-                (a, b) for a, b in _segments(at_top) if b - a >= FLAT_COUNT_MIN and _has_slope(folded, a, b)
+                (a, b)
+                for a, b in _segments(at_top)
+                if b - a >= SETTINGS.clipped_segment_samples_min and _has_slope(folded, a, b)
             ]
-            if not segments or sum(b - a for a, b in segments) < max(EXTREME_COUNT, COUNT_RATIO_MIN * below):
+            least = max(SETTINGS.clipped_samples_min, SETTINGS.clipped_count_ratio_min * below)
+            if not segments or sum(b - a for a, b in segments) < least:
                 continue
             count = int(np.count_nonzero(at_top))
             share = count / len(values)
             unit = QUANTITIES[role].unit
             yield Finding(
                 kind="clipped",
-                severity="fault" if share > CLIPPED_RATIO_MAX else "warning",
+                severity="fault" if share > SETTINGS.clipped_ratio_max else "warning",
                 channel=role,
                 size=100.0 * share,
                 unit="%",
@@ -77,14 +64,16 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
-        least, near, steps = _stuck_length(segments), LEVEL_STEPS * _coarse_step(values), _steps(values)
+        least, steps = _stuck_length(segments), _steps(values)
+        near = SETTINGS.stuck_level_max_steps * _coarse_step(values)
         moved = float(np.ptp(other))
         for a, b in segments:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
                 continue  # The motion is slow, so that the converter does not change its value.
-            share = MOTION_RATIO if role == "force" else 0.5  # The force may relax at rest.
+            # The force may relax at rest.
+            share = SETTINGS.stuck_motion_ratio_min if role == "force" else 0.5
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
             yield Finding(
@@ -107,7 +96,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 def _coarse_step(values: FloatArray) -> float:
     """Return the resolution of a channel if coarse relative to the standard deviation, else 0."""
     resolution = resolution_of(values)
-    return resolution if resolution / STEP_RATIO > COARSE_RATIO * float(np.std(values)) else 0.0
+    return resolution if resolution / STEP_RATIO > SETTINGS.coarse_note_ratio * float(np.std(values)) else 0.0
 
 
 def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
@@ -121,7 +110,7 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
         shown, factor = (unit, 1.0) if role == "force" else (f"m{unit}", 1e3)
         yield Finding(
             kind="coarse_steps",
-            severity="warning" if error > FAULT_RATIO else "note",
+            severity="warning" if error > SETTINGS.coarse_warning_ratio else "note",
             channel=role,
             size=resolution,
             unit=unit,
@@ -137,13 +126,14 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
 def find_spikes(recording: Recording) -> Iterator[Finding]:
     """Generate findings on spikes: single samples that differ strongly from both neighbours."""
     for role, values in _varying_channels(recording):
-        if len(values) < SPIKE_COUNT_MIN:
+        if len(values) < SETTINGS.spike_samples_min:
             continue
         before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
         away = np.minimum(np.abs(before), np.sign(before) * after)
         low, high = np.quantile(values, (0.005, 0.995))
-        bad = np.flatnonzero(away > max(SPIKE_RATIO * (high - low), _ABOVE_NOISE * white_noise(values))) + 1
-        if not len(bad) or len(bad) > len(values) / SPIKE_COUNT_MIN:
+        noise = SETTINGS.spike_noise_ratio_min * white_noise(values)
+        bad = np.flatnonzero(away > max(SETTINGS.spike_height_ratio_min * (high - low), noise)) + 1
+        if not len(bad) or len(bad) > len(values) / SETTINGS.spike_samples_min:
             continue
         worst = int(bad[np.argmax(away[bad - 1])])
         unit = QUANTITIES[role].unit
@@ -172,7 +162,7 @@ def resolution_of(values: FloatArray) -> float:
     multiples = apart / resolution
     nearest = np.round(multiples)
     regular = (np.abs(multiples - nearest) < 0.1) & (nearest >= 1.0) & (nearest <= 3.0)
-    return resolution if np.count_nonzero(regular) >= GRID_RATIO_MIN * len(apart) else 0.0
+    return resolution if np.count_nonzero(regular) >= SETTINGS.quantised_ratio_min * len(apart) else 0.0
 
 
 def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
@@ -205,5 +195,6 @@ def _stuck_length(segments: list[tuple[int, int]]) -> float:
     The length is increased if the channel has at least five constant segments and many are long.
     """
     if len(segments) < 5:
-        return STUCK_COUNT
-    return max(STUCK_COUNT, LENGTH_RATIO * float(np.quantile([b - a for a, b in segments], 0.9)))
+        return SETTINGS.stuck_steps_min
+    typical = float(np.quantile([b - a for a, b in segments], 0.9))
+    return max(SETTINGS.stuck_steps_min, SETTINGS.stuck_length_ratio_min * typical)

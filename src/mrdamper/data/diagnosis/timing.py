@@ -6,20 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mrdamper.arrays import DEVIATION_PER_MAD
+from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
-
-LOST_STEP_RATIO_MIN = 1.5  # Samples are missing if a time step exceeds this multiple of the median.
-JUMP_SLOPE_RATIO_MIN = 0.6  # Multiple of the rms slope of the displacement.
-JUMP_NOISE_RATIO_MIN = 10.0  # Multiple of the scatter of the slope relative to neighbouring steps.
-JUMP_SAMPLE_COUNT_MIN = 64  # Shorter runs have too few neighbouring steps.
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:
     """Generate a finding on lost samples."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
-    lost = np.flatnonzero(steps > LOST_STEP_RATIO_MIN * usual)
+    lost = np.flatnonzero(steps > SETTINGS.lost_step_ratio_min * usual)
     if len(lost):
         missing = int(np.sum(np.round(steps[lost] / usual) - 1.0))
         share = 100.0 * missing / len(recording)
@@ -44,14 +41,14 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
     Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns to the motion.
     """
     x = recording.displacement
-    if len(x) < JUMP_SAMPLE_COUNT_MIN:
+    if len(x) < SETTINGS.jump_samples_min:
         return
     steps = np.diff(x) / np.diff(recording.time)
     near = np.median([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]], axis=0)
     away = np.concatenate([[0.0, 0.0], steps[2:-2] - near, [0.0, 0.0]])
     usual = float(np.sqrt(np.mean(steps**2)))
-    noise = 1.4826 * float(np.median(np.abs(away)))
-    far = np.abs(away) > max(JUMP_SLOPE_RATIO_MIN * usual, JUMP_NOISE_RATIO_MIN * noise)
+    noise = DEVIATION_PER_MAD * float(np.median(np.abs(away)))
+    far = np.abs(away) > max(SETTINGS.jump_slope_ratio_min * usual, SETTINGS.jump_noise_ratio_min * noise)
     # A spike has two consecutive steps of opposite sign.
     back = np.abs(away[:-1] + away[1:]) < 0.5 * np.maximum(np.abs(away[:-1]), np.abs(away[1:]))
     far[:-1] &= ~back

@@ -17,11 +17,10 @@ from functools import partial
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, OnUse, Table
 from mrdamper.data.formats.timestamps import moment_of
 
-CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less than this fraction of a step are equal.
-UNIX_TIME_MIN_s = 1e9  # Larger times are seconds since 1970.
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
 
 _STEP = re.compile(
@@ -61,7 +60,7 @@ class Sampling:
 
     def is_same(self, other: Sampling, samples: int) -> bool:
         """Return True if another channel has the same times for this number of samples."""
-        tolerance = CLOCK_TOLERANCE_STEPS * self.step_s
+        tolerance = SETTINGS.clock_tolerance_steps * self.step_s
         starts = (self.began_s or 0.0) - (other.began_s or 0.0) + self.offset_s - other.offset_s
         return abs(starts) < tolerance and abs(self.step_s - other.step_s) * samples < tolerance
 
@@ -193,7 +192,7 @@ def _moment(value: object, unit: str) -> Moment | None:
     number, scale = _number(value, unit)
     if math.isfinite(number):
         seconds = number * (scale or 1.0)
-        return Moment(seconds, seconds, has_date=seconds > UNIX_TIME_MIN_s, is_utc=True)
+        return Moment(seconds, seconds, has_date=seconds > SETTINGS.unix_time_min_s, is_utc=True)
     moment = moment_of(_text(value))
     if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None

@@ -17,12 +17,11 @@ from typing import Any
 
 from mrdamper.data.formats.lines.encodings import TextInMemory
 from mrdamper.data.formats.lines.header import find_data, find_decimal, holds_samples
-from mrdamper.data.formats.table import MOST_HEADER_LINES, FileOptions, Table, load_extra
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import FileOptions, Table, load_extra
 from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
-_UNPACKED_MAX_BYTES = 1 << 29
-_CELLS_MAX = 32_000_000  # Number of cells from the first to the last used row and column, with empty cells.
 _PIECE_BYTES = 1 << 20
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
@@ -47,7 +46,7 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     found = []
     for name in [options.part] if options.part else names:
         rows = book.get_sheet_by_name(name).iter_rows()
-        above = list(islice(rows, MOST_HEADER_LINES))
+        above = list(islice(rows, SETTINGS.header_lines_max))
         lines = ["\t".join(map(_spelled, row)) for row in above]
         if find_data(lines, "\t")[1] is not None:
             found.append((name, lines, chain(above, rows)))
@@ -73,7 +72,7 @@ def sheet_lines(path: Path) -> list[str]:
 
 def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) -> Table:
     """Return the table on a sheet."""
-    words = [cell for row in rows[:MOST_HEADER_LINES] for cell in row if isinstance(cell, str)]
+    words = [cell for row in rows[: SETTINGS.header_lines_max] for cell in row if isinstance(cell, str)]
     decimal = options.decimal or find_decimal(path, words, "\t") or "."
     text = "\n".join("\t".join(_spelled(cell, decimal) for cell in row) for row in rows) + "\n"
     source = TextInMemory(f"{path}, sheet {sheet!r}", text.encode())
@@ -109,10 +108,10 @@ def _require_harmless(path: Path) -> None:
             raise InputError(
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )
-        if sum(member.file_size for member in members) > _UNPACKED_MAX_BYTES:
+        if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
             raise InputError(
                 place=path,
-                found=f"unpacks to more than {_UNPACKED_MAX_BYTES >> 20} MB",
+                found=f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB",
                 remedy="Export it as CSV",
             )
         for member in members:
@@ -128,11 +127,11 @@ def _require_few_cells(path: Path, archive: zipfile.ZipFile, member: zipfile.Zip
             for letters, digits in set(_CELL.findall(tail + piece)):
                 row, column = max(row, int(digits)), max(column, _column_number(letters))
             tail = piece[-40:]
-            if row * column > _CELLS_MAX:
+            if row * column > SETTINGS.sheet_cells_max:
                 raise InputError(
                     place=path,
                     found=f"{member.filename} spans {row} rows and {column} columns",
-                    expected=f"at most {_CELLS_MAX} cells",
+                    expected=f"at most {SETTINGS.sheet_cells_max} cells",
                     remedy="Delete the cells far from the table, or export it as CSV",
                 )
 

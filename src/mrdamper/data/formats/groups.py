@@ -10,13 +10,12 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_room, shortest_names
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
-_ATTRIBUTE_LINES_MAX, _ATTRIBUTE_LENGTH_MAX = 64, 200
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
-MOST_LISTED = 8  # Largest number of names in a remark.
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 
 
@@ -178,7 +177,7 @@ def is_in_part(path: Sequence[str], part: str) -> bool:
 def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
     """Return attributes as lines ``name: value``; a number is followed by the unit in its name."""
     lines = []
-    for key, value in list(attributes.items())[:_ATTRIBUTE_LINES_MAX]:
+    for key, value in list(attributes.items())[: SETTINGS.attribute_lines_max]:
         text = value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"
         header = parse_header(key)
         unit = header[1] if header is not None else word_and_unit(key)[1]
@@ -187,14 +186,15 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
             unit = beside.decode("utf-8", "replace") if isinstance(beside, bytes) else beside
         if unit and roles_of_unit(unit) and _is_number(text):
             text = f"{float(text):g} {unit}"
-        lines.append(f"{key}: {text}"[:_ATTRIBUTE_LENGTH_MAX])
+        lines.append(f"{key}: {text}"[: SETTINGS.attribute_length_max])
     return tuple(lines)
 
 
 def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
     """Return a remark that lists skipped values of a foreign type, or () if no value was skipped."""
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return (f"{SKIPPED}{', '.join(names[:MOST_LISTED])}{more}",) if names else ()
+    count = SETTINGS.listed_names_max
+    more = f" and {len(names) - count} more" if len(names) > count else ""
+    return (f"{SKIPPED}{', '.join(names[:count])}{more}",) if names else ()
 
 
 def units_of_channels(

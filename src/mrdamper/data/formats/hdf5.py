@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.signals import MOST_ELEMENTS
-from mrdamper.data.formats.table import MOST_COLUMNS, MOST_UNPACKED, FileOptions, Table, load_extra
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import FileOptions, Table, load_extra
 from mrdamper.data.formats.variables import OF_COLUMNS, table_of_variables, words_in
 
 _MATLAB = b"MATLAB 7.3"
@@ -98,7 +98,7 @@ class _Tree:
         if item.dtype.names:
             inside = {name: item.dtype[name] for name in item.dtype.names if item.ndim == 1}
             return {name: _DataSet(self._path, item, name) for name, each in inside.items() if not each.shape}
-        if item.dtype.kind in "SO" and item.size <= MOST_COLUMNS and not self._matlab:
+        if item.dtype.kind in "SO" and item.size <= SETTINGS.table_columns_max and not self._matlab:
             words = np.ravel(item[()]).tolist()
             return _as_plain_value(words[0]) if len(words) == 1 else words
         return _DataSet(self._path, item)
@@ -111,7 +111,7 @@ class _Tree:
 
     def _referred(self, item: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
         # MATLAB numbers the elements along columns, which are rows in the file.
-        given = np.ravel(item[()])[:MOST_ELEMENTS]
+        given = np.ravel(item[()])[: SETTINGS.element_count_max]
         return [self._file[reference] if reference else None for reference in given]
 
     def _is_new(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
@@ -125,7 +125,7 @@ def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
     """Return True if the numbers of a data set are in the file itself. MATLAB's [] stores only its shape."""
     if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty"):
         return False
-    return bool(item.nbytes <= MOST_UNPACKED * item.id.get_storage_size())
+    return bool(item.nbytes <= SETTINGS.unpacked_ratio_max * item.id.get_storage_size())
 
 
 def _settings(item: Any) -> dict[str, object]:  # noqa: ANN401 - h5py has no types

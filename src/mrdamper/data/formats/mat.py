@@ -9,7 +9,8 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from mrdamper.data.formats.table import MOST_UNPACKED, FileOptions, Table, require_held, require_room
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import FileOptions, Table, require_held, require_room
 from mrdamper.data.formats.variables import table_of_variables
 
 # Smallest size of an element by kind [bytes]. A number has at least one byte.
@@ -49,7 +50,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         try:
             held = whosmat(part)
         except TypeError:  # An object has no shape.
-            require_room(part.getbuffer().nbytes * MOST_UNPACKED, path, name)
+            require_room(part.getbuffer().nbytes * SETTINGS.unpacked_ratio_max, path, name)
             held = []
         for _, shape, kind in held:
             count = math.prod(abs(int(n)) for n in shape)  # The sizes in a damaged file can be negative.

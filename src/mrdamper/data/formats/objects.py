@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.table import MOST_WHOLE, FileOptions, Table, require_held, require_room
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import FileOptions, Table, require_held, require_room
 from mrdamper.data.formats.variables import table_of_variables
 from mrdamper.errors import InputError
 
@@ -56,8 +57,8 @@ def read_npz(path: Path, options: FileOptions) -> Table:
 
 def read_json(path: Path, options: FileOptions) -> Table:
     """Return the columns of a JSON file, or of a file with one JSON object per line."""
-    if path.stat().st_size > MOST_WHOLE:
-        found = f"a JSON file of more than {MOST_WHOLE >> 20} MB"
+    if path.stat().st_size > SETTINGS.whole_file_max_bytes:
+        found = f"a JSON file of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
         raise InputError(place=path, found=found, remedy="Export the run as CSV")
     text = path.read_text(encoding="utf-8-sig")
     try:

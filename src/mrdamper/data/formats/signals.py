@@ -10,9 +10,6 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-MOST_ELEMENTS = 4096
-"""Elements of an array of structures, or of cells, that are looked at."""
-
 _NAMES, _SIGNALS, _UNITS = ("name", "label", "title"), ("data", "values"), ("unit", "units")
 _TIMES = ("time", "t")
 

@@ -17,17 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.errors import InputError, MissingExtraError
 
-MOST_UNPACKED = 1032  # The largest possible compression ratio of deflate.
-MOST_WHOLE = 1 << 28  # Larger files [bytes] are not kept in memory as a whole.
-MOST_SAMPLES = 400_000_000  # A header that states a longer column (3.2 GB) is damaged or malicious.
-CONTINUATION_MAX_STEPS = 1.5  # A piece after a longer pause is a separate recording.
-MOST_HEADER_LINES = 400  # The first row of a text or a sheet is within these lines.
-MOST_COLUMNS = 64  # A wider matrix is not a table of channels.
-
-LEAST_ROWS = 10
-"""Rows of numbers that make a table of samples: fewer are a table of results."""
 SKIPPED = "skipped: "
 """First word of a note in a layout that lists values which cannot be read."""
 MISSING_MARKS = (
@@ -202,18 +194,18 @@ def distinct_names(names: Sequence[str]) -> list[str]:
 
 def require_room(samples: int, path: Path, name: str) -> None:
     """Raise InputError if a column is too long to allocate."""
-    if samples > MOST_SAMPLES:
+    if samples > SETTINGS.column_samples_max:
         raise InputError(
             place=path,
             found=f"column {name!r} states {samples} samples",
-            expected=f"at most {MOST_SAMPLES}",
+            expected=f"at most {SETTINGS.column_samples_max}",
             remedy="The file is damaged, or has to be split",
         )
 
 
 def require_held(samples: int, size: int, path: Path, name: str) -> None:
     """Raise InputError if the file is too small for the stated samples. Call before memory is allocated."""
-    if not 0 <= samples * size <= MOST_UNPACKED * path.stat().st_size:
+    if not 0 <= samples * size <= SETTINGS.unpacked_ratio_max * path.stat().st_size:
         raise InputError(
             place=path,
             found=f"{name!r} states {samples} samples of {size} bytes, more than its file holds",

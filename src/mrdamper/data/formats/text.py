@@ -39,22 +39,11 @@ from mrdamper.data.formats.lines.header import (
     refuse_two_commas,
     split_line,
 )
-from mrdamper.data.formats.table import (
-    LEAST_ROWS,
-    MOST_COLUMNS,
-    MOST_HEADER_LINES,
-    MOST_WHOLE,
-    FileOptions,
-    Layout,
-    NoTableError,
-    Table,
-    Texts,
-    distinct_names,
-)
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import FileOptions, Layout, NoTableError, Table, Texts, distinct_names
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
-EMPTY_RECORD_COLUMNS_MIN = 3  # A single line with as many names is the header of an empty record.
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
@@ -130,7 +119,7 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
 
 def _content(path: TextSource) -> bytes:
     """Return the bytes of a text, empty if the text is large."""
-    if size_of(path) > MOST_WHOLE:
+    if size_of(path) > SETTINGS.whole_file_max_bytes:
         return b""
     with open_text_bytes(path) as stream:
         return stream.read()
@@ -142,7 +131,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     blocks, trailer = find_blocks(
         _content(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
     )
-    long = [block for block in blocks if block.rows >= LEAST_ROWS]
+    long = [block for block in blocks if block.rows >= SETTINGS.table_rows_min]
     if not long or (len(blocks) == 1 and not trailer):
         return None
     notes = layout.notes
@@ -167,15 +156,15 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
     delimiter, first = find_data(head.lines, options.delimiter)
     rows = [split_line(line, delimiter) for line in head.lines if line.strip()]
-    if len(rows) <= MOST_COLUMNS and min((len(row) for row in rows), default=0) > max(
-        MOST_COLUMNS, len(rows)
+    if len(rows) <= SETTINGS.table_columns_max and min((len(row) for row in rows), default=0) > max(
+        SETTINGS.table_columns_max, len(rows)
     ):
         return _table_of_rows(rows, delimiter, options)
     if first is None:
         # An empty record is a single header line. A file of notes has more lines.
         lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
         widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
-        is_empty_record = len(lines) == 1 and max(widths) >= EMPTY_RECORD_COLUMNS_MIN
+        is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
         raise (InputError if is_empty_record else NoTableError)(
             place=f"{path}",
             found=f"no rows of numbers in the first {len(head.lines)} lines",
@@ -220,7 +209,7 @@ def read_head(path: TextSource) -> Head:
             remedy="Save it with such lines",
         )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
-    edges = [0, *(match.end() for match in re.finditer(end, content))][: MOST_HEADER_LINES + 1]
+    edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
         raise InputError(
             place=f"{path}",

@@ -26,8 +26,9 @@ from mrdamper.data.formats.groups import (
     skipped_note,
     table_of_arrays,
 )
-from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_field
-from mrdamper.data.formats.table import MOST_COLUMNS, FileOptions, Layout, Table, as_column
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.signals import find_signal, unit_of_field
+from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column
 from mrdamper.quantities import roles_of_unit
 
 OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items", re.IGNORECASE)
@@ -75,7 +76,8 @@ class _Variables:
         elif isinstance(value, str):
             self.texts[path] = value
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-            for k, inner in enumerate([*value][:MOST_ELEMENTS] if isinstance(value, list) else value.flat):
+            elements = value[: SETTINGS.element_count_max] if isinstance(value, list) else value.flat
+            for k, inner in enumerate(elements):
                 self._collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, "", outer)
         elif isinstance(value, bool | int | float):
             self._add(path, np.array([value]), unit, settings)
@@ -83,7 +85,7 @@ class _Variables:
             unit = next((f"{own[key]}" for key in UNIT_NAMES if key in own), unit)
             if value.size == max(value.shape, default=1):
                 self._add(path, value, unit, settings)
-            elif value.ndim == 2 and min(value.shape) <= MOST_COLUMNS:
+            elif value.ndim == 2 and min(value.shape) <= SETTINGS.table_columns_max:
                 across = 0 if value.shape[0] < value.shape[1] else 1
                 for k, title in enumerate(self._names_of_columns(path, value, across)):
                     self._add((*path[:-1], *title), value, unit, settings, (across, k))
@@ -153,7 +155,8 @@ def _single(value: Any) -> Any:  # noqa: ANN401 - any value
 
 def words_in(value: Any) -> list[str]:  # noqa: ANN401 - any value
     """Return a list or an array of several words, [] for any other value."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "OSU" and value.size <= MOST_COLUMNS:
+    is_text = isinstance(value, np.ndarray) and value.dtype.kind in "OSU"
+    if is_text and value.size <= SETTINGS.table_columns_max:
         value = value.ravel().tolist()
     if not isinstance(value, list) or not all(isinstance(each, str | bytes) for each in value):
         return []
@@ -169,7 +172,7 @@ def _lists_of_words(name: str, value: Any) -> Iterator[tuple[str, list[str]]]:  
         for key, inner in value.items():
             yield from _lists_of_words(f"{key}", inner)
     elif isinstance(value, list):
-        for inner in value[:MOST_ELEMENTS]:
+        for inner in value[: SETTINGS.element_count_max]:
             yield from _lists_of_words(name, inner)
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS, UNIX_TIME_MIN_s, stated_sampling
+from mrdamper.data.formats.clocks import stated_sampling
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
@@ -73,7 +74,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
         hold = 0.0 if role in MEASURED else _step_s(times[clock])
         spans[role] = float(times[clock][0]) - hold, float(times[clock][-1]) + hold
     first, last = max(begin for begin, _ in spans.values()), min(end for _, end in spans.values())
-    slack = CLOCK_TOLERANCE_STEPS * _step_s(times[main])
+    slack = SETTINGS.clock_tolerance_steps * _step_s(times[main])
     findings = _findings_of_common_time(spans, last - first, slack, table, chosen, place)
     kept = (times[main] >= first - slack) & (times[main] <= last + slack)
     found = {"time": table.columns[fastest][kept]}
@@ -233,7 +234,7 @@ def start_of(table: Table, first_s: float, path: Path) -> Moment | None:
     moments = [each for each in (*stamps, table.start, lines) if each is not None]
     moment = next((each for each in moments if each.has_date), next(iter(moments), None))
     if moment is None:
-        return Moment(0.0, 0.0, is_utc=True) if first_s > UNIX_TIME_MIN_s else None
+        return Moment(0.0, 0.0, is_utc=True) if first_s > SETTINGS.unix_time_min_s else None
     if moment.has_date:
         return moment
     days = next(filter(None, map(date_in, (table.said, [path.stem], [path.parent.name]))), None)

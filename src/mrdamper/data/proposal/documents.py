@@ -18,14 +18,13 @@ from mrdamper.data.formats.excel import is_workbook, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, split_line, with_unit
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.labels import Place, labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
 
-_MAX_BYTES = 1 << 17
-_MAX_LINES = 2000
 _ROLES = ("current", "voltage", "temperature")
 _NUMBER_WORDS = re.compile(
     r"^$|\b(no|nr|num|number|run|test|file|id|versuch|lauf|messung|essai|prueba)\b|#", re.IGNORECASE
@@ -123,21 +122,21 @@ def _lines_of(path: Path) -> list[str]:
     if the file is not readable. Raise ValueError if the file is not valid JSON or not valid text. Raise
     RecursionError if JSON is nested too deeply.
     """
-    if not path.is_file() or path.stat().st_size > _MAX_BYTES:
+    if not path.is_file() or path.stat().st_size > SETTINGS.document_max_bytes:
         return []
     with path.open("rb") as stream:
         head = stream.read(512)
     if is_workbook(head):
         with decoding(path, "Excel"):
-            return sheet_lines(path)[:_MAX_LINES]
+            return sheet_lines(path)[: SETTINGS.document_lines_max]
     if not is_text(head):
         return []
     with open_text_bytes(path) as stream:
         content = stream.read()
     text = content.decode(encoding_of(path, content))
     if path.suffix.lower() == ".json":
-        return [*_flatten(json.loads(text))][:_MAX_LINES]
-    return text.splitlines()[:_MAX_LINES]
+        return [*_flatten(json.loads(text))][: SETTINGS.document_lines_max]
+    return text.splitlines()[: SETTINGS.document_lines_max]
 
 
 def _flatten(value: object, depth: int = 0) -> Iterator[str]:

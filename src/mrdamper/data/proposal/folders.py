@@ -18,6 +18,7 @@ from typing import IO
 
 from mrdamper.data.formats.lines.encodings import open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
@@ -27,7 +28,6 @@ _JOBS = tuple("card check compare cycles derate heat heatsink summary sweep veri
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }
-FOLDER_DEPTH_MAX = 4  # Number of levels of subfolders that are searched.
 _OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # Files with these suffixes may or may not be runs.
 _NO_RUNS = frozenset(
     f".{end}"
@@ -36,7 +36,6 @@ _NO_RUNS = frozenset(
         *("ini", "cfg", "toml", "yaml", "yml", "c", "h", "ipynb", "pdf", "png", "jpg", "jpeg"),
     )
 )
-_UNPACKED_MAX_BYTES = 1 << 31
 _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
 
 
@@ -83,9 +82,9 @@ def _unpack(file: Path, space: Path) -> list[Path]:
         if _head(file).startswith(_ARCHIVES[1]):
             name = file.stem if file.suffix.lower() == ".gz" else file.name
             with gzip.open(file) as member:
-                return [_extract(member, folder / name, file, _UNPACKED_MAX_BYTES)]
+                return [_extract(member, folder / name, file, SETTINGS.archive_unpacked_max_bytes)]
         with zipfile.ZipFile(file) as archive:
-            room = _UNPACKED_MAX_BYTES
+            room = SETTINGS.archive_unpacked_max_bytes
             for name in archive.namelist():
                 parts = [part for part in PurePosixPath(name).parts if part not in {"..", "/"}]
                 if not name.endswith("/") and parts[0] != "__MACOSX":
@@ -111,7 +110,7 @@ def _extract(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, roo
             if room < 0:
                 raise InputError(
                     place=archive,
-                    found=f"unpacks to more than {_UNPACKED_MAX_BYTES >> 20} MB",
+                    found=f"unpacks to more than {SETTINGS.archive_unpacked_max_bytes >> 20} MB",
                     remedy="Unpack it first",
                 )
             stream.write(piece)
@@ -122,7 +121,7 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     """Return the names of runs. Equal names get the name of their folder as a prefix if it differs."""
     found = list(names)
     folders = [Path(source).parent if source else None for source in sources]
-    for _ in range(FOLDER_DEPTH_MAX):
+    for _ in range(SETTINGS.folder_depth_max):
         often = Counter(found)
         if len(often) == len(found):
             break
@@ -142,7 +141,7 @@ def format_suffixes() -> set[str]:
     return {suffix for known in FORMATS for suffix in known.suffixes}
 
 
-def _files_below(folder: Path, depth: int = FOLDER_DEPTH_MAX) -> Iterator[Path]:
+def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterator[Path]:
     """Generate the files that may contain runs, first in the folder, then in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     for file in entries:

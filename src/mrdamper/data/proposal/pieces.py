@@ -16,14 +16,12 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import CONTINUATION_MAX_STEPS, Moment, Texts
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import Moment, Texts
 from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 from mrdamper.schema import finite_or_none
 
 _SLOW = frozenset({"temperature", "command"})
-# A periodic motion has reversals above this fraction of its range, at least this number of reversals, and
-# half periods that differ from their median by at most this fraction.
-_SWING_RATIO, _TURN_COUNT_MIN, _REGULAR_RATIO = 0.2, 5, 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +81,7 @@ def _continues(before: Piece, after: Piece) -> bool:
     if len(before.time) < 2 or not len(after.time) or before.channels.keys() != after.channels.keys():
         return False
     usual = float(np.median(np.diff(before.time)))
-    if not 0.0 < float(after.time[0] - before.time[-1]) < CONTINUATION_MAX_STEPS * usual:
+    if not 0.0 < float(after.time[0] - before.time[-1]) < SETTINGS.continuation_max_steps * usual:
         return False
     if before.told != after.told:
         return False
@@ -277,11 +275,11 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     duration = float(time[-1] - time[0])
     line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
     level = path - line * (time - time[0])
-    turns = turning_points(level, _SWING_RATIO * float(np.ptp(level)))
-    if len(turns) < _TURN_COUNT_MIN:
+    turns = turning_points(level, SETTINGS.swing_ratio_min * float(np.ptp(level)))
+    if len(turns) < SETTINGS.reversal_count_min:
         return line
     halves = np.diff(time[turns[1:-1]])
-    if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > _REGULAR_RATIO:
+    if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > SETTINGS.half_period_ratio_max:
         return line
     inner = turns[1:-1]
     # The first and the last reversal are at the same end of the stroke, whole cycles apart.

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Table
 from mrdamper.data.proposal.column import Header, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
@@ -25,7 +26,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMANDS = ("current", "voltage")
-LEVEL_PARTS = 16  # A column is divided into this number of parts. Their medians reveal a step despite noise.
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -151,9 +151,9 @@ def _names_current(header: Header) -> bool:
 def _level_changes(values: FloatArray) -> bool:
     """Return True if the medians of parts of a column differ by more than 20 % of its largest value."""
     finite = values[np.isfinite(values)]
-    if len(finite) < LEVEL_PARTS:
+    if len(finite) < SETTINGS.level_part_count:
         return False
-    levels = [float(np.median(part)) for part in np.array_split(finite, LEVEL_PARTS)]
+    levels = [float(np.median(part)) for part in np.array_split(finite, SETTINGS.level_part_count)]
     return max(levels) - min(levels) > 0.2 * float(np.abs(finite).max())  # Fraction of the largest value.
 
 

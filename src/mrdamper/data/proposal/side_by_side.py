@@ -10,7 +10,8 @@ import numpy as np
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.clocks import with_times
-from mrdamper.data.formats.table import LEAST_ROWS, MOST_COLUMNS, Table
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import Table
 from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit, to_si
 
@@ -40,7 +41,7 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
         columns = {name: table.columns[old] for name, old in zip(names[:width], own, strict=True)}
         known = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
         rows = int(known[-1]) + 1 if len(known) else 0
-        if rows < LEAST_ROWS:
+        if rows < SETTINGS.table_rows_min:
             return (table,)
         runs.append(
             replace(
@@ -64,7 +65,7 @@ def wide_of_long(table: Table) -> Table:
     named = [
         name
         for name, kind in kinds
-        if 2 <= len(kind) <= MOST_COLUMNS
+        if 2 <= len(kind) <= SETTINGS.table_columns_max
         and len({header[0] for name in kind if (header := parse_header(name or ""))}) > 1
     ]
     times = [

@@ -17,6 +17,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.proposal.clocks import start_of
 from mrdamper.data.proposal.column import Header, headers_of
@@ -32,7 +33,6 @@ from mrdamper.quantities import QUANTITIES
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
 # Differences between local time and UTC [h], beginning with 0.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
-AMBIGUITY_MAX_K = 1.0  # The time zone may be unknown if it changes the temperatures by less than this.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,7 +159,7 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
                 found.append(np.interp(time, log.time, log.temperature))
         if not found:
             raise InputError(found=f"its times do not cover {path.name}")
-    if np.ptp(found, axis=0).max() > AMBIGUITY_MAX_K:
+    if np.ptp(found, axis=0).max() > SETTINGS.time_zone_ambiguity_max_K:
         raise InputError(found="the runs or the log state UTC, and the other local time of an unknown zone")
     return found[0]
 

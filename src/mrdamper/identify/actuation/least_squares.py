@@ -20,14 +20,11 @@ from mrdamper.identify.actuation.step_responses import (
     mean_time,
     model_times,
 )
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 
-# Steps of the difference quotients: command step divided by the largest command, and step of a parameter
-# divided by the scale of the parameter.
-COMMAND_STEP_RATIO = 0.01
-DIFFERENCE_RATIO = 0.01
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
 
 Residual = Callable[[Sequence[FloatArray]], FloatArray]
@@ -127,7 +124,7 @@ def fit_parameters(
     values = np.array([getattr(start, name) for name in parameter_names])
     values[logs] = np.log(np.maximum(values, lower)[logs])
     lower[logs], upper[logs] = np.log(lower[logs]), np.log(upper[logs])
-    command_step = COMMAND_STEP_RATIO * (lagged.command_max or 1.0)
+    command_step = NUMERICS.command_step_ratio * (lagged.command_max or 1.0)
 
     def actuation(point: FloatArray) -> Actuation:
         numbers = np.where(logs, np.exp(point), point).tolist()
@@ -146,7 +143,7 @@ def fit_parameters(
         applied, forces, before = simulated(point.tobytes())
         stepped = lagged.forces_at_commands([at + command_step for at in applied])
         slopes = [(other - force) / command_step for other, force in zip(stepped, forces, strict=True)]
-        steps = DIFFERENCE_RATIO * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
+        steps = NUMERICS.parameter_step_ratio * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
         columns = []
         for step, neighbour in zip(steps, point + np.diag(steps), strict=True):
             runs = zip(forces, slopes, lagged.lag_commands(actuation(neighbour)), applied, strict=True)

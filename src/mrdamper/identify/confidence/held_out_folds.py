@@ -30,8 +30,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, LeftOut, MotionSize, width_unit
 from mrdamper.models.simulate import simulate_each
 
-NORMAL_95_PERCENT_POINT = 1.644854
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOutError:
@@ -226,4 +224,4 @@ def _t_factor(groups: int) -> float:
 
     The t distribution has ``groups`` - 1 degrees of freedom.
     """
-    return float(stdtrit(groups - 1, 0.95)) / NORMAL_95_PERCENT_POINT
+    return float(stdtrit(groups - 1, 0.95)) / 1.644854  # 95 % quantile of the normal distribution

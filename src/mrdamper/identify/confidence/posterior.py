@@ -14,12 +14,10 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
 from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Box
 from mrdamper.models.card_draws import CardDraws
-
-BATCH_COUNT = 4096
-BATCHES_MAX_COUNT = 500  # If fewer than 1 in 2000 samples are accepted, sampling takes longer than the fit.
 
 
 def sample_posterior(
@@ -58,9 +56,10 @@ def sample_posterior(
     searched = [k for k in moving if not free[k].linear]
     rng = np.random.default_rng(seed)
     accepted: list[FloatArray] = []
-    for _ in range(BATCHES_MAX_COUNT):
-        points = np.tile(mean, (BATCH_COUNT, 1))
-        points[:, moving] += rng.standard_normal((BATCH_COUNT, len(moving))) @ factor.T
+    batches, size = DEFAULT_SETTINGS.batch_count_max, DEFAULT_SETTINGS.batch_sample_count
+    for _ in range(batches):
+        points = np.tile(mean, (size, 1))
+        points[:, moving] += rng.standard_normal((size, len(moving))) @ factor.T
         inside = ((points > low) & (points < high))[:, searched].all(axis=1)
         points[:, log] = np.exp(points[:, log])
         inside &= (points[:, linear] @ rows[:, : len(linear)].T >= floor).all(axis=1)
@@ -68,7 +67,7 @@ def sample_posterior(
         if sum(map(len, accepted)) >= draws:
             return CardDraws(tuple(f.name for f in free), np.concatenate(accepted)[:draws])
     raise InputError(
-        f"{sum(map(len, accepted))} of {BATCHES_MAX_COUNT * BATCH_COUNT} samples are inside the bounds",
+        f"{sum(map(len, accepted))} of {batches * size} samples are inside the bounds",
         place="posterior",
         expected=f"{draws} or more",
         remedy="Fix parameters that are not identifiable, or add runs",

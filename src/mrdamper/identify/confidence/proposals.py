@@ -17,6 +17,7 @@ import numpy as np
 from mrdamper import core
 from mrdamper.arrays import FloatArray, inverse_sizes
 from mrdamper.excitation import Sine, Trajectory, drive
+from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
 from mrdamper.identify.evaluate import operating_envelope
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.problem import FitProblem, SearchResult
@@ -25,14 +26,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive
 from mrdamper.models.tangents import Tangents
 from mrdamper.quantities import to_degC
-
-AMPLITUDE_RATIOS = (1.0, 0.5, 0.2)  # amplitudes of the candidates, divided by half the stroke
-FREQUENCY_COUNT = 3
-COMMAND_COUNT = 3
-PERIOD_COUNT = 2
-SAMPLES_PER_PERIOD = 200
-VELOCITY_MIN_RATIO = 0.03  # min peak velocity, divided by the maximum velocity of the runs
-PRIOR_INFORMATION_RATIO = 1e-7  # added to the diagonal of the scaled information matrix to keep it regular
 
 
 def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[str, ...]:
@@ -48,7 +41,7 @@ def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) 
     size, runs = len(names), len(problem.runs)
     known = runs * objective.gram(result.damper, names)[:size, :size]
     scale = inverse_sizes(known)
-    known = known * np.outer(scale, scale) + PRIOR_INFORMATION_RATIO * np.eye(size)
+    known = known * np.outer(scale, scale) + DEFAULT_SETTINGS.prior_information_ratio * np.eye(size)
     candidates = _candidates(problem, result.damper)
     information = _information(result.damper, names, [path for _, path in candidates])
     information *= np.outer(scale, scale)
@@ -74,18 +67,19 @@ def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Traject
     half = 0.5 * (envelope.displacement[1] - envelope.displacement[0])
     speed, acceleration = (max(map(abs, ends)) for ends in (envelope.velocity, envelope.acceleration))
     limits = envelope.temperature if damper.temperature_dependent else None
-    frequencies = np.geomspace(*envelope.frequency, FREQUENCY_COUNT).tolist()
+    frequencies = np.geomspace(*envelope.frequency, DEFAULT_SETTINGS.proposal_frequency_count).tolist()
     candidates = []
-    for ratio, frequency in product(AMPLITUDE_RATIOS, frequencies):
+    for ratio, frequency in product(DEFAULT_SETTINGS.proposal_amplitude_ratios, frequencies):
         amplitude, rate = ratio * half, 2.0 * np.pi * frequency
-        if not VELOCITY_MIN_RATIO * speed <= rate * amplitude <= 1.02 * speed:
+        if not DEFAULT_SETTINGS.proposal_velocity_ratio_min * speed <= rate * amplitude <= 1.02 * speed:
             continue
         if rate**2 * amplitude > 1.1 * acceleration:
             continue
-        commands = np.unique(np.linspace(*envelope.command, COMMAND_COUNT)).tolist()
+        commands = np.unique(np.linspace(*envelope.command, DEFAULT_SETTINGS.proposal_command_count)).tolist()
         for command, kelvin in product(commands, dict.fromkeys(limits or (None,))):
             sine = Sine(amplitude, frequency)
-            duration, rate_Hz = PERIOD_COUNT / frequency, SAMPLES_PER_PERIOD * frequency
+            duration = DEFAULT_SETTINGS.proposal_period_count / frequency
+            rate_Hz = DEFAULT_SETTINGS.proposal_samples_per_period * frequency
             path = drive(sine, duration=duration, rate_Hz=rate_Hz, command=command, temperature=kelvin)
             candidates.append((sine, path))
     return candidates
@@ -96,7 +90,7 @@ def _information(damper: Damper, names: Sequence[str], paths: Sequence[Trajector
     tangents, information = Tangents(damper, names, [open_drive(path) for path in paths]), []
     for k in range(len(paths)):
         along = tangents.evaluate_run(k)
-        start = len(along.force) // PERIOD_COUNT
+        start = len(along.force) // DEFAULT_SETTINGS.proposal_period_count
         scored = along.force[start:]
         squares = along.combine @ core.gram(along.columns, start) @ along.combine.T
         information.append(1e4 * squares / (max(float(np.var(scored)), 1e-300) * len(scored)))

@@ -23,6 +23,17 @@ class ConfidenceSettings:
     correlation_min: float = 0.95  # Correlations of a larger magnitude are reported.
     correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
     energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
+    batch_sample_count: int = 4096  # samples of the posterior that are tested at once
+    batch_count_max: int = 500  # Below 1 accepted of 2000, sampling takes longer than the fit.
+
+    # Proposed tests
+    proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude / half the stroke
+    proposal_frequency_count: int = 3
+    proposal_command_count: int = 3
+    proposal_period_count: int = 2
+    proposal_samples_per_period: int = 200
+    proposal_velocity_ratio_min: float = 0.03  # peak velocity / maximum velocity of the runs
+    prior_information_ratio: float = 1e-7  # Added to the diagonal of the scaled information matrix.
 
 
 DEFAULT_SETTINGS = ConfidenceSettings()

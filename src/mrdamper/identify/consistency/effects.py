@@ -18,6 +18,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray, pseudoinverse
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
+from mrdamper.identify.consistency.settings import DEFAULTS
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.windows import FitWindow, one_window
 from mrdamper.models.damper import Damper
@@ -26,13 +27,6 @@ from mrdamper.models.tangents import Tangents
 
 # The rate is high enough that a delay of some milliseconds is several samples even for slow motions.
 WINDOW_SETTINGS = FitSettings(rate_Hz=400.0, samples_per_period=math.inf)
-COMMAND_STEP = 0.02  # Step of the difference quotient with respect to the command [A or V].
-TIME_CONSTANT_s = 0.02  # Time constant of the assumed filter, which is a bandwidth of 8 Hz.
-SINGULAR_VALUE_RATIO_MIN = 1e-9
-# The parameters reproduce a cause completely if the projection leaves less than this fraction of its power.
-POWER_RATIO_MIN = 1e-9
-# Number of samples that count as one independent sample, because the residual is correlated in time.
-CORRELATED_SAMPLES = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +112,11 @@ class ResidualAnalysis:
             count += len(residual)
         power = full_power - float(coupling @ self.inverse_curvature @ coupling)
         product -= float(coupling @ self.inverse_curvature @ self.gradient)
-        if power <= POWER_RATIO_MIN * full_power or total == 0.0:
+        if power <= DEFAULTS.cause_power_ratio_min * full_power or total == 0.0:
             return NO_EFFECT
         size = product / power
         fraction = min(size**2 * power / total, 1.0)
-        variance = (1.0 - fraction) * total / power / (count / CORRELATED_SAMPLES)
+        variance = (1.0 - fraction) * total / power / (count / DEFAULTS.correlated_samples)
         # The factor 0.01 is needed because the weights express squared errors in %^2.
         return Effect(size, math.sqrt(variance), 0.01 * abs(size) * math.sqrt(power), fraction)
 
@@ -171,7 +165,7 @@ def analyse_residuals(
     count = len(names)
     curvature = sum((r.weight * (r.columns @ r.columns.T) for r in residuals), np.zeros((count, count)))
     gradient = sum((r.weight * (r.columns @ r.residual) for r in residuals), np.zeros(count))
-    inverse = pseudoinverse(curvature, SINGULAR_VALUE_RATIO_MIN)
+    inverse = pseudoinverse(curvature, DEFAULTS.singular_value_ratio_min)
     return ResidualAnalysis(tuple(runs), tuple(residuals), inverse, gradient)
 
 
@@ -182,7 +176,7 @@ def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> F
     the changed command is outside the valid range of the model.
     """
     path, constant = fit.drive.trajectory, fit.drive.constant
-    step = -COMMAND_STEP if float(path.command[0]) > COMMAND_STEP else COMMAND_STEP
+    step = -DEFAULTS.command_step if float(path.command[0]) > DEFAULTS.command_step else DEFAULTS.command_step
     moved = replace(path, command=path.command + step)
     drive = replace(fit.drive, trajectory=moved, constant=None if constant is None else constant + step)
     try:
@@ -198,6 +192,6 @@ def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
     """
     from scipy.signal import lfilter
 
-    pole = float(np.exp(-step / TIME_CONSTANT_s))
+    pole = float(np.exp(-step / DEFAULTS.filter_time_constant_s))
     filtered, _ = lfilter([1.0 - pole], [1.0, -pole], model, zi=[pole * model[0]])
-    return np.asarray((filtered - model) / TIME_CONSTANT_s)
+    return np.asarray((filtered - model) / DEFAULTS.filter_time_constant_s)

@@ -15,7 +15,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.arrays import BoolArray, FloatArray, level_numbers, rms
+from mrdamper.arrays import DEVIATION_PER_MAD, BoolArray, FloatArray, level_numbers, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.causes import CAUSES
@@ -23,8 +23,6 @@ from mrdamper.identify.consistency.effects import ResidualAnalysis, analyse_resi
 from mrdamper.identify.consistency.groups import find_group_deviations
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 from mrdamper.models.damper import Damper
-
-STANDARD_DEVIATION_PER_MAD = 1.4826  # ratio for a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +131,7 @@ def _deviating_runs(
             if same_command.sum() >= settings.scatter_run_count_min:
                 # The model error depends on the command, so each command has its own scatter.
                 mad = float(np.median(np.abs(amounts[same_command])))
-                scatter = max(scatter, STANDARD_DEVIATION_PER_MAD * mad)
+                scatter = max(scatter, DEVIATION_PER_MAD * mad)
             needed = max(cause.scatter_ratio_min * scatter, cause.deviation_min)
             size = amount / (per_size[number] or 1.0)
             size_min = cause.size_min
@@ -197,7 +195,7 @@ def _amounts(
         # Least absolute deviations fit as many runs exactly as there are coefficients. These zeros contain no
         # information about the scatter.
         remaining = np.sort(np.abs(amounts[is_compared]))[int(np.linalg.matrix_rank(design)) :]
-        results.append((amounts, STANDARD_DEVIATION_PER_MAD * float(np.median(remaining))))
+        results.append((amounts, DEVIATION_PER_MAD * float(np.median(remaining))))
     return min(results, key=lambda result: result[1])
 
 

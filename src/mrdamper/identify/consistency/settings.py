@@ -49,6 +49,12 @@ class ConsistencySettings:
 
     # Errors of one result
     training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
+    # Effect of a cause on the force
+    command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
+    filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
+    singular_value_ratio_min: float = 1e-9
+    cause_power_ratio_min: float = 1e-9  # With less power, the parameters reproduce a cause completely.
+    correlated_samples: float = 10.0  # samples that count as one independent sample of the residual
 
 
 DEFAULTS = ConsistencySettings()

@@ -21,20 +21,7 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.identify.search.objective import Eliminated, Objective, solve_scaled
-
-STEP_MAX = 1.5  # Longest step of a coordinate per iteration, in e-folds on a logarithmic scale.
-STEP_RANGE_RATIO_MAX = 0.3  # Longest step on a linear scale, relative to the range of the bounds.
-BOX_ROUND_COUNT_MAX = 8
-
-# The drift is the change of the force by the elimination of linear parameters, relative to the force.
-DRIFT_MAX = 0.03  # The tangents are computed again if the drift is larger.
-FAILED_DRIFT_MAX = 1e-4  # This limit is used after a failed step.
-
-DAMPING_START = 1e-2
-DAMPING_MAX = 1e12
-PREDICTED_GAIN_MIN = 1e-9  # A descent has converged if a step is expected to gain less than this.
-GAIN_MIN = 5e-5  # A descent has converged if the last steps together gain a smaller fraction of the cost.
-GAIN_STEP_COUNT = 10  # number of these last steps
+from mrdamper.identify.settings import NUMERICS
 
 
 class Descents:
@@ -58,15 +45,16 @@ class Descents:
         self._box = objective.box
         self._most = most
         width = self._box.high - self._box.low
-        self._step_max = np.where(self._box.log, STEP_MAX, STEP_RANGE_RATIO_MAX * width)
+        longest = NUMERICS.step_range_ratio_max * width
+        self._step_max = np.where(self._box.log, NUMERICS.step_max_e_folds, longest)
         count, size = points.shape
         self.points = points.copy()
         self.iterations = np.zeros(count, dtype=np.intp)
         self.converged = np.full(count, size == 0)
         self.done = self.converged.copy()
-        self._damping = np.full(count, DAMPING_START)
+        self._damping = np.full(count, NUMERICS.damping_start)
         self._growth = np.full(count, 2.0)
-        self._last_costs = np.full((GAIN_STEP_COUNT, count), np.inf)
+        self._last_costs = np.full((NUMERICS.gain_step_count, count), np.inf)
         self._is_rough = np.zeros(count, dtype=np.bool_)
         found = objective.eliminate(self._box.to_physical(points), linear)
         self.costs, self.linear = found.cost, found.linear
@@ -92,7 +80,7 @@ class Descents:
         k = np.flatnonzero(~self.done)
         step, gain = self._steps(k)
         is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
-        is_useless |= (gain >= 0.0) & (gain <= PREDICTED_GAIN_MIN * self.costs[k])
+        is_useless |= (gain >= 0.0) & (gain <= NUMERICS.predicted_gain_min * self.costs[k])
         is_downhill = ~is_useless & (gain > 0.0)  # A bound can turn a step uphill.
         self._fail(k[is_useless], self._finish)
         self._fail(k[~is_useless & ~is_downhill], self._shorten)
@@ -125,12 +113,12 @@ class Descents:
         gain = self.costs[k] - found.cost
         self._damping[k] *= np.maximum(0.1, 1.0 - (2.0 * gain / predicted_gain - 1.0) ** 3)
         self._growth[k] = 2.0
-        index = self.iterations[k] % GAIN_STEP_COUNT
+        index = self.iterations[k] % NUMERICS.gain_step_count
         before = self._last_costs[index, k]
         self._last_costs[index, k] = self.costs[k]
         self.iterations[k] += 1
         self.points[k], self.costs[k], self.linear[k] = points, found.cost, found.linear
-        self.converged[k] = before - found.cost < GAIN_MIN * found.cost
+        self.converged[k] = before - found.cost < NUMERICS.gain_min * found.cost
         self.done[k] = self.converged[k] | (self.iterations[k] >= self._most)
         self._update_model(k, found)
 
@@ -138,8 +126,8 @@ class Descents:
         """Set the Gauss-Newton model at accepted points."""
         assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
-        self._is_rough[k] = found.drift > FAILED_DRIFT_MAX
-        is_inaccurate = (found.drift > DRIFT_MAX) & ~self.done[k]
+        self._is_rough[k] = found.drift > NUMERICS.failed_drift_max
+        is_inaccurate = (found.drift > NUMERICS.drift_max) & ~self.done[k]
         self._set_model(k[~is_inaccurate], found.gram[~is_inaccurate])
         self._refine(k[is_inaccurate])
 
@@ -172,7 +160,7 @@ class Descents:
     def _shorten(self, k: NDArray[np.intp]) -> None:
         self._damping[k] *= self._growth[k]
         self._growth[k] *= 2.0
-        self._finish(k[self._damping[k] >= DAMPING_MAX])
+        self._finish(k[self._damping[k] >= NUMERICS.damping_max])
 
     def _finish(self, k: NDArray[np.intp]) -> None:
         self.converged[k] = True
@@ -203,7 +191,7 @@ def _steps_in_box(
     damped = hessian.copy()
     damped[:, diagonal, diagonal] += damping[:, None] * scale + 1e-14 * scale.max(axis=1, keepdims=True)
     step = np.zeros_like(gradient)
-    for _ in range(BOX_ROUND_COUNT_MAX):
+    for _ in range(NUMERICS.box_round_count_max):
         system = np.where(free[:, :, None] & free[:, None, :], damped, 0.0)
         system[:, diagonal, diagonal] = damped[:, diagonal, diagonal]
         held = np.where(free, 0.0, step)

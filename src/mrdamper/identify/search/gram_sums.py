@@ -12,16 +12,12 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import operating_point, require_temperature
 from mrdamper.models.tangents import Tangents
-
-# Sums of single runs in memory at a time.
-SUM_COUNT_MAX = 1 << 21
-# OpenBLAS uses one thread for products of this size. Several threads would wait actively.
-ONE_THREAD = 1 << 17
 
 
 class GramSums:
@@ -78,7 +74,7 @@ class GramSums:
         total = np.zeros((len(values), self._size, self._size))
         if self._runs:
             each = len(self._runs) * self._spread.shape[-1] ** 2
-            step = max(1, SUM_COUNT_MAX // each)
+            step = max(1, NUMERICS.sum_count_max // each)
             for begin in range(0, len(values), step):
                 part = slice(begin, begin + step)
                 total[part] = self._steady(values[part])
@@ -105,7 +101,7 @@ class GramSums:
             grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
             left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
             right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
-            step = max(1, ONE_THREAD // self._size**2)
+            step = max(1, NUMERICS.one_thread_size_max // self._size**2)
             total = np.zeros((count, self._size, self._size))
             for begin in range(0, groups * width, step):
                 part = slice(begin, begin + step)

@@ -15,6 +15,7 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.gram_sums import GramSums
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 
@@ -43,17 +44,6 @@ class Box:
         """Return the search coordinates of parameter values, clipped to the bounds."""
         points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
         return np.clip(points, self.low, self.high)
-
-
-# Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
-REGULARISATION_COST = 1e-6
-# Relative regularisation of the dual problem, because conditions at neighbouring currents are nearly equal.
-MULTIPLIER_REGULARISATION = 1e-10
-EIGENVALUE_MIN = 1e-12  # regularisation of a matrix with a unit diagonal
-# A cost below this fraction of the cost of the guess is dominated by rounding errors.
-RESOLVED_COST_RATIO = 1e-9
-# Relative stiffness of an active condition.
-ACTIVE_STIFFNESS = 1e8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +75,7 @@ class Objective:
         self._inner = GramSums(problem.template, names, self.linear, runs)
         self._rows, self._floor = problem.conditions
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
-        self._light = REGULARISATION_COST / size**2
+        self._light = NUMERICS.regularisation_cost / size**2
 
     def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents and residual at a damper."""
@@ -130,7 +120,7 @@ class Objective:
         moved = _bounded_least_squares(pulled, right - self._light * linear, self._rows, floor)
         change = np.einsum("bij,bj->bi", inner, moved)
         cost = np.maximum(guessed + np.sum(moved * (change - 2.0 * right), axis=1), 0.0)
-        blurred = np.flatnonzero(cost < RESOLVED_COST_RATIO * guessed)
+        blurred = np.flatnonzero(cost < NUMERICS.resolved_cost_ratio * guessed)
         if is_repeated:
             moved[blurred], change[blurred], cost[blurred] = 0.0, 0.0, guessed[blurred]
         present = linear + moved
@@ -172,7 +162,7 @@ class Objective:
             active = slack <= 1e-7 * (np.abs(linear) @ np.abs(rows).T)
             if active.any():  # Active conditions stay active.
                 spread = 1.0 / np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300)
-                stiffness = ACTIVE_STIFFNESS * active / (spread @ (rows**2).T)
+                stiffness = NUMERICS.active_stiffness * active / (spread @ (rows**2).T)
                 inner = inner + (rows.T * stiffness[:, None, :]) @ rows
         solved = solve_scaled(inner, both)
         reduced = g[:, :n, n:-1] @ solved
@@ -187,7 +177,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     scale = inverse_sizes(matrix)
     scaled = matrix * (scale[..., :, None] * scale[..., None, :])
     places = np.arange(matrix.shape[-1])
-    scaled[..., places, places] += EIGENVALUE_MIN
+    scaled[..., places, places] += NUMERICS.eigenvalue_min
     right = scale[..., None] * right
     try:
         solved = np.linalg.solve(scaled, right)
@@ -224,12 +214,13 @@ def _nearest_valid(
 
     scale = inverse_sizes(matrix)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    half = scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + EIGENVALUE_MIN)
+    half = scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NUMERICS.eigenvalue_min)
     projected = half.T @ rows.T
     size = inverse_sizes(projected.T @ projected)
     projected *= size
     # A product with its own transpose is positive semi-definite in spite of rounding errors.
-    root = np.linalg.cholesky(projected.T @ projected + MULTIPLIER_REGULARISATION * np.eye(len(rows))).T
+    regular = NUMERICS.multiplier_regularisation * np.eye(len(rows))
+    root = np.linalg.cholesky(projected.T @ projected + regular).T
     slack = size * (rows @ solution - floor)
     multipliers, _ = nnls(root, np.linalg.solve(root.T, -slack))
     return np.asarray(solution + half @ (projected @ multipliers))

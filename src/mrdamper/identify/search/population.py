@@ -17,12 +17,10 @@ from mrdamper.identify.problem import FitProblem, SearchResult, Start, canonical
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.identify.search.objective import Box, Objective
 from mrdamper.identify.search.variable_projection import SearchState
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, silent
-
-# Cost of a candidate with invalid coefficients on all runs [%^2].
-INVALID_COST = 1e6
 
 
 class Ensemble:
@@ -53,8 +51,8 @@ class Ensemble:
         linear = values[:, self._linear]
         beyond = np.maximum(self._floor - linear @ self._rows.T, 0.0)
         size = np.abs(linear) @ np.abs(self._rows).T + np.abs(self._floor) + 1e-300
-        penalty = INVALID_COST * np.sum((beyond > 0.0) + beyond / size, axis=1)
-        return np.asarray(np.where(np.isfinite(costs), costs, INVALID_COST) + penalty)
+        penalty = NUMERICS.invalid_cost * np.sum((beyond > 0.0) + beyond / size, axis=1)
+        return np.asarray(np.where(np.isfinite(costs), costs, NUMERICS.invalid_cost) + penalty)
 
     def _values(self, unit: FloatArray) -> FloatArray:
         return self._box.to_physical(self._box.low + unit * (self._box.high - self._box.low))

@@ -31,19 +31,12 @@ from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Box, Objective
-from mrdamper.identify.settings import FitSettings
+from mrdamper.identify.settings import NUMERICS, FitSettings
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-
-# Fraction of the coordinates that a perturbation changes, and its size in e-folds on a logarithmic scale.
-PERTURBATIONS = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-EXCHANGED_FRACTIONS = (0.15, 0.3, 0.5)  # fraction of the coefficients that come from another minimum
-PERTURBATION_RANGE_RATIO = 0.1  # The same on a linear scale, relative to the range of the bounds.
-
-PYTHON_LAW_DRAW_COUNT = 8  # Random points of each start of a law in Python, which is slow.
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +183,7 @@ def thorough_starts(
     dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
     points, linear = objective.points_of(dampers)
     points, linear, costs = _ends(objective, points, linear, settings.thorough_iterations_max, len(dampers))
-    width = np.where(box.log, 1.0, PERTURBATION_RANGE_RATIO * (box.high - box.low))
+    width = np.where(box.log, 1.0, NUMERICS.perturbation_range_ratio * (box.high - box.low))
     coefficients = [free.name.partition(".")[0] for free in problem.nonlinear]
     names = list(dict.fromkeys(coefficients))
     number = np.array([names.index(name) for name in coefficients], dtype=np.intp)
@@ -206,10 +199,10 @@ def thorough_starts(
         first = int(costs.argmin())
         moved = []
         others = np.flatnonzero(costs > (1.0 + settings.same_cost_ratio) * costs[first])
-        for fraction in EXCHANGED_FRACTIONS if len(others) else ():
+        for fraction in NUMERICS.exchanged_fractions if len(others) else ():
             is_exchanged = (rng.random(len(names)) < fraction)[number]
             moved.append((np.where(is_exchanged, points[rng.choice(others)], points[first]), linear[first]))
-        fraction, size = PERTURBATIONS[rng.integers(len(PERTURBATIONS))]
+        fraction, size = NUMERICS.perturbations[rng.integers(len(NUMERICS.perturbations))]
         change = (rng.random(len(width)) < fraction) * size * rng.standard_normal(len(width)) * width
         moved.append((points[first] + change, linear[first]))
         hops = list(pool.map(hop, moved, threads=True))
@@ -227,7 +220,7 @@ def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
-        count = PYTHON_LAW_DRAW_COUNT
+        count = NUMERICS.python_law_draw_count
     values = Box.from_parameters(problem.nonlinear).to_physical(
         latin_hypercube(problem.nonlinear, count, index)
     )

@@ -16,7 +16,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-CARD_BYTES_MAX = 8_000_000
 _CARD = itemgetter(
     "title", "law", "command_unit", "actuation", "command_lag_s", "temperature_range_K", "notes"
 )
@@ -26,6 +25,7 @@ _ENVELOPE = itemgetter("command", "displacement_m", "velocity_m_s", "temperature
 
 def card_line(path: Path) -> dict[str, object]:
     """Return title, law, envelope and fit error of a card; ``error`` is the reason if the card is invalid."""
+    card_bytes_max = 8_000_000
     row: dict[str, object] = dict.fromkeys(
         (
             *("title", "law", "method", "command_unit", "runs", "cost_percent", "converged"),
@@ -33,7 +33,7 @@ def card_line(path: Path) -> dict[str, object]:
         )
     )
     try:
-        card: Any = json.loads(read_text(path, "card", CARD_BYTES_MAX))
+        card: Any = json.loads(read_text(path, "card", card_bytes_max))
         envelope, evidence = card["envelope"], card["evidence"]
         title, law, unit, actuation, lag_s, warm, notes = _CARD(card)
         method, runs, cost, converged, held_out = _EVIDENCE(evidence)

@@ -30,8 +30,6 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.sinks.design import HeatedDamper
 from mrdamper.thermal.temperature_rise import card_range_notes, notes_of, simulate_rise, works_of
 
-_MOST_KEPT = 64
-
 Value = TypeVar("Value")
 
 
@@ -110,7 +108,7 @@ class QuickHeat:
         if key not in self._kept:
             self._kept[key] = make()
         self._kept.move_to_end(key)
-        while len(self._kept) > _MOST_KEPT:
+        while len(self._kept) > 64:
             self._kept.popitem(last=False)
         return self._kept[key]  # type: ignore[return-value]  # result of make
 

@@ -33,18 +33,9 @@ from mrdamper.schema import Json, finite_or_none
 if TYPE_CHECKING:  # This module is slow to load, and ``glance`` does not need it.
     from mrdamper.data.prepare import PreparedRun
 
-_VALUE_COUNT = 12  # number of displayed values of a column
-_THUMBNAIL_INTERVAL_COUNT = 32  # number of intervals of the small plot of a column
-_MOST_COLUMNS = 64
 # Max number of points in a preview of a loop, and max number of samples (in the middle of a column) that are
 # thinned to these points.
 _LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
-_MOST_OFFERS = 20  # max number of channel maps of other files that are tried
-_CELL_MAX_CHARS = 120  # max number of displayed characters of a cell
-_MOST_RUNS = 200
-_DIAGNOSIS_SAMPLES_MAX = 200_000  # Larger files are not diagnosed immediately.
-_GLANCE_BYTES = 1 << 18  # bytes that ``glance`` reads from the beginning of a file
-_GLANCE_FILE_MIN_BYTES = 1 << 21  # ``glance`` applies only to files of this size [bytes] and larger ones.
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 
 
@@ -63,9 +54,9 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
     view, read = look_into(path, given)
     if read is None:
         return vars(view)
-    described = [run_row(read, recording) for recording in read.recordings[:_MOST_RUNS]]
+    described = [run_row(read, recording) for recording in read.recordings[:200]]
     view.runs = [{**row, "file": path.name} for row, _ in described]
-    view.checked = sum(map(len, read.recordings)) <= _DIAGNOSIS_SAMPLES_MAX
+    view.checked = sum(map(len, read.recordings)) <= 200_000  # Larger files are not diagnosed immediately.
     if view.checked:
         view.findings = [
             finding
@@ -83,11 +74,13 @@ def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
     preview contains no runs because a test may continue after the part that was read. For the same reason,
     errors of a channel map that splits the file into tests are not reported.
     """
+    glance_bytes = 1 << 18  # bytes that ``glance`` reads from the beginning of a file
+    glance_file_min_bytes = 1 << 21  # ``glance`` applies only to files of this size [bytes] and larger ones.
     size = path.stat().st_size
-    if size < _GLANCE_FILE_MIN_BYTES or path.suffix.lower() not in _TEXTS:
+    if size < glance_file_min_bytes or path.suffix.lower() not in _TEXTS:
         return None
     with path.open("rb") as file:
-        head = file.read(_GLANCE_BYTES)
+        head = file.read(glance_bytes)
     if b"\x00" in head or b"\n" not in head:  # The file is binary or has characters of several bytes.
         return None
     head = head[: head.rfind(b"\n") + 1]
@@ -128,6 +121,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
     If the recordings are not readable, None is returned instead, and ``error`` of the preview has the reason.
     """
+    most_columns = 64
     document = _document_beside(path) if given is None else dict(given)
     chosen = ChannelMap.from_dict(document or {}, "channel map")
     view = FileView(name=path.name, bytes=path.stat().st_size, map=document)
@@ -146,9 +140,9 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
             view.questions = [dict(question.to_dict()) for question in asked]
             view.offers = [] if document else _offers(tables, path)
         view.columns = [
-            _column(table, k, name, roles.get(name)) for k, name in enumerate(table.names[:_MOST_COLUMNS])
+            _column(table, k, name, roles.get(name)) for k, name in enumerate(table.names[:most_columns])
         ]
-        view.more_columns = max(0, len(table.names) - _MOST_COLUMNS)
+        view.more_columns = max(0, len(table.names) - most_columns)
     except InputError as fault:
         view.error = _short(str(fault), path)
     return view, read
@@ -156,7 +150,8 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
     """Return the channel maps of the package and of other files that can read this file unchanged."""
-    known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:_MOST_OFFERS])
+    most_offers = 20  # max number of channel maps of other files that are tried
+    known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:most_offers])
     offers: list[Json] = []
     for place in known:
         try:
@@ -233,18 +228,18 @@ def _document_beside(path: Path) -> dict[str, Any] | None:
 
 
 def _column(table: Table, k: int, name: str, role: str | None) -> Json:
+    value_count = 12  # number of displayed values of a column
+    cell_max_chars = 120  # max number of displayed characters of a cell
     said = parse_header(name)
     column: Json = {
         "index": k + 1,
-        "name": name[:_CELL_MAX_CHARS],
+        "name": name[:cell_max_chars],
         "unit": table.units.get(name, ""),
         "role": role,
         "guess": None if said is None else {"role": said[0], "unit": _unit(said, table, name)},
     }
     if name in table.texts:
-        cells = [
-            None if cell is None else cell[:_CELL_MAX_CHARS] for cell in table.texts[name][:_VALUE_COUNT]
-        ]
+        cells = [None if cell is None else cell[:cell_max_chars] for cell in table.texts[name][:value_count]]
         return column | {
             "kind": "text",
             "first": cells,
@@ -257,7 +252,7 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
     low_high = _ends(values) or [None, None]
     return column | {
         "kind": "number",
-        "first": [finite_or_none(value) for value in values[:_VALUE_COUNT].tolist()],
+        "first": [finite_or_none(value) for value in values[:value_count].tolist()],
         "least": low_high[0],
         "most": low_high[1],
         "thumbnail": _thumbnail(values),
@@ -276,9 +271,10 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 def _thumbnail(values: FloatArray) -> list[float | None] | None:
     """Return minima and maxima of a column in equal intervals: [min 1, max 1, min 2, ...]."""
+    thumbnail_interval_count = 32  # number of intervals of the small plot of a column
     if len(values) < 2:
         return None
-    edges = np.unique(np.linspace(0, len(values), _THUMBNAIL_INTERVAL_COUNT + 1).astype(int)[:-1])
+    edges = np.unique(np.linspace(0, len(values), thumbnail_interval_count + 1).astype(int)[:-1])
     least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
     return [finite_or_none(float(value)) for pair in zip(least, most, strict=True) for value in pair]
 

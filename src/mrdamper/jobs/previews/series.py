@@ -35,9 +35,6 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Json, finite_or_none
 
-_STEP_TOLERANCE_RATIO = 1e-3  # max deviation of a time step from the mean step, divided by the mean step
-_WINDOW_SAMPLES_MIN = 64  # min number of samples of a window
-
 Columns = Mapping[str, tuple[str, NDArray[Any]]]
 
 
@@ -95,7 +92,7 @@ def keep_window(
     kept = np.arange(low, high)
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
-        kept = low + _telling(chosen, max(most, _WINDOW_SAMPLES_MIN))
+        kept = low + _telling(chosen, max(most, 64))  # A window has at least 64 samples.
     units = _units(header)
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 
@@ -193,10 +190,11 @@ def _on_samples(recording: Recording, prepared: PreparedRun, values: FloatArray)
 
 
 def _header(recording: Recording, file: str) -> dict[str, Any]:
+    step_tolerance_ratio = 1e-3  # max deviation of a time step from the mean step, divided by the mean step
     time = recording.time
     steps = np.diff(time)
     step = float(np.mean(steps)) if len(steps) else 0.0
-    uniform = step > 0.0 and float(np.abs(steps - step).max()) <= _STEP_TOLERANCE_RATIO * step
+    uniform = step > 0.0 and float(np.abs(steps - step).max()) <= step_tolerance_ratio * step
     return {
         "name": recording.name,
         "file": file,

@@ -51,7 +51,6 @@ class DataSet:
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(file.path)}"
 
 
-_PATIENCE_s = 60.0  # maximum wait for the next part of a download
 _UTFSM = "Cap7_ModeloMR/BoucWen Ajuste 2/Preprocesamiento-sinusoidales/Datos_crudos"
 
 DATA_SETS: tuple[DataSet, ...] = (
@@ -154,10 +153,11 @@ def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
 
 def _download(chosen: DataSet, file: RemoteFile) -> Path:
     """Download a file into the cache; return its path. The caller checks the hash."""
+    patience_s = 60.0  # maximum wait for the next part of a download
     url, place = chosen.url(file), _cache() / "downloads" / f"{file.sha256[:16]}-{file.name}"
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        with urllib.request.urlopen(url, timeout=_PATIENCE_s) as answer, place.open("wb") as kept:
+        with urllib.request.urlopen(url, timeout=patience_s) as answer, place.open("wb") as kept:
             shutil.copyfileobj(answer, kept)
     except OSError as error:
         raise InputError(

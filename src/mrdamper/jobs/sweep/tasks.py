@@ -32,8 +32,6 @@ from mrdamper.thermal.duty import Duty
 from mrdamper.virtual_rig.damper import find_preset
 from mrdamper.virtual_rig.plant import Plant
 
-SAMPLING_S = 1e-3  # sampling period of the controllers; the default of the job ``track``
-
 Result = dict[str, Any]
 """Result of a task, as a JSON object."""
 
@@ -63,10 +61,11 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
     """Return the tracking errors of the recommended controller on the nominal damper with random changes."""
+    sampling_s = 1e-3  # sampling period of the controllers; the default of the job ``track``
     known = card_from_json(card)
     damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
     largest = min(damper.highest_A, known.envelope.command[1])
-    controller = controllers_for(known, period_s=SAMPLING_S, largest=largest)["recommended"]
+    controller = controllers_for(known, period_s=sampling_s, largest=largest)["recommended"]
     rig = Plant(damper)
     figures: dict[str, float | None] = {}
     for target in SCENARIOS:

@@ -31,9 +31,6 @@ from mrdamper.thermal.temperature_rise import (
 )
 
 _USUAL = HeatOptions()
-_LONGEST_STEP_S = 60.0
-_MOST_STEPS = 1500  # The longest time step is increased for long load cycles to limit the number of steps.
-_MOST_CAPPED = 1.0  # A note reports a fluid temperature that is farther outside the range of the card [K].
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -100,6 +97,8 @@ def heat(
     ConvergenceError
         If no calibrated geometry reproduces the measured curve in this load cycle.
     """
+    longest_step_s = 60.0
+    most_steps = 1500  # The longest time step is increased for long load cycles to limit the number of steps.
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty))
     start_given = start_of(options)
@@ -112,7 +111,7 @@ def heat(
         calibrated = calibrate_drawing(calibrate, drawing, works, duty, model=model)
         drawing = calibrated.drawing
         start = calibrated.start_K if start is None else start
-    step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
+    step = max(longest_step_s, duty.duration / most_steps)
 
     def rise_of(damper: DamperDrawing) -> Rise:
         to_limit = not options.past_limit
@@ -170,11 +169,12 @@ def start_of(options: HeatOptions) -> float | None:
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
     """Return a note if the fluid leaves the temperature range of the runs that identified the card."""
+    most_capped = 1.0  # A note reports a fluid temperature that is farther outside the range of the card [K].
     known = card.envelope.temperature
     if not card.damper.temperature_dependent or known is None:
         return []
     low, high = float(rise.fluid.min()), float(rise.fluid.max())
-    if low > known[0] - _MOST_CAPPED and high < known[1] + _MOST_CAPPED:
+    if low > known[0] - most_capped and high < known[1] + most_capped:
         return []
     least, most, known_least, known_most = (kelvin - ZERO_CELSIUS_K for kelvin in (low, high, *known))
     return [

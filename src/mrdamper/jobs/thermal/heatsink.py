@@ -36,7 +36,6 @@ from mrdamper.thermal.sinks.gain import GainBand, gain_band
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
 
 DEFAULT_OPTIONS = HeatsinkOptions()
-MODEL_DIFFERENCE_MAX_K = 3.0  # A note reports a larger difference between network and finite elements.
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -142,8 +141,9 @@ def _sweeps(heated: HeatedDamper, notes: list[str]) -> tuple[Sweep, Sweep] | Non
 
 
 def _model_difference(judged: Sequence[SinkDesign]) -> list[str]:
+    model_difference_max_K = 3.0  # A note reports a larger difference between network and finite elements.
     apart = max(abs(each.fluid - each.network_fluid) for each in judged)
-    if apart <= MODEL_DIFFERENCE_MAX_K:
+    if apart <= model_difference_max_K:
         return []
     return [f"network and finite elements differ by up to {apart:.1f} K"]
 

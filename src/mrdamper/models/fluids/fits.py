@@ -22,10 +22,6 @@ from mrdamper.quantities import REFERENCE_K, to_degC
 VALID_K = (233.15, 403.15)
 """-40 to 130 degC: points outside are not fitted."""
 
-TEMPERATURE_SPAN_MIN_K = 10.0  # A smaller span does not determine a temperature law.
-POLE_MIN_K = -500.0  # A VFT law with a lower pole is practically the Reynolds law.
-POLE_MARGIN_K = 5.0  # The pole of a VFT law is at least this far below the coldest point.
-FACTOR_MIN = 0.01  # The linear factor of the yield stress stays above this value.
 HOT_K = 373.15  # The decrease of a law is stated from 20 to 100 degC.
 
 
@@ -123,7 +119,9 @@ def _fit_viscosity(
     kind: type[Reynolds] | type[Arrhenius] | type[Vft], t: FloatArray, y: FloatArray, start: Sequence[float]
 ) -> LawFit:
     """Fit ln eta = ln eta_20 + ln factor(T)."""
-    low, high = [0.0, -np.inf, POLE_MIN_K], [np.inf, np.inf, min(float(t[0]), REFERENCE_K) - POLE_MARGIN_K]
+    pole_min_K = -500.0  # A VFT law with a lower pole is practically the Reynolds law.
+    pole_margin_K = 5.0  # The pole of a VFT law is at least this far below the coldest point.
+    low, high = [0.0, -np.inf, pole_min_K], [np.inf, np.inf, min(float(t[0]), REFERENCE_K) - pole_margin_K]
 
     def logarithm(kelvin: FloatArray, level: float, *parameters: float) -> FloatArray:
         return np.asarray(np.log(level) + np.log(kind(*parameters).value(kelvin)))
@@ -194,6 +192,7 @@ def _fit_yield_stress(h: FloatArray, t: FloatArray, y: FloatArray, *, is_free: b
 
     x is the temperature difference to 20 degC. If ``is_free`` is False, the scale is Carlson's value.
     """
+    factor_min = 0.01  # The linear factor of the yield stress stays above this value.
     x = t - REFERENCE_K
     coldest, hottest = min(float(x.min()), -1.0), max(float(x.max()), 1.0)
 
@@ -203,8 +202,8 @@ def _fit_yield_stress(h: FloatArray, t: FloatArray, y: FloatArray, *, is_free: b
         return np.asarray(np.log(saturation * np.tanh(h / scale)) + np.log(1.0 - slope * x))
 
     start = [float(np.exp(y.max())), 0.0, float(h.mean())]
-    low = [0.0, (1.0 - FACTOR_MIN) / coldest, 1e-2 * float(h.max())]
-    high = [np.inf, (1.0 - FACTOR_MIN) / hottest, 1e2 * float(h.max())]
+    low = [0.0, (1.0 - factor_min) / coldest, 1e-2 * float(h.max())]
+    high = [np.inf, (1.0 - factor_min) / hottest, 1e2 * float(h.max())]
     size = 3 if is_free else 2
     values, covariance = _curve_fit(logarithm, t, y, start[:size], low[:size], high[:size])
     residual = y - logarithm(t, *values)
@@ -287,6 +286,7 @@ def _is_valid(kelvin: FloatArray) -> BoolArray:
 
 def _require_points(kelvin: FloatArray, values: FloatArray, used: BoolArray, count: int, place: str) -> None:
     """Raise InputError if a value is not positive or if there are too few temperatures."""
+    temperature_span_min_K = 10.0  # A smaller span does not determine a temperature law.
     bad = ~((values > 0.0) & np.isfinite(values))
     if bad.any():
         raise InputError(
@@ -296,11 +296,11 @@ def _require_points(kelvin: FloatArray, values: FloatArray, used: BoolArray, cou
             remedy="Correct the point, or delete its row",
         )
     temperatures = np.unique(np.round(kelvin[used], 1))
-    if temperatures.size < count or np.ptp(temperatures) < TEMPERATURE_SPAN_MIN_K - 0.05:
+    if temperatures.size < count or np.ptp(temperatures) < temperature_span_min_K - 0.05:
         raise InputError(
             place=place,
             found=f"{temperatures.size} temperature(s) within -40 to 130 degC",
-            expected=f"at least {count}, over {TEMPERATURE_SPAN_MIN_K:g} K or more",
+            expected=f"at least {count}, over {temperature_span_min_K:g} K or more",
             remedy="Measure at more temperatures, such as 20, 40, 60, 80 and 100 degC",
         )
 

@@ -34,7 +34,6 @@ _COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 SHOWN_ROD_RATIO = 0.08  # Each rod is cut at this fraction of the body length beyond the cap.
-HEIGHT_MAX_INCH = 3.4
 MARGIN_INCH, TITLE_INCH = 0.45, 0.4
 
 
@@ -48,7 +47,7 @@ def dampers_figure(dampers: Sequence[tuple[str, DamperDrawing]]) -> Figure:
     columns = min(len(dampers), 2)
     rows = -(-len(dampers) // columns)
     wide = WIDTH_INCH / columns - MARGIN_INCH
-    high = min(wide * 2.0 * across / along, HEIGHT_MAX_INCH)
+    high = min(wide * 2.0 * across / along, 3.4)
     height = rows * (high + TITLE_INCH + MARGIN_INCH) + MARGIN_INCH
     figure = Figure(figsize=(WIDTH_INCH, height))
     for place, (title, drawing) in enumerate(dampers):

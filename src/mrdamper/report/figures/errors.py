@@ -12,12 +12,10 @@ from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDTH_INCH, shortened
 
-BAR_COUNT_MAX = 20
-
 
 def errors_figure(errors: Sequence[RunError]) -> Figure:
     """Return a bar with the error in percent of each of the worst runs, the worst run first."""
-    worst = sorted(errors, key=lambda each: -each.nrmse_percent)[:BAR_COUNT_MAX]
+    worst = sorted(errors, key=lambda each: -each.nrmse_percent)[:20]
     height = 0.55 + 0.175 * len(worst)
     figure = Figure(figsize=(WIDTH_INCH, height))
     axes = figure.add_axes((0.23, 0.36 / height, 0.755, 1.0 - 0.56 / height))

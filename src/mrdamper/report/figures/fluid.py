@@ -18,7 +18,6 @@ from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_fi
 from mrdamper.report.figures.style import SERIES, colour_of_temperature
 
 POINT_COLOUR = "#888888"
-CURVE_COUNT_MAX = 6
 
 
 def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
@@ -85,5 +84,5 @@ def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
 
 
 def _levels(values: FloatArray) -> Sequence[float]:
-    """Return the distinct values to three digits, at most ``CURVE_COUNT_MAX`` of them."""
-    return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), CURVE_COUNT_MAX)
+    """Return the distinct values to three digits, at most six of them."""
+    return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), 6)

@@ -16,8 +16,6 @@ from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import colour_of
 
 PANEL_COLUMNS_MAX = 7
-POINT_COUNT_MAX = 2000
-COLOUR_QUANTILE = 0.99  # This quantile of the current selects the colour, which short peaks do not change.
 
 
 def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
@@ -30,7 +28,7 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
     names = _distinct_names([run.name for run in chosen])
 
     def panel(name: str, run: RigRun, x_label: str, x_mm: FloatArray) -> Panel:
-        thin = slice(None, None, max(1, len(run) // POINT_COUNT_MAX))
+        thin = slice(None, None, max(1, len(run) // 2000))
         line = Line(x_mm[thin], run.force[thin], colour_of(_level(run), highest), width=0.9)
         return Panel(name, x_label, [line], y_label="force, N" if run is chosen[0] else "")
 
@@ -51,7 +49,8 @@ def _distinct_names(names: Sequence[str]) -> list[str]:
 
 
 def _level(run: RigRun) -> float:
-    return float(np.quantile(np.abs(run.command), COLOUR_QUANTILE))
+    # A quantile of the current selects the colour, so that short peaks do not change it.
+    return float(np.quantile(np.abs(run.command), 0.99))
 
 
 def _velocity_mm_s(run: RigRun) -> FloatArray:

@@ -16,10 +16,6 @@ from matplotlib.figure import Figure
 from mrdamper.arrays import FloatArray
 from mrdamper.report.figures.style import HELD_OUT, INK, TOP_INCH, Share, add_legend, panels, shortened
 
-LETTER_INCH = 0.072  # Width of a letter of a title.
-LEGEND_TOP_INCH = 0.6  # A title and one row of entries.
-SHARED_GAP_INCH = 0.2  # Inner axes have no labels of y if the limits are shared.
-
 
 @dataclass(frozen=True, slots=True)
 class Point:
@@ -91,17 +87,18 @@ def panel_figure(
     share : see ``style.panels``
     legend : title of a common legend above the panels; None: each panel has its own legend
     """
+    letter_inch = 0.072  # Width of a letter of a title.
     entries = [(line.label, line.colour, line.style) for each in drawn for line in each.lines if line.label]
     common = legend is not None and bool(entries)
     figure, table = panels(
         len(drawn),
         columns,
         height=height,
-        gap=SHARED_GAP_INCH if share else 0.5,
-        top=LEGEND_TOP_INCH if common else TOP_INCH,
+        gap=0.2 if share else 0.5,  # Inner axes have no labels of y if the limits are shared.
+        top=0.6 if common else TOP_INCH,  # A title and one row of entries.
         share=share,
     )
-    letters = round(table[0].get_position().width * figure.get_size_inches()[0] / LETTER_INCH)
+    letters = round(table[0].get_position().width * figure.get_size_inches()[0] / letter_inch)
     for axes, panel in zip(table, drawn, strict=True):
         for line in panel.lines:
             line.draw(axes)

@@ -28,9 +28,7 @@ SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # Colours of lines without 
 DASHED = (0, (5, 2))
 WIDTH_INCH = 10.6  # The page is 1130 px wide.
 LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # Margins for labels and titles.
-ROW_GAP_INCH = 0.62  # Space for the labels of a row and the titles of the next one.
 LEGEND_INCH = 1.45
-PANEL_WIDTH_MAX_INCH = 5.6
 
 Share = Literal["", "all", "row"]
 
@@ -154,11 +152,12 @@ def panels(
     right, top : margins, for a legend [inch]
     share : "all": all axes have the same limits of y; "row": the axes of a row have the same limits
     """
+    row_gap_inch = 0.62  # Space for the labels of a row and the titles of the next one.
     columns = min(columns, count)
     rows = -(-count // columns)
     gaps = gap * (columns - 1)
-    width = min(WIDTH_INCH, LEFT_INCH + right + gaps + columns * PANEL_WIDTH_MAX_INCH)
-    whole = top + rows * height + (rows - 1) * ROW_GAP_INCH + BOTTOM_INCH
+    width = min(WIDTH_INCH, LEFT_INCH + right + gaps + columns * 5.6)
+    whole = top + rows * height + (rows - 1) * row_gap_inch + BOTTOM_INCH
     figure = Figure(figsize=(width, whole))
     table = figure.subplots(
         rows,
@@ -172,7 +171,7 @@ def panels(
             "bottom": BOTTOM_INCH / whole,
             "top": 1.0 - top / whole,
             "wspace": gap * columns / (width - LEFT_INCH - right - gaps),
-            "hspace": ROW_GAP_INCH / height,
+            "hspace": row_gap_inch / height,
         },
     ).ravel()
     for axes in table[count:]:

@@ -15,9 +15,6 @@ from mrdamper.models.simulate import simulate_each
 from mrdamper.report.figures.style import colour_of, colour_of_temperature
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 
-LOOP_POINT_COUNT = 130  # A small panel needs no more points.
-STEP_RUN_TIME_S = 7.0  # Runs with current steps are drawn up to this time.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
@@ -99,11 +96,12 @@ class Campaign:
 
 
 def _trace(error: RunError, run: PreparedRun, force: FloatArray) -> Trace:
+    loop_point_count = 130  # A small panel needs no more points.
     path, over_time = run.trajectory, error.command is None or not run.period_s
     drawn = select_plot_samples(
         run,
-        seconds=STEP_RUN_TIME_S if error.command is None else None,
-        points=2 * LOOP_POINT_COUNT if over_time else LOOP_POINT_COUNT,
+        seconds=7.0 if error.command is None else None,  # Runs with current steps are drawn up to this time.
+        points=2 * loop_point_count if over_time else loop_point_count,
     )
     return Trace(
         error=error,

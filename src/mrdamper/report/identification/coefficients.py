@@ -15,7 +15,6 @@ from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import TRAINING, colour_of_temperature
 from mrdamper.report.identification.campaign import Campaign
 
-CURVE_COUNT_MAX = 4
 POINT_COUNT = 81
 
 
@@ -26,7 +25,7 @@ def coefficient_figure(campaign: Campaign) -> Figure | None:
     """
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
-    levels = [degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, CURVE_COUNT_MAX)]
+    levels = [degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, 4)]
     if not campaign.warm:
         levels = [warm or REFERENCE_K for warm in default_scope(damper, envelope).temperatures]
     low, high = envelope.command

@@ -20,9 +20,6 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
 
-LEVEL_DISTANCE_MIN_K = 1.5  # Closer mean temperatures belong to the same level.
-PEAK_VELOCITY_RATIO_MIN = 0.95  # Samples above this fraction of the peak velocity are averaged.
-
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
@@ -47,7 +44,7 @@ def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
         for before, now in pairwise(known):
-            if now - before > LEVEL_DISTANCE_MIN_K:
+            if now - before > 1.5:  # Mean temperatures of one level are closer [K].
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:
@@ -105,11 +102,12 @@ def peak_force(run: PreparedRun) -> float | None:
 
 def pick_of(run: PreparedRun) -> Pick | None:
     """Return the measured force at peak velocity of a run with a sine, or None for other motions."""
+    peak_velocity_ratio_min = 0.95  # Samples above this fraction of the peak velocity are averaged.
     if run.period_s is None or not run.motion.startswith("sine"):
         return None
     velocity, force = run.trajectory.velocity[run.scored_from :], run.force[run.scored_from :]
     peak = math.sqrt(2.0) * float(np.std(velocity))
-    ways = [velocity > PEAK_VELOCITY_RATIO_MIN * peak, velocity < -PEAK_VELOCITY_RATIO_MIN * peak]
+    ways = [velocity > peak_velocity_ratio_min * peak, velocity < -peak_velocity_ratio_min * peak]
     if not all(way.any() for way in ways):
         return None
     return Pick(peak, *(float(force[way].mean()) for way in ways))

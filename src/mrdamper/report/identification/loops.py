@@ -15,8 +15,6 @@ from mrdamper.report.figures.style import MEASURED, colour_of
 from mrdamper.report.identification.campaign import Campaign, Trace
 from mrdamper.report.sections import Picture
 
-OTHER_MOTION_COUNT_MAX = 3
-OVERVIEW_COUNT_MAX = 5
 LOOPS = ("displacement_mm", "velocity_mm_s")
 _X_LABELS = {"displacement_mm": "displacement, mm", "velocity_mm_s": "velocity, mm/s", "time_s": "time, s"}
 
@@ -31,7 +29,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
     if len(campaign.errors) <= PANEL_COLUMNS_MAX:
         return []
     motions = [error.motion for error in campaign.errors if error.motion != campaign.main]
-    others = list(dict.fromkeys(motions))[:OTHER_MOTION_COUNT_MAX]
+    others = list(dict.fromkeys(motions))[:3]
     drawn: list[tuple[str, list[Drawn]]] = []
     if campaign.warm:
         strongest = max(campaign.commands, key=abs, default=None)
@@ -86,7 +84,7 @@ def overview(campaign: Campaign) -> Figure:
     if len(drawn) > PANEL_COLUMNS_MAX:
         level = campaign.levels.values[0] if campaign.warm else None
         loops = [] if campaign.main is None else _over_commands(campaign, campaign.main, level)
-        loops = list(pick_evenly(loops, OVERVIEW_COUNT_MAX))
+        loops = list(pick_evenly(loops, 5))
         worst = find_worst_by_motion(campaign.errors)[: 1 if loops else PANEL_COLUMNS_MAX]
         drawn = loops + [
             (f"worst: {title}", colour, run) for title, colour, run in _with_names(campaign, worst)

@@ -43,9 +43,6 @@ from mrdamper.report.identification.verdict import (
 from mrdamper.report.page import FirstScreen, Page, Tile, count_of, range_of
 from mrdamper.report.sections import Picture, Section
 
-INTERVAL_SAMPLE_COUNT_MAX = 60  # Each posterior sample needs a simulation.
-INTERVAL_RUN_COUNT_MAX = 4
-
 
 def _first(fitted: FitResult) -> FirstScreen:
     judged, law, result = fitted.assessment, fitted.damper.law, fitted.result
@@ -137,8 +134,8 @@ def _interval_figure(campaign: Campaign, fitted: FitResult) -> Figure | None:
     damper, samples = fitted.damper, fitted.posterior
     if samples is None:
         return None
-    few = samples.dampers(damper, INTERVAL_SAMPLE_COUNT_MAX)
-    worst = find_worst_by_motion(campaign.errors)[:INTERVAL_RUN_COUNT_MAX]
+    few = samples.dampers(damper, 60)  # Each posterior sample needs a simulation.
+    worst = find_worst_by_motion(campaign.errors)[:4]
     forces = [force_interval(damper, few, campaign.runs[error.name]) for error in worst]
     dampers, command = samples.dampers(damper, len(samples)), envelope_of(fitted.training).command
     return interval_figure(forces, coefficient_intervals(damper, dampers, command), damper.command_unit)

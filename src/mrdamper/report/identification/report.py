@@ -29,9 +29,6 @@ from mrdamper.report.page import sentence
 from mrdamper.report.sections import print_compact
 from mrdamper.schema import Json
 
-# The terminal shows the most important rows. The report has all of them.
-MODEL_COUNT_MAX = 3
-WARNING_COUNT_MAX = 2
 NOTE_COUNT_MAX = 1
 
 
@@ -100,13 +97,15 @@ def _write_posterior(found: FitResult, path: Path) -> None:
 
 def _show(found: FitResult, console: Console) -> None:
     """Print the verdict, the errors, the selected model, warnings and notes, the verdict first."""
+    # The terminal shows the most important rows. The report has all of them.
+    model_count_max = 3
     for line in verdict_lines(found):
         console.print(escape(line))
     console.print()
     print_compact(error_summary_table(found.errors).printed(), console)
     if found.selection is not None:
         console.print(escape(_selection_line(found.selection)))
-        print_compact(best_candidates(found.selection, MODEL_COUNT_MAX).printed(), console)
+        print_compact(best_candidates(found.selection, model_count_max).printed(), console)
     for line in (*_warning_lines(found), *_note_lines(found)):
         console.print(line)
 
@@ -122,15 +121,16 @@ def _selection_line(selection: Selection) -> str:
 
 def _warning_lines(found: FitResult) -> list[str]:
     """Return the worst finding of each kind, as console markup."""
+    warning_count_max = 2
     kinds = [(finding, count) for finding, count in by_kind(found.findings) if finding.severity != "note"]
     lines = []
-    for finding, run_count in kinds[:WARNING_COUNT_MAX]:
+    for finding, run_count in kinds[:warning_count_max]:
         runs = f"{run_count} runs, worst {finding.run}" if run_count > 1 else finding.run or "all runs"
         text = f"{runs}: {finding.found}."
         colour = "red" if finding.severity == "fault" else "yellow"
         lines.append(f"[{colour}]{finding.severity.capitalize()}[/{colour}]: {escape(text)}")
-    if len(kinds) > WARNING_COUNT_MAX:
-        lines.append(f"The report has {len(kinds) - WARNING_COUNT_MAX} more warnings, and remedies.")
+    if len(kinds) > warning_count_max:
+        lines.append(f"The report has {len(kinds) - warning_count_max} more warnings, and remedies.")
     return lines
 
 

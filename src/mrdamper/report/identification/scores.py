@@ -14,9 +14,6 @@ from mrdamper.report.identification.groups import levels_of, pooled_rms
 from mrdamper.report.sections import Column, Table
 from mrdamper.schema import Json
 
-RUN_COUNT_MAX = 40  # More runs are shown by motion and temperature.
-WORST_RUN_COUNT = 10
-OPEN_ROW_COUNT_MAX = 48  # A longer table is folded on a page.
 NO_FORCES: Mapping[str, ForceInterval] = MappingProxyType({})
 _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
@@ -39,9 +36,9 @@ def summaries(errors: Iterable[RunError]) -> Json:
 def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
     """Print the error of every run, or of many runs the pooled errors and the worst runs."""
     title, shown = f"{law}: error by run", errors
-    if len(errors) > RUN_COUNT_MAX:
+    if len(errors) > 40:  # More runs are shown by motion and temperature.
         console.print(pooled_table(errors).printed())
-        shown = sorted(errors, key=lambda error: -error.nrmse_percent)[:WORST_RUN_COUNT]
+        shown = sorted(errors, key=lambda error: -error.nrmse_percent)[:10]
         title += f", the {len(shown)} worst of {len(errors)} runs (errors.csv has all)"
     ordered = sorted(shown, key=lambda e: (e.split != "training", e.command == 0.0))
     console.print(error_table(ordered, title=title).printed())
@@ -99,7 +96,7 @@ def error_table(
         "cycle, or of the whole run for a motion without a period. Held-out runs are highlighted.",
         held=lambda error: error.split == "held_out",
         part=lambda error: (error.split, error.command == 0.0),
-        folded=f"All {len(errors)} runs" if len(errors) > OPEN_ROW_COUNT_MAX else "",
+        folded=f"All {len(errors)} runs" if len(errors) > 48 else "",  # A longer table is folded on a page.
     )
 
 

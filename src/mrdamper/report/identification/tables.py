@@ -12,8 +12,6 @@ from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.report.page import significant
 from mrdamper.report.sections import Column, Table
 
-STRONG_CORRELATION_MIN = 0.8
-
 
 def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
     """Return the values with their standard errors, and whether the runs determine them."""
@@ -45,11 +43,12 @@ def _identifiability(estimate: Estimate) -> str:
 
 def correlation_table(result: SearchResult) -> Table[tuple[str, str, float]]:
     """Return the pairs of parameters with a strong correlation, the strongest first."""
+    strong_correlation_min = 0.8
     names = [estimate.name for estimate in result.estimates]
     pairs = [
         (names[i], names[j], float(result.correlation[i, j]))
         for i, j in combinations(range(len(names)), 2)
-        if abs(result.correlation[i, j]) >= STRONG_CORRELATION_MIN
+        if abs(result.correlation[i, j]) >= strong_correlation_min
     ]
     return Table(
         title="Strong correlations",
@@ -59,7 +58,7 @@ def correlation_table(result: SearchResult) -> Table[tuple[str, str, float]]:
             Column("correlation", lambda pair: pair[2], form=".2f"),
         ],
         rows=sorted(pairs, key=lambda pair: -abs(pair[2])),
-        caption=f"Pairs of parameters with a correlation of {STRONG_CORRELATION_MIN:g} or more. The runs "
+        caption=f"Pairs of parameters with a correlation of {strong_correlation_min:g} or more. The runs "
         "determine a combination of such parameters better than each of them.",
     )
 

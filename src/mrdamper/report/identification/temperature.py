@@ -25,9 +25,6 @@ from mrdamper.report.figures.style import colour_of, svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import peak_force, pick_of, sine_of
 
-CURVE_POINT_COUNT = 25
-CURVE_POINT_COUNT_PYTHON = 4  # A law in Python is slow.
-TESTED_DISTANCE_MAX_K = 5.0  # Results at a larger distance from tested temperatures use assumed factors.
 REFERENCE_DISTANCE_MAX_K = 2.5  # A level this close to 20 degC is the reference.
 
 
@@ -58,7 +55,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     else:
         low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
         reference = float(np.clip(REFERENCE_K, low, high))
-    count = CURVE_POINT_COUNT if damper.law.kernel is not None else CURVE_POINT_COUNT_PYTHON
+    count = 25 if damper.law.kernel is not None else 4  # A law in Python is slow.
     grid = np.linspace(low, high, count)
     drawn: tuple[list[Line], list[Line], list[Line]] = ([], [], [])
     ends = []
@@ -190,10 +187,11 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
 
 def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
     """Return True if training runs were near a temperature [K]. Runs without temperature count as 20 degC."""
+    tested_distance_max_K = 5.0  # Results at a larger distance from tested temperatures use assumed factors.
     tested = envelope_of(campaign.fitted.training).temperature or (REFERENCE_K, REFERENCE_K)
     return (
         temperature is None
-        or tested[0] - TESTED_DISTANCE_MAX_K <= temperature <= tested[1] + TESTED_DISTANCE_MAX_K
+        or tested[0] - tested_distance_max_K <= temperature <= tested[1] + tested_distance_max_K
     )
 
 

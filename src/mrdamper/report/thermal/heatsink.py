@@ -21,8 +21,6 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
 
-DESIGN_COUNT_MAX = 8  # The terminal shows evenly spaced designs of the front, the report all.
-
 
 def _first(run: HeatsinkResult) -> FirstScreen:
     best, reference, limits, light = run.best, run.reference, run.limits, _lightest(run)
@@ -253,11 +251,12 @@ def _toml(run: HeatsinkResult) -> str:
 
 def _show(run: HeatsinkResult, console: Console) -> None:
     """Print the verdict, the labelled designs, and evenly spaced designs of the front."""
+    design_count_max = 8  # The terminal shows evenly spaced designs of the front, the report all.
     for line in _verdict(run):
         console.print(escape(line))
     table = _front_table(run)
     others = [row for row in table.rows if not row[0]]
-    step = max(-(-len(others) // DESIGN_COUNT_MAX), 1)
+    step = max(-(-len(others) // design_count_max), 1)
     shown = others[::step]
     rows = [row for row in table.rows if row[0] or any(row is other for other in shown)]
     print_compact(replace(table, rows=rows).printed(whole=True), console)

@@ -33,22 +33,11 @@ from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Part
+from mrdamper.thermal.settings import SETTINGS
 
-STATE_COUNT = 6
 PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
 POINT_COUNT = 3
 """Number of candidate points for the hottest point of each part."""
-
-# Breakpoints of the convection table: ambient temperature, air speed [m/s], surface minus ambient.
-_AMBIENT_K = (253.15, 288.15, 323.15)
-_SPEEDS = (0.0, 0.25, 0.4, 0.6, 0.9, 1.35, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0)
-_ABOVE_K = (-20.0, -5.0, 0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 115.0, 150.0)
-BASIS_AIR_SPEEDS_M_S = (0.0, 3.0)  # air speeds for which the Gramian is computed
-SOURCE_MODEL_ORDER = 40  # order of the reduced model that is truncated
-TYPICAL_RISE_K = 60.0  # temperature rise above ambient at which the heat transfer is linearised
-_SPOT_RATES = (0.0, 3e-3, 3e-2)  # frequencies of the responses that select the candidate points [1/s]
-# Weights of the inputs and outputs in the Gramian.
-_MECHANICAL_W, _COIL_W, _SURFACE_W, _OUTPUT_W = 100.0, 20.0, 20.0, 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,11 +122,11 @@ def compact_model(drawing: DamperDrawing) -> CompactModel:
     spots = _choose_spots(equation, films, sources)
     loads = np.column_stack(
         [
-            _MECHANICAL_W * equation.mechanical,
-            _COIL_W * equation.electrical,
-            *(_SURFACE_W * mean),
-            _OUTPUT_W * equation.fluid,
-            *(_OUTPUT_W * spots[:2].reshape(-1, equation.size)),
+            SETTINGS.mechanical_weight_W * equation.mechanical,
+            SETTINGS.coil_weight_W * equation.electrical,
+            *(SETTINGS.surface_weight_W * mean),
+            SETTINGS.output_weight_W * equation.fluid,
+            *(SETTINGS.output_weight_W * spots[:2].reshape(-1, equation.size)),
         ]
     )
     basis = _modes(equation, films, loads)
@@ -173,15 +162,15 @@ def compact_model(drawing: DamperDrawing) -> CompactModel:
 def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
     """Return the reduced model, and two versions of its heat equation: in still air and in wind."""
     full = build_field(drawing)
-    around = [replace(drawing.surroundings, air_speed=speed) for speed in BASIS_AIR_SPEEDS_M_S]
+    around = [replace(drawing.surroundings, air_speed=speed) for speed in SETTINGS.basis_air_speeds_m_s]
     coolings = [cooling_in(full, each) for each in around]
-    reduced = reduce_field(full, order=SOURCE_MODEL_ORDER, elsewhere=coolings)
+    reduced = reduce_field(full, order=SETTINGS.source_model_order, elsewhere=coolings)
     return reduced, [replace(reduced.equation, cooling=each) for each in coolings]
 
 
 def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
     """Return the matrix of the heat losses [W/K], linearised at a typical temperature, shape (n, n)."""
-    slope = equation.cooling.fluxes(np.full(len(surface), TYPICAL_RISE_K))[1].sum(axis=0)
+    slope = equation.cooling.fluxes(np.full(len(surface), SETTINGS.typical_rise_K))[1].sum(axis=0)
     return np.asarray(
         sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))
     )
@@ -203,7 +192,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
     root = cholesky(mass)  # upper triangular matrix with mass = rootᵀ root
     inner = root @ apart @ gramian @ apart.T @ root.T
     _, vectors = eigh(inner)
-    space = solve_triangular(root, vectors[:, :-STATE_COUNT:-1])
+    space = solve_triangular(root, vectors[:, : -SETTINGS.compact_state_count : -1])
     _, turned = eigh(space.T @ equation.stiffness @ space, space.T @ mass @ space)
     return np.column_stack([uniform, space @ turned])
 
@@ -231,7 +220,7 @@ def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: 
     fields = []
     for film in films:
         heated = np.column_stack([sources @ mixtures, film @ equation.uniform])
-        for rate in _SPOT_RATES:
+        for rate in SETTINGS.spot_rates_1_s:
             fields.append(np.linalg.solve(equation.stiffness + film + rate * equation.mass, heated))
     states = np.hstack(fields)
     found = []
@@ -248,12 +237,13 @@ def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: 
 
 
 def _film_table(drawing: DamperDrawing) -> FilmTable:
-    above = np.array(_ABOVE_K)
+    above, ambients = np.array(SETTINGS.film_rises_K), SETTINGS.film_ambient_K
+    speeds = SETTINGS.film_air_speeds_m_s
     rows = []
-    for ambient in _AMBIENT_K:
-        for speed in _SPEEDS:
+    for ambient in ambients:
+        for speed in speeds:
             around = replace(drawing.surroundings, ambient=ambient, air_speed=speed)
             section = section_of(replace(drawing, surroundings=around))
             rows.append([np.interp(ambient + above, section.grid, film) for film in section.films])
-    table = np.array(rows).reshape(len(_AMBIENT_K), len(_SPEEDS), -1, len(above))
-    return FilmTable(np.array(_AMBIENT_K), np.array(_SPEEDS), above, table.transpose(2, 0, 1, 3).copy())
+    table = np.array(rows).reshape(len(ambients), len(speeds), -1, len(above))
+    return FilmTable(np.array(ambients), np.array(speeds), above, table.transpose(2, 0, 1, 3).copy())

@@ -17,18 +17,10 @@ from mrdamper.arrays import FloatArray
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import CompactModel
 from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.thermal.settings import SETTINGS
 
 UPDATE_S = 0.5
 """Duration of one time step [s]."""
-
-# The typical power of a damper causes this temperature rise in this time if there are no heat losses.
-_USUAL_K, _USUAL_S = 100.0, 1800.0
-TYPICAL_RISE_K = 60.0  # temperature rise above ambient at which the model is linearised for the gains
-# Noise model of the Kalman filter. Each line has standard deviations and a correlation time. The lines are
-# the error of the power (relative), the missing heat (relative), and the readings of fluid and coil.
-_POWER_SHARE, _POWER_S = 0.15, 60.0
-_EXCESS_SHARE, _EXCESS_S = 0.15, 1800.0
-_FLUID_K, _COIL_K, _SENSOR_S = 0.5, 3.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +79,7 @@ def simulate_compact(
 
 def typical_power(model: CompactModel) -> float:
     """Return the typical power of a damper [W]: without losses, it causes 100 K in half an hour."""
-    return float(model.capacity[0]) * _USUAL_K / _USUAL_S
+    return float(model.capacity[0]) * SETTINGS.typical_power_rise_K / SETTINGS.typical_power_time_s
 
 
 def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
@@ -99,20 +91,22 @@ def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
     """
     n, power = model.states, typical_power(model)
     matrix = np.diag(model.capacity / step + model.conductance)
-    matrix += _losses(model, np.eye(n)[0] * TYPICAL_RISE_K, model.reference, model.air_speed)
+    matrix += _losses(model, np.eye(n)[0] * SETTINGS.typical_rise_K, model.reference, model.air_speed)
     forward = np.zeros((n + 1, n + 1))
     forward[:n, :n] = np.linalg.solve(matrix, np.diag(model.capacity / step))
     forward[:n, n] = np.linalg.solve(matrix, model.mechanical)
     forward[n, n] = 1.0
     noise = np.zeros((n + 1, n + 1))
     into = forward[:n, n]
-    noise[:n, :n] = np.outer(into, into) * (_POWER_SHARE * power) ** 2 * _POWER_S / step
+    noise[:n, :n] = (
+        np.outer(into, into) * (SETTINGS.power_error_ratio * power) ** 2 * SETTINGS.power_error_time_s / step
+    )
     noise[:n, :n] += np.diag(1e-9 * model.capacity[0] / model.capacity)
-    noise[n, n] = (_EXCESS_SHARE * power) ** 2 * step / _EXCESS_S
+    noise[n, n] = (SETTINGS.missing_heat_ratio * power) ** 2 * step / SETTINGS.missing_heat_time_s
     gains = []
-    for row, error in ((model.fluid, _FLUID_K), (model.coil, _COIL_K)):
+    for row, error in ((model.fluid, SETTINGS.fluid_noise_K), (model.coil, SETTINGS.coil_noise_K)):
         sees = np.append(row, 0.0)[None, :]
-        heard = np.array([[error**2 * _SENSOR_S / step]])
+        heard = np.array([[error**2 * SETTINGS.sensor_noise_time_s / step]])
         spread = solve_discrete_are(forward.T, sees.T, noise, heard)
         gains.append((spread @ sees.T / (sees @ spread @ sees.T + heard))[:, 0])
     return np.array(gains)

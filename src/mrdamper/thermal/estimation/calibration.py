@@ -30,16 +30,8 @@ from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.model.network import ThermalNetwork
 from mrdamper.thermal.model.stepping import Load, loads_until
 from mrdamper.thermal.model.transient import simulate_network
+from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, simulate_rise
-
-STEP_MAX_S = 20.0
-FACTOR_MIN, FACTOR_MAX = 0.05, 20.0  # A factor at these bounds means that curve and load cycle do not match.
-START_RANGE_K = 50.0  # max distance of the initial temperature from the first readings
-NOISE_MIN_K, NOISE_MAX_K = 0.02, 2.0
-RESIDUAL_MAX_RATIO = 0.03  # max residual, divided by the temperature range of the curve
-NEIGHBOUR_CORRELATION_MAX = 0.999
-REFERENCE_EXCESS_K = 40.0  # temperature above ambient at which heat losses are compared
-GRID_MARGIN_K = 100.0  # A simulation in the search ends this far below the upper end of the loss tables.
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +160,7 @@ def residual_variance(residual: FloatArray, parameters: int) -> float:
     """
     total = float(residual @ residual)
     correlation = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
-    correlation = min(max(correlation, 0.0), NEIGHBOUR_CORRELATION_MAX)
+    correlation = min(max(correlation, 0.0), SETTINGS.neighbour_correlation_max)
     return total / max(len(residual) - parameters, 1) * (1.0 + correlation) / (1.0 - correlation)
 
 
@@ -190,10 +182,11 @@ class _NetworkFit:
     def solve(self, offset: FloatArray) -> CalibratedDrawing:
         """Return the calibration for the measured curve minus an offset [K], shape (n,)."""
         curve, count = self._curve, len(self._curve)
-        measured, noise = curve.temperature - offset, max(curve.noise_K, NOISE_MIN_K)
+        measured, noise = curve.temperature - offset, max(curve.noise_K, SETTINGS.reading_noise_min_K)
         point = np.array([float(np.median(measured[:5])), 0.0, 0.0])
-        low = np.array([point[0] - START_RANGE_K, *[math.log(FACTOR_MIN)] * 2])
-        high = np.array([point[0] + START_RANGE_K, *[math.log(FACTOR_MAX)] * 2])
+        factor_min, factor_max = SETTINGS.calibration_factor_range
+        low = np.array([point[0] - SETTINGS.start_range_K, *[math.log(factor_min)] * 2])
+        high = np.array([point[0] + SETTINGS.start_range_K, *[math.log(factor_max)] * 2])
         # The noise weights the priors. The second fit uses the residual of the first fit as noise.
         for _ in range(2):
 
@@ -226,31 +219,31 @@ class _NetworkFit:
 
     def _logarithms(self, network: ThermalNetwork) -> FloatArray:
         """Return the logarithms of heat capacity and heat loss of a network, to which the priors apply."""
-        warm = network.ambient + REFERENCE_EXCESS_K
+        warm = network.ambient + SETTINGS.reference_excess_K
         lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
         return np.log([network.total_capacity, max(lost, 1e-300)])
 
     def _course(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
         """Return the simulated temperature of the thermometer at the times of the curve [K], shape (n,)."""
-        curve, stop = self._curve, float(network.grid[-1]) - GRID_MARGIN_K
-        course = simulate_network(
-            network, self._loads, start=float(at[0]), longest_step=STEP_MAX_S, stop_at=stop
-        )
+        curve, stop = self._curve, float(network.grid[-1]) - SETTINGS.trial_margin_K
+        start, most = float(at[0]), SETTINGS.calibration_step_max_s
+        course = simulate_network(network, self._loads, start=start, longest_step=most, stop_at=stop)
         values: FloatArray = getattr(course, curve.place)
         return np.asarray(PchipInterpolator(course.time, values)(np.minimum(curve.time, course.time[-1])))
 
     def _check(self, point: FloatArray, off: FloatArray) -> None:
         """Raise ConvergenceError if the residual is too large or a factor is at a bound."""
         curve, factors, left = self._curve, np.exp(point[1:]), float(np.sqrt(np.mean(off**2)))
-        noise, span = min(curve.noise_K, NOISE_MAX_K), float(np.ptp(curve.temperature))
-        most = max(3.0 * noise, RESIDUAL_MAX_RATIO * span, 1.0)
-        bounded = (factors < 1.01 * FACTOR_MIN).any() or (factors > 0.99 * FACTOR_MAX).any()
+        noise, span = min(curve.noise_K, SETTINGS.reading_noise_max_K), float(np.ptp(curve.temperature))
+        most = max(3.0 * noise, SETTINGS.residual_ratio_max * span, 1.0)
+        low, high = SETTINGS.calibration_factor_range
+        bounded = (factors < 1.01 * low).any() or (factors > 0.99 * high).any()
         if bounded or left > most:
             raise ConvergenceError(
                 place=curve.name,
                 found=f"this damper under this duty is {left:.2g} K off it at best, with heat_capacity "
                 f"{factors[0]:.3g} and film {factors[1]:.3g}",
-                expected=f"{most:.2g} K or less, and factors from {FACTOR_MIN:g} to {FACTOR_MAX:g}",
+                expected=f"{most:.2g} K or less, and factors from {low:g} to {high:g}",
                 remedy="Check the duty, that time counts from its start, sensor, emissivity and mount_W_K",
             )
 

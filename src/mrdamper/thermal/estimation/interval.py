@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
@@ -25,13 +26,8 @@ from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import NODE_FACTORS, zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
+from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
-
-INTERVAL_PROBABILITY = 0.90
-DEVIATION_COUNT = 1.645  # half width of a 90 % interval of a normal distribution, in standard deviations
-STOP_EXCESS_K = 50.0  # Simulations end this far above all limits because later values are not needed.
-GRID_MARGIN_K = 20.0  # Simulations end this far below the upper end of the loss tables.
-MISFIT_RATIO = 0.004  # standard deviation of the remaining error of a calibrated network, divided by the rise
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,15 +89,15 @@ def predict_interval(
     elif calibrated is not None:
         start = calibrated.start_K
     hottest = max([float(rise.fluid.max()), *(each.limit.kelvin for each in rise.limits)])
-    runs = _runs(drawing, loads, changes, start, hottest + STOP_EXCESS_K, rise.model)
+    runs = _runs(drawing, loads, changes, start, hottest + SETTINGS.stop_excess_K, rise.model)
     network, time = runs[0].network, runs[0].time
-    misfit = 0.0 if calibrated is None else MISFIT_RATIO
+    misfit = 0.0 if calibrated is None else SETTINGS.misfit_ratio
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return a curve [K] and the ends of its interval; after its end, the network continues the curve."""
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
-        more = DEVIATION_COUNT * misfit * np.abs(middle - middle[0])
+        more = SETTINGS.interval_deviations * misfit * np.abs(middle - middle[0])
         return middle, middle - np.hypot(down, more), middle + np.hypot(up, more)
 
     at = {"gap": network.mechanical, "coil": network.coil, "seal": network.wall}
@@ -130,13 +126,13 @@ def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArr
 
 def _prior_changes() -> list[_Change]:
     names = ("power", "capacity", "loss", "fluid_wall", "coil")
-    return [{name: DEVIATION_COUNT * getattr(PRIOR, name)} for name in names]
+    return [{name: SETTINGS.interval_deviations * getattr(PRIOR, name)} for name in names]
 
 
 def _calibrated_changes(calibrated: CalibratedDrawing) -> list[_Change]:
     """Return one change along each principal axis of the covariance of a calibration."""
     values, vectors = np.linalg.eigh(calibrated.covariance)
-    axes = DEVIATION_COUNT * np.sqrt(np.maximum(values, 0.0)) * vectors
+    axes = SETTINGS.interval_deviations * np.sqrt(np.maximum(values, 0.0)) * vectors
     return [dict(zip(("start_K", "capacity", "film"), axis.tolist(), strict=True)) for axis in axes.T]
 
 
@@ -161,7 +157,7 @@ def _runs(
         network = lumped_network(changed) if model == "lumped" else zone_network(changed, nodes)
         capacity, watts = network.capacity * factor("capacity"), network.watts * factor("loss")
         network = replace(network, capacity=capacity, watts=watts)
-        stop = min(stop_at, float(network.grid[-1]) - GRID_MARGIN_K)
+        stop = min(stop_at, float(network.grid[-1]) - SETTINGS.run_margin_K)
         driven = [each.scaled(factor("power")) for each in loads]
         begin = first + side * change.get("start_K", 0.0)
         return simulate_network(network, driven, start=begin, stop_at=stop)

@@ -14,23 +14,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamper.arrays import FloatArray, read_only
+from mrdamper.arrays import DEVIATION_PER_MAD, FloatArray, read_only
 from mrdamper.data.tables import read_table
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, to_si
+from mrdamper.thermal.settings import SETTINGS
 
 Place = Literal["fluid", "wall", "coil"]
 """Position of the thermometer; ``wall`` is the body."""
 
-BAD_READINGS_MAX_RATIO = 0.2  # A larger fraction of bad readings indicates a broken sensor.
-READINGS_MIN_COUNT = 8
-# A spike deviates from its neighbours by more than these three limits: multiple of the noise, kelvin, and
-# multiple of the range of the neighbours.
-SPIKE_MIN_DEVIATIONS = 8.0
-SPIKE_MIN_K = 0.5
-SPIKE_MIN_SPREADS = 4.0
-SPIKE_NEIGHBOURS = (-3, -2, -1, 1, 2, 3)  # positions of the neighbours relative to a sample
 NORMAL_PER_MAD = 1.4826  # standard deviation of a normal distribution divided by median absolute deviation
 
 
@@ -47,11 +40,11 @@ class HeatingCurve:
     def __post_init__(self) -> None:
         for array in ("time", "temperature"):
             object.__setattr__(self, array, read_only(getattr(self, array)))
-        if len(self.time) < READINGS_MIN_COUNT or self.time.shape != self.temperature.shape:
+        if len(self.time) < SETTINGS.readings_min or self.time.shape != self.temperature.shape:
             raise InputError(
                 place=self.name,
                 found=f"it has {len(self.time)} times and {len(self.temperature)} readings",
-                expected=f"one reading per time, at least {READINGS_MIN_COUNT}",
+                expected=f"one reading per time, at least {SETTINGS.readings_min}",
             )
         limits = find_quantity("temperature")
         rises = np.isfinite(self.time).all() and (np.diff(self.time) > 0.0).all()
@@ -73,7 +66,7 @@ class HeatingCurve:
         weight = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
         off = y[1:-1] - (1.0 - weight) * y[:-2] - weight * y[2:]
         spread = off / np.sqrt(1.0 + (1.0 - weight) ** 2 + weight**2)
-        return float(NORMAL_PER_MAD * np.median(np.abs(spread)))
+        return float(DEVIATION_PER_MAD * np.median(np.abs(spread)))
 
 
 def clean_curve(
@@ -103,7 +96,7 @@ def clean_curve(
         "a spike": int(spikes.sum()),
     }
     bad = dropped["no plausible temperature"] + dropped["a spike"]
-    if bad > BAD_READINGS_MAX_RATIO * count:
+    if bad > SETTINGS.bad_readings_ratio_max * count:
         raise InputError(
             place=name,
             found=f"{bad} of {count} samples are no plausible temperature or a spike",
@@ -153,14 +146,15 @@ def _temperature_unit(name: str) -> str | None:
 def _spikes(temperature: FloatArray) -> NDArray[np.bool_]:
     """Return a mask of the spikes (see ``clean_curve``). The first and the last sample are never spikes."""
     y, n = temperature, len(temperature)
-    if n < READINGS_MIN_COUNT:
+    if n < SETTINGS.readings_min:
         return np.zeros(n, dtype=bool)
     second = np.abs(y[2:] - 2.0 * y[1:-1] + y[:-2]) / math.sqrt(6.0)
-    least = max(SPIKE_MIN_DEVIATIONS * NORMAL_PER_MAD * float(np.median(second)), SPIKE_MIN_K)
-    around = np.clip(np.arange(n)[:, None] + SPIKE_NEIGHBOURS, 0, n - 1)
+    noise = SETTINGS.spike_deviations_min * DEVIATION_PER_MAD * float(np.median(second))
+    least = max(noise, SETTINGS.spike_min_K)
+    around = np.clip(np.arange(n)[:, None] + SETTINGS.spike_neighbours, 0, n - 1)
     sides = y[around].reshape(n, 2, -1)
     off = y[:, None] - np.median(sides, axis=2)
-    least = np.maximum(least, SPIKE_MIN_SPREADS * np.ptp(sides, axis=2).max(axis=1))
+    least = np.maximum(least, SETTINGS.spike_ranges_min * np.ptp(sides, axis=2).max(axis=1))
     spike = (off.prod(axis=1) > 0.0) & (np.abs(off).min(axis=1) > least)
     spike[[0, -1]] = False
     return np.asarray(spike)

@@ -30,15 +30,10 @@ from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import simulate_network
+from mrdamper.thermal.settings import SETTINGS
 
 DesignModel = Literal["network", "finite_element"]
 
-STEP_MAX_S = 120.0  # max time step; the error is about 10 mK after half an hour and equal for all heat sinks
-WIDTH_RATIOS = (0.4, 0.6, 0.8, 1.0)  # tried fin widths, divided by the largest width
-THICKNESS_RATIOS = (1.0, 1.5, 2.0, 3.0)  # tried thicknesses, divided by the smallest thickness
-SPAN_RATIOS = (0.6, 1.0)  # tried pitches, divided by the largest pitch
-GRID_M = 1e-4  # Pitches and widths of the grid are whole tenths of a millimetre.
-GAP_MAX_WIDTHS = 2.0  # max gap between two fins, divided by the width of the fins
 ROUNDING_RATIO = 1e-9
 
 
@@ -77,7 +72,7 @@ class SinkLimits:
 
     def widest_pitch(self, fins: int, width: float, thickness: float) -> float:
         """Return the largest pitch [m] of two or more fins within the limits of span and gap."""
-        return min((self.span - thickness) / (fins - 1), thickness + GAP_MAX_WIDTHS * width)
+        return min((self.span - thickness) / (fins - 1), thickness + SETTINGS.fin_gap_max_widths * width)
 
     def allow(self, sink: HeatSink, body_diameter: float) -> bool:
         """Return True if a heat sink is within all limits; the material is not checked."""
@@ -88,7 +83,7 @@ class SinkLimits:
             and sink.thickness * slack >= self.least_thickness
             and sink.mass(body_diameter) <= self.mass * slack
             and (sink.fins == 1 or self.least_gap <= sink.gap * slack)
-            and (sink.fins == 1 or sink.gap <= GAP_MAX_WIDTHS * sink.width * slack)
+            and (sink.fins == 1 or sink.gap <= SETTINGS.fin_gap_max_widths * sink.width * slack)
         )
 
 
@@ -135,7 +130,7 @@ class HeatedDamper:
             If the heat sink does not fit on the damper.
         """
         network = zone_network(self.drawing.with_sink(sink))
-        heating = simulate_network(network, self.loads, longest_step=STEP_MAX_S)
+        heating = simulate_network(network, self.loads, longest_step=SETTINGS.sink_step_max_s)
         fluid, coil = float(heating.fluid[-1]), float(heating.coil[-1])
         return SinkDesign(sink, 0.0 if sink is None else sink.mass(self.diameter), fluid, coil, fluid)
 
@@ -233,12 +228,13 @@ def search_grid(damper: HeatedDamper, limits: SinkLimits, *, on_progress: Progre
 
 def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
     for material in limits.materials:
-        for thickness in (ratio * limits.least_thickness for ratio in THICKNESS_RATIOS):
+        for thickness in (ratio * limits.least_thickness for ratio in SETTINGS.fin_thickness_ratios):
             # The pitch of a single fin has no effect.
             plain = replace(
                 pattern, fins=1, thickness=thickness, pitch=thickness + limits.least_gap, material=material
             )
-            for width in (limits.width if w == 1.0 else _on_grid(w * limits.width) for w in WIDTH_RATIOS):
+            ratios = SETTINGS.sink_width_ratios
+            for width in (limits.width if w == 1.0 else _on_grid(w * limits.width) for w in ratios):
                 for fins in range(1, limits.fin_count_max(thickness) + 1):
                     for pitch in _pitches(fins, width, thickness, limits):
                         yield replace(plain, fins=fins, width=width, pitch=pitch)
@@ -250,12 +246,13 @@ def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> l
     if fins == 1:
         return [least]
     widest = limits.widest_pitch(fins, width, thickness)
-    return sorted({max(_on_grid(ratio * widest), least) for ratio in SPAN_RATIOS})
+    return sorted({max(_on_grid(ratio * widest), least) for ratio in SETTINGS.sink_span_ratios})
 
 
 def _on_grid(length: float) -> float:
     """Return a length [m] rounded down to a multiple of the grid step, at least one grid step."""
-    return max(round(math.floor(length / GRID_M + ROUNDING_RATIO) * GRID_M, 9), GRID_M)
+    step = SETTINGS.sink_grid_m
+    return max(round(math.floor(length / step + ROUNDING_RATIO) * step, 9), step)
 
 
 def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:

@@ -15,12 +15,8 @@ import numpy as np
 
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.surfaces import fin_uncertainty
+from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.sinks.design import HeatedDamper
-
-# The following values are half widths of 90 % intervals.
-GAP_EXPONENT_ERROR = 0.12  # exponent of the gap in the heat-transfer coefficient of fins [-]
-BODY_FILM_ERROR = 0.15  # relative error of the heat-transfer coefficient of the body [-]
-POWER_ERROR = 0.165  # relative error of the power, 1.645 standard deviations of 10 % [-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +42,14 @@ def gain_band(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink, 
     gain : gain [K], computed with any model, to which the half widths are added
     """
     fins = 1.0 + fin_uncertainty(damper.drawing.with_sink(best))
+    body = 1.0 + SETTINGS.body_film_error
     changes: list[Callable[[float], float]] = [
         lambda side: _gain(damper, _scale_film(reference, fins**side), _scale_film(best, fins**side)),
-        lambda side: _gain(_scale_body_film(damper, (1.0 + BODY_FILM_ERROR) ** side), reference, best),
-        lambda side: _gain(_scale_power(damper, 1.0 + side * POWER_ERROR), reference, best),
+        lambda side: _gain(_scale_body_film(damper, body**side), reference, best),
+        lambda side: _gain(_scale_power(damper, 1.0 + side * SETTINGS.sink_power_error), reference, best),
     ]
     if reference is not None and min(reference.fins, best.fins) > 1 and reference.gap != best.gap:
-        by_gap = math.exp(GAP_EXPONENT_ERROR * abs(math.log(best.gap / reference.gap)))
+        by_gap = math.exp(SETTINGS.gap_exponent_error * abs(math.log(best.gap / reference.gap)))
         changes.append(lambda side: _gain(damper, reference, _scale_film(best, by_gap**side)))
     here = _gain(damper, reference, best)
     ends = np.array([[change(side) - here for side in (-1.0, 1.0)] for change in changes])

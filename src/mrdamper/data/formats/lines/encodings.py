@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from mrdamper.data.formats.table import MOST_WHOLE
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
@@ -82,10 +82,10 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
     if not wide:
         return stream
     stream.close()
-    if size_of(source) > MOST_WHOLE:
+    if size_of(source) > SETTINGS.whole_file_max_bytes:
         raise InputError(
             place=source,
-            found=f"the text is UTF-16 of more than {MOST_WHOLE >> 20} MB",
+            found=f"the text is UTF-16 of more than {SETTINGS.whole_file_max_bytes >> 20} MB",
             remedy="Save the file as UTF-8",
         )
     try:

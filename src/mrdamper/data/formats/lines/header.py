@@ -13,7 +13,8 @@ from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
 from mrdamper.data.formats.lines.properties import find_properties, property_of
-from mrdamper.data.formats.table import LEAST_ROWS, MISSING_MARKS
+from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
@@ -30,7 +31,6 @@ _SETTING = re.compile(
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # A legend: "CH1: force, N".
 _MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # The line above the samples: "Data:", "[Data]".
 DELIMITERS = ("\t", ";", ",", "|", " ")
-_NOTE_LINES_MAX, _NOTE_LENGTH_MAX = 64, 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     """
     found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
     for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
-        long = _first_row(lines, delimiter, LEAST_ROWS)
+        long = _first_row(lines, delimiter, SETTINGS.table_rows_min)
         k = _first_row(lines, delimiter, 2) if long is None else long
         if k is not None:
             fields = split_line(lines[k], delimiter)
@@ -60,13 +60,14 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
             found.append(((long is not None, numbers == filled, numbers, -rank), delimiter, k))
     if found:
         return max(found)[1:]
-    alone = [k for k in range(len(lines) - LEAST_ROWS + 1) if all(map(is_number, lines[k : k + LEAST_ROWS]))]
+    count = SETTINGS.table_rows_min
+    alone = [k for k in range(len(lines) - count + 1) if all(map(is_number, lines[k : k + count]))]
     return wanted or ("\t" if alone else ","), next(iter(alone), None)  # one column
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
     """Return True if there are ten consecutive rows of numbers. Fewer rows are a table of results."""
-    return _first_row(lines, delimiter, LEAST_ROWS) is not None
+    return _first_row(lines, delimiter, SETTINGS.table_rows_min) is not None
 
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
@@ -78,7 +79,7 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
     rows: list[int] = []
     words: list[bool | None] = []  # For each cell of the first row: True if it is a word.
     for k, line in enumerate(lines):
-        if not line.strip() and wanted == LEAST_ROWS:
+        if not line.strip() and wanted == SETTINGS.table_rows_min:
             continue
         fields = split_line(line, delimiter)
         numbers = count_numbers(fields) if len(fields) > 1 else 0
@@ -93,7 +94,7 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
         rows.append(k)
         if len(rows) == wanted:
             return rows[0]
-    return rows[0] if wanted != LEAST_ROWS and rows == [len(lines) - 1] else None
+    return rows[0] if wanted != SETTINGS.table_rows_min and rows == [len(lines) - 1] else None
 
 
 def _is_word(cell: str) -> bool | None:
@@ -214,8 +215,8 @@ def _nonempty_lines(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that are not empty, with cells separated by blanks."""
     cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
     joined = [" ".join(filter(None, fields)) for fields in cells]
-    said = [with_unit(line[:_NOTE_LENGTH_MAX]) for line in joined if line]
-    return (*said, *_results(cells))[-_NOTE_LINES_MAX:]
+    said = [with_unit(line[: SETTINGS.note_length_max]) for line in joined if line]
+    return (*said, *_results(cells))[-SETTINGS.note_lines_max :]
 
 
 def _results(rows: Sequence[Sequence[str]]) -> list[str]:
