@@ -98,7 +98,7 @@ def test_terminal_lists_reference_and_coolest(folder):
     thick = changed(folder, *TWO_MM, name="thick.toml")
     run = mrdamper("heatsink", folder / "card.json", "--damper", thick, "--span-mm", 30, "--network-only")
     assert run.returncode == 0, run.stderr
-    for word in ("reference", "coolest", "Best heat sink", "cooler than the reference"):
+    for word in ("reference", "coolest", "Best heat sink", "warmer than the reference"):
         assert word in run.stdout
     assert all(len(line) <= 110 for line in run.stdout.splitlines())
 

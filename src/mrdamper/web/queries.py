@@ -32,7 +32,7 @@ class QueryLine:
     def __init__(self) -> None:
         self._turn = asyncio.Lock()
 
-    async def ask(self, name: str, **arguments: Any) -> Any:  # noqa: ANN401 - any JSON
+    async def ask(self, name: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 - any JSON
         """Return the answer of one of ``QUERIES``.
 
         Raises

@@ -94,7 +94,7 @@ class RunIndex:
     def __init__(self, folder: WorkFolder, formats: tuple[str, ...]) -> None:
         self._folder, self._formats = folder, formats
         self._queries = QueryLine()
-        self._contents: dict[str, _Contents] = {}  # By key.
+        self._contents: dict[str, _Contents] = {}  # keys of files
         self._pending: dict[str, asyncio.Task[None]] = {}
         self.changes = 0
 
@@ -247,7 +247,7 @@ class RunIndex:
     async def _read_file(self, key: str, file: Path) -> None:
         place, rig = self._folder.cache / key, None
         try:
-            preview = await self._queries.ask("runs", path=file, place=place)
+            preview = await self._queries.ask("runs", {"path": file, "place": place})
             rig = _rig_of(file)
         except (InputError, NoSpaceError) as fault:
             preview = {"runs": [], "columns": [], "error": f"{file.name}: {fault}"}
@@ -264,7 +264,7 @@ class RunIndex:
     async def _check(self, key: str, file: Path) -> None:
         findings: list[list[Json]] = []
         with suppress(InputError, NoSpaceError):
-            findings = (await self._queries.ask("findings", path=file))["findings"]
+            findings = (await self._queries.ask("findings", {"path": file}))["findings"]
         if self._key_of(file) == key and key in self._contents:
             self._write(key, replace(self._contents[key], findings=findings))
 

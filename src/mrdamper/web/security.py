@@ -16,6 +16,7 @@ import json
 import re
 import socket
 import traceback
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode, urlsplit
@@ -64,9 +65,9 @@ class JsonAnswer(JSONResponse):
         return text.encode(errors="replace")
 
 
-def refusal(status: int, why: str, **parts: str) -> Response:
+def refusal(status: int, why: str, parts: Mapping[str, str] | None = None) -> Response:
     """Return the response to a request that is not answered."""
-    return JsonAnswer({"error": why, "status": status, **parts}, status)
+    return JsonAnswer({"error": why, "status": status, **(parts or {})}, status)
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,7 +116,7 @@ def serve(
         def close() -> None:
             server.should_exit = True
 
-        with on_interrupt(close):  # Also before and after uvicorn handles signals itself, and for SIGHUP.
+        with on_interrupt(close):  # Uvicorn does not handle SIGHUP, and handles no signal early.
             server.run(sockets=[listener])
 
 
@@ -171,7 +171,7 @@ def _answer(_: Request, fault: Exception) -> Response:
     elif isinstance(fault, OSError):
         fault = InputError(place=f"{name!r}", found=f"cannot be used ({fault.strerror})")
     if isinstance(fault, MrdamperError):
-        return refusal(getattr(fault, "status", 422), str(fault), **fault.parts())
+        return refusal(getattr(fault, "status", 422), str(fault), fault.parts())
     if isinstance(fault, ClientDisconnect):  # The client closed the connection during an upload.
         return Response(status_code=400)
     if isinstance(fault, HTTPException):

@@ -48,7 +48,7 @@ async def _delete_file(name: str, context: Context) -> Response:
 async def _look(name: str, request: Request, context: Context) -> Response:
     path = context.folder.run_file(name)
     if "head" in request.query_params and not context.index.has_read(path):
-        beginning = await context.previewer.ask("preview_head", path=path)
+        beginning = await context.previewer.ask("preview_head", {"path": path})
         if beginning is not None:
             context.index.files()
             return JsonAnswer(beginning)
@@ -61,10 +61,12 @@ async def _map_channels(request: Request, context: Context) -> Response:
     paths = [context.folder.run_file(name) for name in dict.fromkeys(order.files)]
     given = order.map or {}
     if order.head and not order.save:
-        previews = [await context.previewer.ask("preview_head", path=path, given=given) for path in paths]
+        previews = [
+            await context.previewer.ask("preview_head", {"path": path, "given": given}) for path in paths
+        ]
         if None not in previews:  # Otherwise a file must be read completely.
             return JsonAnswer({"saved": False, "previews": previews})
-    previews = [await context.reader.ask("preview", path=path, given=given) for path in paths]
+    previews = [await context.reader.ask("preview", {"path": path, "given": given}) for path in paths]
     is_saved = order.save and (order.map is None or not any(preview["error"] for preview in previews))
     if is_saved:
         await _save_map(context, paths, order.map)
@@ -78,7 +80,7 @@ async def _save_map(context: AppContext, paths: list[Path], document: Mapping[st
         for path in maps:
             path.unlink(missing_ok=True)
     else:
-        text = await context.reader.ask("channels", document=document)
+        text = await context.reader.ask("channels", {"document": document})
         for path in maps:
             write_whole(path, text)
     context.index.files()
@@ -107,7 +109,9 @@ async def _delete_input(name: str, context: Context) -> Response:
 
 @routes.get("/api/dampers/{name}")
 async def _geometry(name: str, context: Context) -> Response:
-    return JsonAnswer(await context.heater.ask("damper", damper=geometry_of(context, name), shown=name))
+    return JsonAnswer(
+        await context.heater.ask("damper", {"damper": geometry_of(context, name), "shown": name})
+    )
 
 
 @routes.post("/api/dampers/{name}")
@@ -119,7 +123,9 @@ async def _derive_geometry(name: str, request: Request, context: Context) -> Res
         raise ConflictError(f"there is a drawing {file!r} already; choose another name, or replace it")
     asked, shown = write_record(order, defaults=True, nulls=True), file if path else name
     changes = {"tables": asked["tables"], "fins": asked["fins"]}
-    drawn = await context.heater.ask("drawn", damper=geometry_of(context, name), shown=shown, **changes)
+    drawn = await context.heater.ask(
+        "drawn", {"damper": geometry_of(context, name), "shown": shown, **changes}
+    )
     if path is not None:
         write_whole(path, drawn["text"])
     return JsonAnswer({**drawn["facts"], "name": shown}, 201 if path else 200)
@@ -153,7 +159,7 @@ async def _put_card(name: str, request: Request, context: Context) -> Response:
     unchecked = folder.cards / f".upload-{secrets.token_hex(8)}.json"
     try:
         await folder.store(unchecked, request.stream(), _CARD_MAX_BYTES)
-        await context.reader.ask("card", path=unchecked)
+        await context.reader.ask("card", {"path": unchecked})
         place.mkdir()
         unchecked.replace(place / "card.json")
     except InputError as fault:

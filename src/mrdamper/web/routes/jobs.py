@@ -76,7 +76,7 @@ async def _job_file(job_id: str, path: str, context: Context) -> Response:
 
 @routes.get("/api/state")
 async def _state(context: Context) -> Response:
-    files = context.index.files()  # In this thread, because it can start to read files.
+    files = context.index.files()  # This call can start to read files, so it stays in this thread.
     return JsonAnswer({**await asyncio.to_thread(_read_state, context), "files": files})
 
 
@@ -87,7 +87,7 @@ def _forms(context: Context) -> Response:
 
 @routes.get("/api/data")
 async def _public_data(context: Context) -> Response:
-    return JsonAnswer({"sets": await context.reader.ask("catalogue")})
+    return JsonAnswer({"sets": await context.reader.ask("catalogue", {})})
 
 
 @routes.get("/api/changes")

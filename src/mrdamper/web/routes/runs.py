@@ -51,7 +51,7 @@ async def _model(name: str, request: Request, context: Context) -> Response:
     whole = run.place / f"{run.number}-{_digest(version)}.model"
     if not whole.is_file():
         files = {"card": card, "path": run.file, "place": whole}
-        await context.reader.ask("model", **files, number=run.number, shown=card_name)
+        await context.reader.ask("model", {**files, "number": run.number, "shown": card_name})
         run.trim()
     if window == (None, None, None):
         return _binary(whole)
@@ -68,7 +68,7 @@ async def _heat_curve(request: Request, context: Context) -> Response:
         "card": context.folder.card(asked.pop("card")),
         "damper": geometry_of(context, asked.pop("damper")),
     }
-    return JsonAnswer(await context.heater.ask("heat_curve", **files, **asked, options=options))
+    return JsonAnswer(await context.heater.ask("heat_curve", {**files, **asked, "options": options}))
 
 
 async def _part(
@@ -79,7 +79,7 @@ async def _part(
         most, from_s, to_s = window
         samples_of = None if series == run.series else run.series
         files = {"series": series, "place": place, "samples_of": samples_of}
-        await context.reader.ask("window", **files, most=most, from_s=from_s, to_s=to_s)
+        await context.reader.ask("window", {**files, "most": most, "from_s": from_s, "to_s": to_s})
         run.trim()
     return _binary(place)
 
