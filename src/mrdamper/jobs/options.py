@@ -25,7 +25,7 @@ _DESIGN = "Limits of the design"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """Options for reading inputs. Each input names those that its reader has."""
+    """Options for reading inputs. The declaration of each input names the options that its reader accepts."""
 
     law: Annotated[str | None, Option(metavar="FILE.py:CLASS", local=True)] = None
     """Load this class, if the card was fitted with a hysteresis model of your own."""

@@ -19,7 +19,7 @@ from mrdamper.report.figures.style import HELD_OUT, INK, TOP_INCH, Share, add_le
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A measured value; ``split`` is training or held_out."""
+    """A measured value; ``split`` is ``training`` or ``held_out``."""
 
     x: float
     y: float
@@ -28,7 +28,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A line, the band around it, and points.
+    """A line with a band around the line, and points.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """Lines with a common title; ``held`` marks the title of held-out runs."""
+    """Axes with a title and lines. ``held`` is True if the title is marked as a held-out run."""
 
     title: str
     x_label: str
@@ -79,7 +79,7 @@ def panel_figure(
     share: Share = "",
     legend: str | None = None,
 ) -> Figure:
-    """Return a figure of panels. Without negative values, the axes begin at zero.
+    """Return a figure of panels. If a panel has no negative values, its axis begins at zero.
 
     Parameters
     ----------
