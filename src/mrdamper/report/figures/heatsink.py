@@ -13,7 +13,7 @@ from mrdamper.thermal.sinks.efficiency import Sweep
 
 
 def front_figure(run: HeatsinkResult) -> Figure:
-    """Return a figure of temperature versus mass: Pareto front, reference, and designs by finite elements."""
+    """Return a figure of temperature versus mass: Pareto front, reference design, and displayed designs."""
     whole, shown, reference = run.found.designs, run.front, run.reference
     limit_K = run.drawing.filling.valid_K[1]
     figure = Figure(figsize=(WIDTH_INCH, 3.9))

@@ -24,7 +24,7 @@ HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"
 INK = "#333333"
 LIMIT = "#a03020"
-SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # Colours of lines that are not ordered by current or temperature.
+SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # colours of lines that do not represent a level
 DASHED = (0, (5, 2))
 WIDTH_INCH = 10.6  # The page is 1130 px wide.
 LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # margins for labels and titles
@@ -153,9 +153,9 @@ def panels(
     height : height of the axes [inch]
     gap : space between two columns [inch]
     right, top : margins, for a legend [inch]
-    share : "all": all axes have the same limits of y; "row": the axes of a row have the same limits
+    share : "all": all y axes have the same limits; "row": the y axes of a row have the same limits
     """
-    row_gap_inch = 0.62  # Space for the labels of a row and the titles of the next one.
+    row_gap_inch = 0.62  # space for the labels of a row and the titles of the next row
     columns = min(columns, count)
     rows = -(-count // columns)
     gaps = gap * (columns - 1)
