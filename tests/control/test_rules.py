@@ -1,4 +1,4 @@
-"""Rules of the controllers: lags against matrix exponentials, horizons against response times."""
+"""Design rules of controllers: lags compared with matrix exponentials, horizons with response times."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_equal_and_missing_lags_have_limits():
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
 @pytest.mark.parametrize(("delay", "dead"), [(0.0, 0.0), (0.0034, 0.004)])
 def test_horizon_covers_the_response_time(wheel, delay, dead):
-    """The horizon begins behind the dead time in whole periods, and its steps pass the lags exactly."""
+    """The horizon begins after the dead time in whole periods. The lags are exact in each time step."""
     actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, freewheel_time_s=wheel)
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
@@ -90,7 +90,7 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
     span, parts = without.response_time(HORIZON_RATIO), HORIZON_STEPS
     if wheel:
         span, parts = max(span, without.response_time(FREEWHEEL_RATIO, 2.0, 0.0)), 3 + 3 * FREEWHEEL_STRETCH
-    span = min(span, 122e-3 - dead)  # the delay line has no more samples
+    span = min(span, 122e-3 - dead)  # max number of samples in the delay line
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
     assert found.step == pytest.approx(span / parts)
@@ -101,7 +101,7 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
 
 @pytest.mark.parametrize(("period", "dead"), [(1e-3, 2e-3), (2e-3, 2e-3), (5e-3, 0.0)])
 def test_short_dead_time_is_dropped(period, dead):
-    """A dead time of 1.6 ms at 200 Hz is ignored because a whole period would be planned for too late."""
+    """A dead time of 1.6 ms at 200 Hz is ignored because a delay of a whole period would be too long."""
     quick = Actuation(2e-3, 5e-3, 2e-3, 1.6e-3, largest_command=2.0)
     motion = motion_of(period, period, 1e-5, 30.0, is_harmonic=True)
     assert prediction_of(quick, period, motion, 500.0).dead == pytest.approx(dead)
@@ -132,7 +132,7 @@ def test_safety_counts_times_in_periods():
 
 
 def test_slow_bus_freezes_later():
-    """A sensor that repeats its readings for 40 ms is frozen after two and a half of these times."""
+    """A sensor that repeats its readings for 40 ms counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100
     assert slow.config.motion.holds_readings

@@ -66,7 +66,7 @@ def test_coil_power_is_mean_square_times_resistance():
 
 
 def test_chatter_is_travel_of_current_per_second():
-    """A sine of amplitude a and frequency f travels 4 a f. A square of height h travels 2 f h."""
+    """Chatter is 4 a f for a sine of amplitude a and frequency f, and 2 f h for a square wave of height h."""
     assert scored(SINE, SINE, 1.0 + 0.5 * SINE).chatter_A_per_s == pytest.approx(4 * 0.5 * 1.0, rel=1e-3)
     square = np.where((TIME * 50.0) % 1.0 < 0.5, 2.0, 0.0)
     assert scored(SINE, SINE, square).chatter_A_per_s == pytest.approx(2 * 50 * 2.0, rel=0.01)
@@ -126,7 +126,10 @@ def test_damper_cannot_push(degrees):
 
 
 def test_coulomb_damper_has_closed_form_share():
-    """50 to 1650 N: a sine of 900 N is feasible if 70 N <= |F*|, which is 1 - (2/pi) asin(70/900)."""
+    """A sine of 900 N is feasible while |F*| >= 70 N, a fraction 1 - (2/pi) asin(70/900) of the time.
+
+    The damper has 50 to 1650 N, and the margin is 20 N.
+    """
     course = reference_trajectory(Scenario(duration_s=2.0), 1e-4)
     inside = attainable_range(Ideal(), course, 20.0, 2.0).feasible(course.target)
     assert inside.mean() == pytest.approx(1.0 - 2 / np.pi * np.arcsin(70.0 / 900.0), abs=2e-4)

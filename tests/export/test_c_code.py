@@ -56,7 +56,7 @@ def test_header_is_valid_cpp(folder, tool, tmp_path):
 
 @pytest.mark.system
 def test_fast_math_is_an_error(folder, tool, tmp_path):
-    """With it a compiler may remove the checks of NaN."""
+    """With ``-ffast-math``, a compiler may remove the checks for NaN."""
     done = run(tool("gcc"), "-std=c99", "-ffast-math", "-c", folder / "damper.c", "-o", tmp_path / "x.o")
     assert done.returncode != 0
     assert "-ffast-math" in done.stderr
@@ -91,7 +91,7 @@ def test_library_is_free_standing(content, tool, tmp_path):
     assert wanted - ALLOWED <= {f"damper_{part}_data" for part in ("model", "controller")}
     # There is no writable symbol: no data, no bss, no common symbol.
     assert {kind for kind, _ in symbols} <= set("UTtRr")
-    # The kernel's own names are local.
+    # Names of the kernel are local symbols.
     assert all(name.startswith("damper_") for kind, name in symbols if kind in "TR")
 
 
@@ -117,7 +117,7 @@ def test_tables_are_in_flash_of_a_cortex(tool, tmp_path):
 
 @pytest.mark.system
 def test_two_exports_in_a_program_are_independent(tool, tmp_path):
-    """Two dampers in one program are stepped in turn and have the forces of each alone."""
+    """Two dampers in one program, stepped alternately, have the same forces as in separate programs."""
     names = {"front": "double-bouc-wen", "rear": "bouc-wen"}
     targets = {name: a_target(law, name=name, content="model") for name, law in names.items()}
     for name, target in targets.items():

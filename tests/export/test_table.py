@@ -1,4 +1,4 @@
-"""The force map is the law's own force: at mid-stroke, on both branches, at every temperature and command."""
+"""The force map equals the force of the law at mid-stroke, on both branches, at all grid points."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rows_of(text):
 
 
 def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
-    """Return velocity and force of the last period of a sine of the envelope's stroke."""
+    """Return velocity and force in the last period of a sine with the stroke of the envelope."""
     omega = speed / AMPLITUDE
     t = np.arange(samples * periods + 1) * (2.0 * math.pi / omega / samples)
     flat = np.ones_like(t)

@@ -1,4 +1,4 @@
-"""The verification of an export: right code passes, and one changed bit fails."""
+"""The verification of an export: correct code passes, code with one changed bit fails."""
 
 from __future__ import annotations
 
