@@ -126,7 +126,7 @@ class Sizes:
 def on_board(
     controller: ForceController, rows: FloatArray, board: Board, *, flags: tuple[str, ...] = ("-O2",)
 ) -> Replay:
-    """Step a controller through rows (as in ``ForceController.run``) on a board in QEMU, in single precision."""
+    """Step a controller through rows (as in ``ForceController.run``) on a board, in single precision."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, rows, place, single=True)

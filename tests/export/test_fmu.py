@@ -349,7 +349,7 @@ def test_instance_starts_with_values_of_the_xml(loaded, content):
 def test_fmu_parameter_changes_value_in_kernel(loaded, parameter, config):
     target, library = loaded("controller", "double")
     table = controller_inputs(1200)
-    table["displacement"][1000:1150] = np.nan  # Displacement is missing, so that the fall-back command is used.
+    table["displacement"][1000:1150] = np.nan  # The fall-back command is used.
     with library.slave() as slave:
         slave.begin().set(use_wanted_force_ahead=True, **parameter)
         found = slave.run(table, ("current",))[:, 0]

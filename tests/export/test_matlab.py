@@ -65,7 +65,7 @@ def test_octave_reads_the_card_and_its_map(card, tmp_path, tool):
 
 
 def test_modelica_text_contains_map_and_breakpoints():
-    """The table has the name and size that Modelica needs, commands as first row, velocities as first column."""
+    """The table has name and size for Modelica, commands in the first row, velocities in the first column."""
     table = force_map(card_of(DAMPERS["bouc-wen"]))
     first, _, head, *rows = tables_text(table).splitlines()
     assert first == "#1"

@@ -147,7 +147,7 @@ def test_thermometers_correct_a_wrong_power(folder, model):
 
 
 def test_only_frozen_thermometer_is_flagged(folder, model):
-    """One sensor works, one sticks during cooling, one sticks from the start. The damper warms, then rests."""
+    """The damper warms, then rests. One sensor works, one is stuck during cooling, one from the start."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)
     good = truth.fluid + np.random.default_rng(1).normal(0.0, 0.1, 3600)

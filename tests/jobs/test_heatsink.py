@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(folder) -> Any:
-    """Run the job once, with 30 mm for the fins and four designs by finite elements."""
+    """Run the job once, with 30 mm of length for the fins and four designs by finite elements."""
     options = HeatsinkOptions(span_mm=30.0, members=4)
     return search(folder / "card.json", PAPER_DRAWING, options=options, out=folder / "out")
 
@@ -54,7 +54,7 @@ def test_front_is_ordered_by_mass(answer):
 
 @pytest.mark.nightly
 def test_identified_card_confirms_the_gain():
-    """The network gives this gain. tests/thermal/test_design.py confirms it with finite elements."""
+    """The temperature reduction is from the network; tests/thermal/test_design.py uses finite elements."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
     run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(75.5, abs=0.5)

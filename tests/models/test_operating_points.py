@@ -1,4 +1,4 @@
-"""Coefficients of many sets of numbers in one call equal separate dampers with each set."""
+"""Coefficients of several parameter sets, computed in one call, equal those of separate dampers."""
 
 from __future__ import annotations
 

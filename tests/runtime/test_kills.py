@@ -63,7 +63,7 @@ with atomic_output(pathlib.Path(sys.argv[1])) as stage:
 
 
 def test_next_job_moves_remaining_files(tmp_path: Path):
-    """Two of five files have been moved when the job is killed. The next job there moves the others."""
+    """A job is killed when two of five files have been moved. The next job in the folder moves the others."""
     out = tmp_path / "out"
     out.mkdir()
     for k in range(5):
@@ -81,7 +81,7 @@ def test_next_job_removes_unfinished_files(tmp_path: Path):
     """Files of a killed job are removed. Files of a job that still runs are kept."""
     for _ in range(3):
         subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "out")], check=False)
-        assert len(left_behind(tmp_path)) == 1  # They do not pile up.
+        assert len(left_behind(tmp_path)) == 1  # Unfinished files do not accumulate.
     with atomic_output(tmp_path / "other") as stage:
         (stage / "mine.txt").write_text("mine")
         recover_staging(tmp_path)

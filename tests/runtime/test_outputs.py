@@ -1,4 +1,4 @@
-"""Outputs: no file that a job reads is replaced, by whatever name it is reached."""
+"""A job never replaces one of its input files, even if the output path is a link to the input."""
 
 from __future__ import annotations
 
