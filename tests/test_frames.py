@@ -24,7 +24,7 @@ def runs() -> list[RigRun]:
 
 
 def columns(run: RigRun, **changes: object) -> dict[str, object]:
-    """Return the columns of a run under names with units. None removes a column."""
+    """Return the columns of a run with names that contain units. None removes a column."""
     given = {
         "time_ms": 1e3 * run.time,
         "displacement_mm": 1e3 * run.displacement,

@@ -1,4 +1,4 @@
-"""A job never replaces one of its input files, even if the output path is a link to the input."""
+"""A job never replaces one of its input files, whether the output path is the input or a link to it."""
 
 from __future__ import annotations
 

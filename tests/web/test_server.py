@@ -62,7 +62,7 @@ def a_run(path, *, seconds=4.0, rate_Hz=200.0, header="time_s,displacement_mm,fo
     return table
 
 
-# ------------------------------------------------------------------------------------------- what there is
+# ------------------------------------------------------------------------------------------- initial state
 
 
 def test_empty_folder_has_initial_state(clean):
@@ -248,7 +248,7 @@ def test_unsuitable_map_is_not_saved(clean, tmp_path):
     wrong = {"channel": {"forse": {"index": 1}}}
     refused = client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": wrong})
     assert refused.status_code == 422
-    assert "force" in refused.json()["error"]  # Nearest window.
+    assert "force" in refused.json()["error"]  # The message suggests the nearest name.
 
 
 def test_model_uses_samples_of_run(clean, runs, tmp_path):
@@ -297,7 +297,7 @@ def test_own_geometry_is_used(clean):
 
 
 def test_query_after_dead_process_succeeds():
-    """A query whose process dies raises an error; the next query gets a new process."""
+    """If the process of a query dies, the query raises an error. The next query gets a new process."""
 
     def children() -> set[int]:
         lists = Path("/proc/self/task").glob("*/children")
