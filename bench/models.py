@@ -68,7 +68,7 @@ def run() -> list[Row]:
             "bouc-wen",
             "double-bouc-wen",
             "spencer",
-        ):  # In a fit a candidate has one curve for all runs.
+        ):  # A candidate of a fit has one curve for all runs.
             near[:, :, -4:] = near[:, :1, -4:]
         places = sorted({0, 1, 2, *map(LAWS[law].names.index, named)})
 

@@ -81,14 +81,14 @@ FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # At most 4 lines.
+"""  # max 4 lines
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
 runs = mrdamper.read("logger.csv", {"displacement_mm": "Pos", "force_kN": "Load", "current_A": "Coil"})
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # At most 6 lines.
+"""  # max 6 lines
 
 
 @pytest.fixture(scope="module")

@@ -92,7 +92,7 @@ def test_plant_equals_causal_simulation(law):
 
 
 @pytest.mark.parametrize("width", [0.0, 0.05])
-def test_plant_passes_the_actuation(width):
+def test_plant_force_follows_delayed_current(width):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035, hysteresis_width_A=width)
     whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))  # The actuation starts in steady state.
     expected = simulate(damper(lag=lag), whole, form="causal")
@@ -103,11 +103,11 @@ def test_plant_passes_the_actuation(width):
 
 @pytest.mark.system
 @pytest.mark.parametrize("size", [1, 7, 1000])
-def test_block_size_does_not_matter(size):
+def test_block_size_does_not_change_force(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     together = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))
-    # In a block of one sample, the turning point is at the sample.
+    # Blocks of one sample move the turning points to samples.
     near = 1e-6 * np.abs(together).max() if size == 1 else 1e-8
     assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(together, abs=near)
 

@@ -245,7 +245,7 @@ def test_temperature_jump_is_accepted_later(at, accepted):
     assert not (flags[end + 10 :] & Flag.TEMPERATURE_JUMP).any()
 
 
-def test_missing_temperature_becomes_the_nominal_one():
+def test_missing_temperature_is_replaced_by_nominal_value():
     made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
     rows = told(made, 6.0)
     rows[500:, 3] = np.nan
@@ -263,7 +263,7 @@ def test_temperature_outside_tables_uses_their_edge():
 
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
-def test_missing_displacement_leads_to_fall_back(value):
+def test_missing_displacement_gives_fall_back_command(value):
     """The motion is extrapolated for 120 ms. Then the command is the fall-back until the motion is known."""
     current, flags, clean = faulted(2, value)
     assert (flags[500:] & Flag.NO_DISPLACEMENT).all()
@@ -300,7 +300,7 @@ def test_missing_force_disables_the_feedback(name):
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
-def test_preview_is_the_horizon(period):
+def test_preview_equals_prediction_horizon(period):
     """The preview equals the prediction horizon. An additional delay lengthens the preview by this delay."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
     expected = horizon_end(made["recommended"].config.prediction)
@@ -339,7 +339,7 @@ def test_scaled_controller_scales_the_force():
     ("wanted", "force", "expected"),
     [(800.0, 500.0, 2.0), (800.0, 900.0, 0.0), (-800.0, 900.0, 0.0), (-800.0, -500.0, 2.0)],
 )
-def test_clipped_on_off_gives_all_or_nothing(wanted, force, expected):
+def test_clipped_on_off_returns_zero_or_maximum(wanted, force, expected):
     made = ALL["clipped-on-off"]
     assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 

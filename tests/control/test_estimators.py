@@ -44,7 +44,7 @@ def test_filter_covariance_solves_riccati_equation(period, noise, density):
     )
 
 
-def test_white_jerk_leaves_the_stated_velocity_error():
+def test_white_jerk_causes_stated_velocity_error():
     """The RMS velocity error in 40 s with white jerk and 10 um noise equals the stated error within 5 %."""
     rng, reference = np.random.default_rng(3), MotionFilter(PERIOD)
     stated = math.sqrt(reference.covariance[1, 1])
@@ -83,7 +83,7 @@ def test_motion_of_controller_equals_the_filter():
 
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 4e-3])
-def test_held_commands_pass_the_actuation(period):
+def test_observer_follows_actuation_of_card(period):
     """The reference is the card's actuation on a time grid that is 100 times finer."""
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(0.0, 2.0, 30), 5)

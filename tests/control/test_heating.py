@@ -26,7 +26,7 @@ from mrdamper.thermal.model.transient import simulate_network
 from tests.oracles.closed_form import constant_heating
 from tests.support.cards import DOUBLE
 
-PERIOD, ROOM = 5e-3, 293.15  # With this long period, half an hour has 360,000 steps.
+PERIOD, ROOM = 5e-3, 293.15  # The long period limits half an hour to 360,000 steps.
 MOTION = Sine(15e-3, 1.0)
 PAPER = read_drawing("paper")
 WHOLE = Heating.paper()
@@ -147,7 +147,7 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
 @pytest.mark.nightly
 @pytest.mark.parametrize("fins", [True, False])
 @pytest.mark.parametrize("step_K", [0.1, 1.0, 3.0])
-def test_coarse_thermometer_is_not_accused(fins, step_K):
+def test_coarse_thermometer_is_not_reported_stuck(fins, step_K):
     """The damper warms for half an hour to thermal balance. Its reading is rounded and has no noise."""
     drawing = PAPER if fins else PAPER.with_sink(None)
     made = model(Heating.from_drawing(drawing))
@@ -156,7 +156,7 @@ def test_coarse_thermometer_is_not_accused(fins, step_K):
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
-def test_wrong_loss_does_not_accuse_in_balance(wrong):
+def test_wrong_heat_loss_causes_no_false_alarm(wrong):
     """In thermal balance the reading is constant for 15 min. The assumed heat loss is wrong by 30 to 40 %."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))

@@ -103,7 +103,7 @@ def test_controller_gets_target_now_and_ahead():
     assert all(w.ahead is None and s.force is None for w, s in LAST)
 
 
-def test_quiet_sensors_read_the_true_values():
+def test_noise_free_sensors_return_true_values():
     """The measured force is the force of the preceding time step. Other readings are values at the sample."""
     run = run_loop(Ideal(), Recording(), SHORT)
     seen = [s for _, s in LAST]
@@ -146,7 +146,7 @@ def test_frozen_sensor_repeats_its_reading(sensor):
 
 
 @pytest.mark.parametrize(("sensor", "by"), [("displacement", 1e-3), ("temperature", -7.5), ("force", 80.0)])
-def test_shifted_sensor_is_off_for_a_while(sensor, by):
+def test_sensor_offset_lasts_for_stated_time(sensor, by):
     read = []
     for faults in ((), (Dropout(sensor, 0.2, 0.3, "shifted", by),)):
         run_loop(Ideal(), Recording(), replace(SHORT, sensors=Sensing(dropouts=faults)))
@@ -162,7 +162,7 @@ def test_lost_samples_have_the_stated_rate(sensor):
     assert lost == pytest.approx(0.1, abs=4 * np.sqrt(0.09 / 4000))
 
 
-def test_displacement_has_delay_and_step():
+def test_measured_displacement_is_delayed_and_quantised():
     sensing = replace(SHORT.sensors, displacement_delay_s=0.004, displacement_step_m=1e-5)
     run_loop(Ideal(), Recording(), replace(SHORT, sensors=sensing))
     read = np.array([s.displacement for _, s in LAST])
@@ -191,7 +191,7 @@ def test_same_seed_repeats_run_without_changing_plant():
     assert plant.state == before
 
 
-def test_constant_current_gives_the_plant_alone():
+def test_constant_current_gives_force_of_plant():
     run = run_loop(Plant(PRESETS["hard"]), Constant(1.3), SHORT)
     course = reference_trajectory(SHORT, 1e-4)
     whole = Plant(PRESETS["hard"]).advance_many(course.displacement, course.velocity, 1.3, 20.0)
@@ -316,7 +316,7 @@ command_delay_s = 0.005
 
 def test_scenario_is_read_from_toml():
     scenario = Scenario.from_mapping(tomllib.loads(TOML))
-    assert scenario.motion == "sine3mm2Hz"  # from the scenario in ``like``
+    assert scenario.motion == "sine3mm2Hz"  # This value is from the scenario in ``like``.
     assert scenario.target == SineTarget(700, 2, -10)
     assert scenario.sensors.dropouts == (Dropout("displacement", 1.5, 1.6),)
     assert scenario.disturbance.command_delay_s == 0.005

@@ -117,7 +117,7 @@ def test_feasible_target_is_tracked(model: Damper) -> None:
 
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "seconds"), [("sine-1100N-2Hz", 2.0), ("non-periodic", 4.0)])
-def test_exact_model_is_tracked_by_prediction(name: str, seconds: float) -> None:
+def test_predictive_controller_beats_recommended_with_exact_model(name: str, seconds: float) -> None:
     """The predictive controller has an error of 4.2 N RMS at 123 degC, ``recommended`` 9.1 N.
 
     The controller ``recommended`` uses only a part of the modelled hysteresis.
@@ -129,7 +129,7 @@ def test_exact_model_is_tracked_by_prediction(name: str, seconds: float) -> None
 
 
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
-def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float) -> None:
+def test_free_wheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
     """A controller with a free-wheeling model has half the error of one with a first-order fall."""
     wheels = Actuation(
         0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
@@ -141,7 +141,7 @@ def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float
     assert feasible_rms(model, scenario) < 0.5 * feasible_rms(model, scenario, of=assumed)
 
 
-def test_harmonic_motion_is_estimated_better() -> None:
+def test_velocity_of_harmonic_motion_is_accurate() -> None:
     """The velocity error of a 2 Hz sine of 3 mm with 10 um noise is 0.4 mm/s RMS.
 
     A filter that does not estimate the frequency has an error of 0.9 mm/s.
@@ -201,7 +201,7 @@ def test_chain_model_recovers_from_missing_readings() -> None:
 
 
 @pytest.mark.system
-def test_slow_bus_readings_count_once() -> None:
+def test_known_bus_period_reduces_tracking_error() -> None:
     """With a displacement bus of 50 Hz, the error rises by 3 N if its period is known, otherwise by 36 N."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     slow = replace(scenario, sensors=Sensing(displacement_hold_s=0.02))

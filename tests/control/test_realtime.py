@@ -120,7 +120,7 @@ def test_passive_card_follows_the_law(law, yields):
 @pytest.mark.parametrize(
     "motion", [Sine(15e-3, 1.0), Sine(2e-3, 10.0), Sine(0.5e-3, 20.0), Road("C", 20.0, 3)]
 )
-def test_estimated_velocity_costs_little(law, motion):
+def test_estimated_velocity_adds_small_force_error(law, motion):
     """Estimating the velocity adds 0.15 % of the peak force up to 20 Hz. On a road (56 Hz) it is 1 % RMS."""
     damper = at_once(DAMPERS[law])
     path = drive(motion, duration=3.0 - PERIOD, rate_Hz=1e3, command=1.0, temperature=ROOM)
@@ -141,7 +141,7 @@ def test_estimated_velocity_costs_little(law, motion):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("dead_time", "bound"), [(0.003, 0.1), (0.0035, 0.25)])
-def test_held_current_passes_the_actuation(dead_time, bound):
+def test_stepped_current_gives_force_of_law(dead_time, bound):
     """The reference is the law on a grid that is 50 times finer, so that current steps are almost ideal.
 
     The bound is wider if the dead time ends between two samples.
@@ -161,7 +161,7 @@ def test_held_current_passes_the_actuation(dead_time, bound):
 def test_model_equals_the_observer_of_controller():
     """The model with the commands of a controller has the same applied current and force as its observer."""
     made = controllers_for(DOUBLE)["recommended"]
-    model = RealtimeDamper(made.config, made.tables)  # with the controller's motion filter
+    model = RealtimeDamper(made.config, made.tables)  # Both have the same motion filter.
     state, observed, command = made.start(), model.start(), 0.0
     for k in range(600):
         x = float(MOVED.displacement(np.array(k * PERIOD)))
@@ -316,7 +316,7 @@ def test_missing_displacement_is_integrated(value):
     assert (flags[650:700] & Flag.MOTION_UNKNOWN).all()
 
 
-def test_stopped_damper_is_not_frozen():
+def test_stopped_damper_is_not_reported_stuck():
     """A constant displacement is not a fault if the velocity is zero."""
     rows = rows_for(MOVED, 2.0)
     rows[700:, 0], rows[700:, 1] = rows[700, 0], 0.0

@@ -117,7 +117,7 @@ def test_feedback_gains_follow_skogestad():
         assert gain / rate == pytest.approx(min(slow.rise_s, 8.0 * dead))
 
 
-def test_safety_counts_times_in_periods():
+def test_safety_times_become_sample_counts():
     safety = Safety(stroke_times=7.0, frozen_s=0.03, coast_s=0.11, back_s=0.05, slew_K_s=15.0, recover_s=1.2)
     axes = Axes(period=2e-3, largest=2.0, coldest=280.0, warmest=400.0)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.009), (-0.2, 0.3), (280.0, 400.0))
@@ -131,7 +131,7 @@ def test_safety_counts_times_in_periods():
     assert warm.hold_samples == round(600.0 / 2e-3)  # heat capacity divided by loss
 
 
-def test_slow_bus_freezes_later():
+def test_slow_bus_counts_as_stuck_later():
     """A sensor that repeats its readings for 40 ms counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100
@@ -139,7 +139,7 @@ def test_slow_bus_freezes_later():
 
 
 @pytest.mark.parametrize(("noise", "density"), [(0.0, JERK_DENSITY), (1e-5, 0.0), (1e-5, math.nan)])
-def test_filter_needs_noise_and_jerk(noise, density):
+def test_filter_rejects_zero_noise_or_jerk(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
         motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)
 

@@ -83,7 +83,7 @@ def test_scores_scale_and_ignore_the_sign(offset, factor):
     assert plain.rmse_feasible_percent == pytest.approx(100.0 * plain.rmse_N / np.sqrt(0.5))
 
 
-def test_worst_takes_the_highest_errors():
+def test_worst_score_has_largest_errors():
     """The result has the largest errors and the smallest feasible fraction of several runs."""
     one = Score(
         max_N=5.0, rmse_N=1.0, max_feasible_N=None, rmse_feasible_N=None, p99_feasible_N=None,
@@ -125,7 +125,7 @@ def test_damper_cannot_push(degrees):
     assert tolerance(180.0, degrees) < 0.1
 
 
-def test_coulomb_damper_has_closed_form_share():
+def test_coulomb_damper_has_closed_form_feasible_fraction():
     """A sine of 900 N is feasible while |F*| >= 70 N, a fraction 1 - (2/pi) asin(70/900) of the time.
 
     The damper has 50 to 1650 N, and the margin is 20 N.

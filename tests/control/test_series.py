@@ -131,7 +131,7 @@ def test_any_spring_is_stable(stiffness: float) -> None:
     valve = valve * (1.0 + c["thinning"] * 0.03 ** c["thinning_exponent"])
     beside = c["viscosity"] * 0.1 * 0.3 ** c["viscous_exponent"] + c["coulomb_friction"]
     settled = c["offset"] + c["stiffness"] * x + valve + beside
-    late = t > 0.9  # At this time the softest spring is fully loaded.
+    late = t > 0.9  # The softest spring is fully loaded at 0.9 s.
     assert force[late] == pytest.approx(settled[late], rel=5e-3)
     assert np.abs(force).max() < 1.05 * settled.max()
 

@@ -30,7 +30,7 @@ def test_targets_scale_with_the_damper(size):
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_velocity_target_bends_with_the_motion():
+def test_knee_velocity_of_target_scales_with_motion():
     """If the stroke doubles at the same frequency, the knee velocity of the target doubles."""
     one, two = (
         size_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target

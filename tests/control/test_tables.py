@@ -68,7 +68,7 @@ def test_table_force_equals_the_law(law):
 @pytest.mark.nightly
 @pytest.mark.parametrize("exponent", [None, 0.6, 1.9])
 @every_law
-def test_interpolated_force_is_within_a_thousandth(law, exponent):
+def test_interpolated_force_error_is_below_thousandth(law, exponent):
     """The error limit holds at any current, temperature, hysteresis and speed up to 0.3 m/s."""
     damper = DAMPERS[law]
     if exponent is not None:
@@ -92,7 +92,7 @@ def test_interpolated_force_is_within_a_thousandth(law, exponent):
 
 @pytest.mark.system
 @every_law
-def test_tables_take_8_kilobytes(law):
+def test_tables_need_less_than_8_kilobytes(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
     numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.lookups)
     assert 4 * numbers < 8192

@@ -165,7 +165,7 @@ int main(void)
 
 
 @pytest.mark.system
-def test_two_number_types_in_a_file_fail(tool, tmp_path):
+def test_mixed_precision_in_one_file_fails(tool, tmp_path):
     for precision in ("float", "double"):
         write(a_target(name=precision[:3], precision=precision), tmp_path / precision)
     text = '#include "float/flo.h"\n#include "double/dou.h"\n'
@@ -201,7 +201,7 @@ def test_command_in_volts_has_volts_in_c(tool, tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("title", ["*/ int intruder; /*", "what??/", "ends with \\", "Stoßdämpfer\nNr. 1"])
-def test_title_stays_in_its_comment(title, tool, tmp_path):
+def test_card_title_stays_inside_c_comment(title, tool, tmp_path):
     place = write(target_of(card_of(DOUBLE, title=title), content="model"), tmp_path)
     ran(tool("gcc"), *STRICT, "-fsyntax-only", "damper.c", "main.c", cwd=place)
     assert (place / "damper.h").read_bytes().isascii()
@@ -242,7 +242,7 @@ def test_replay_reads_empty_cells_as_nan(replay, tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("text", ["", "temperature_K,current_A\n300,1\n"])
-def test_replay_of_another_file_fails(text, replay, tmp_path):
+def test_replay_rejects_file_with_wrong_header(text, replay, tmp_path):
     (tmp_path / "in.csv").write_text(text or "0,1\n", encoding="ascii")
     done = run(replay, tmp_path / "in.csv", tmp_path / "out.csv")
     assert done.returncode == 3

@@ -65,7 +65,7 @@ def test_compilers_give_same_bits(folder, tool, tmp_path):
 
 
 @pytest.mark.parametrize("compiler", one_by_day(["g++", "clang++"]))
-def test_cpp_example_controls(folder, tool, tmp_path, compiler):
+def test_cpp_example_runs_with_each_compiler(folder, tool, tmp_path, compiler):
     ran(tool("gcc"), "-std=c99", "-O2", "-c", *(folder / name for name in UNITS), cwd=tmp_path)
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror"]
     objects = [name.replace(".c", ".o") for name in UNITS]

@@ -369,7 +369,7 @@ def test_fmu_gain_scales_part_of_force(loaded, name):
     assert found == pytest.approx(commands(aged, table)[0], abs=1e-9)
 
 
-def test_invalid_values_keep_the_old_ones(loaded):
+def test_invalid_parameters_keep_previous_values(loaded):
     _, library = loaded()
     with library.slave() as slave:
         for value in (-0.1, 2.5, math.nan):
@@ -393,7 +393,7 @@ def test_multiple_of_the_period_is_one_step(loaded, length):
 
 
 @pytest.mark.parametrize("length", [0.0, -PERIOD, 1.01 * PERIOD, 40 * PERIOD, math.nan, math.inf, 1e30])
-def test_other_steps_are_errors(loaded, length):
+def test_invalid_communication_steps_are_errors(loaded, length):
     _, library = loaded()
     with library.slave() as slave:
         slave.begin()

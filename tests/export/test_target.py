@@ -86,7 +86,7 @@ def test_target_and_host_agree_in_single_precision(boards, shown):
 
 
 @pytest.mark.parametrize("shown", one_by_day(SHOWN[::-1], 2), ids=_name)
-def test_code_and_tables_fit(boards, shown):
+def test_code_and_tables_fit_memory_limits(boards, shown):
     """Tables have at most 16 kB. Code and stack are within the limits of each controller."""
     held = sizes(shown.made(), boards["M4F"], flags=(shown.optimised,))
     print(

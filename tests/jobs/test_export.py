@@ -163,7 +163,7 @@ def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch
         ("card.json", (), 2, "No output is given. Use --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
     ],
 )
-def test_bad_input_is_one_message(folder, tmp_path, card, arguments, code, message):
+def test_bad_input_gives_one_message(folder, tmp_path, card, arguments, code, message):
     done = mrdamper("export", folder / card, *arguments, cwd=tmp_path)
     assert done.returncode == code, done.stderr
     assert message in done.stderr

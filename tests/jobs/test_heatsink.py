@@ -64,7 +64,7 @@ def test_identified_card_confirms_the_gain():
     assert run.lightest.fluid <= run.reference.fluid
 
 
-def test_study_has_the_paper_sweeps(answer):
+def test_study_has_sweeps_of_paper(answer):
     study = answer["study"]
     assert [round(1e3 * row["width_m"]) for row in study["width"]] == [18, 23, 28, 33]
     assert [row["fins"] for row in study["fins"]] == [3, 4, 5]

@@ -71,7 +71,7 @@ def test_two_workers_give_equal_results(card: Path, tmp_path: Path, reference: b
 
 
 @pytest.mark.nightly
-def test_killed_workers_cost_no_result(card: Path, tmp_path: Path, reference: bytes):
+def test_killed_workers_lose_no_result(card: Path, tmp_path: Path, reference: bytes):
     """A task whose worker dies is run again."""
     done, killed = threading.Event(), list[int]()
 

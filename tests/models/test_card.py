@@ -243,7 +243,7 @@ def test_numbers_carry_units_and_standard_errors():
 PAGE = (Path(__file__).parents[2] / "docs" / "card.md").read_text(encoding="utf-8")
 
 
-def test_page_of_card_documents_every_key():
+def test_card_page_documents_every_key():
     assert f"(schema version {SCHEMA_VERSION})" in PAGE
     keys = [*DOCUMENT, *DOCUMENT["evidence"], *WARM_DOCUMENT["actuation"]]
     kinds = [*FORMS, *FACTORS]

@@ -66,7 +66,7 @@ def test_card_does_not_differ_from_itself():
     assert same.verdict == "second and first give the same force everywhere."
 
 
-def test_weaker_yield_force_is_its_difference():
+def test_yield_force_difference_is_closed_form():
     """The Bingham force is F_y(I) + c v. With 10 % less F_y the difference is -0.1 F_y(I) at every speed."""
     found = compared(a_card(a_damper()), a_card(a_damper(0.9)), ("before", "after"))
     difference = found.found[1].damping - found.found[0].damping

@@ -220,7 +220,7 @@ def test_missing_temperature_means_20_degrees(law, command):
 
 
 @given(temperature_dependent, commands, commands, kelvins)
-def test_command_and_temperature_separate(law, here, there, kelvin):
+def test_relative_temperature_effect_is_independent_of_command(law, here, there, kelvin):
     """The relative change of a coefficient with temperature is equal at every command."""
     one, two = law.value(here, kelvin) * law.value(there), law.value(there, kelvin) * law.value(here)
     assert one == pytest.approx(two, rel=1e-12, abs=1e-300)

@@ -47,7 +47,7 @@ def test_collapse_is_a_logistic_curve(kelvin):
     assert float(Collapse(414.15, 1.5).value(kelvin)) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
-def test_collapse_counts_on_request():
+def test_thermal_collapse_is_included_on_request():
     """The collapse begins at 138 degC, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
@@ -90,7 +90,7 @@ def test_lord_viscosity_is_walthers_law():
     np.testing.assert_allclose(LORD.viscosity_factor.value(kelvin), nu / nu[0], rtol=3e-3)
 
 
-def test_only_lord_density_agrees_with_iron():
+def test_density_agrees_with_iron_fraction_of_lord():
     """32 % iron (7860 kg/m^3) in oil (800 to 960) is heavier than the 2300 kg/m^3 that the paper states."""
     light, heavy = (0.32 * 7860.0 + 0.68 * oil for oil in (800.0, 960.0))
     assert LORD.density_kg_m3 is not None

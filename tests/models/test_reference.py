@@ -132,7 +132,7 @@ def test_turning_points_of_sine_are_crests():
 @examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
 def test_integrator_agrees_with_closed_form(rho, kappa, n):
-    """kappa is at most 0.9. Closer to 1, the curve leaves its bound very slowly and amplifies errors."""
+    """The limit is kappa = 0.9. Close to 1, the curve leaves its bound very slowly and amplifies errors."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
     exact = bouc_wen_closed_form(UNEVEN.displacement, turning_points(UNEVEN), rho=rho, kappa=kappa, n=n)
@@ -196,7 +196,7 @@ def test_linear_chain_is_maxwell_element():
     np.testing.assert_allclose(simulate_reference(model, fine), expected, atol=1e-6 * np.abs(expected).max())
 
 
-def test_free_play_leaves_the_leak_only():
+def test_motion_inside_free_play_has_dashpot_force():
     """While the motion is within the free play, only the dashpot has a force, for any valve force."""
     small = drive(Sine(1e-4, 1.0), duration=1.0, rate_Hz=200.0, command=0.0)
     wide = damper("series-valve", gap=0.05, gap_corner=1e-6, yield_force=1e7, leak_damping=2e3)

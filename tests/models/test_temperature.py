@@ -61,7 +61,7 @@ def test_arrhenius_viscosity_is_convex(activation):
     assert (np.diff(values, 2) > 0.0).all()
 
 
-def test_vft_is_infinite_below_its_pole():
+def test_vft_factor_is_infinite_below_pole():
     values = Vft(700.0, 200.0).value([150.0, 200.0, 200.001])
     assert not np.isfinite(values).any()
     assert np.isfinite(Vft(700.0, 200.0).value(210.0))

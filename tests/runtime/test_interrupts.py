@@ -180,7 +180,7 @@ def test_interrupt_while_moving_files_moves_all(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.release
-def test_random_interrupts_cost_nothing(nursery: Nursery, tmp_path: Path):
+def test_random_interrupts_lose_no_files(nursery: Nursery, tmp_path: Path):
     """A command that is repeated after an interrupt writes the same files as an uninterrupted command."""
     times = int(os.environ.get("MRDAMPER_INTERRUPTS", "40"))
     random, counts = np.random.default_rng(1), Counter[str]()

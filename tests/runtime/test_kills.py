@@ -104,7 +104,7 @@ def test_killed_sweep_leaves_no_process(nursery: Nursery, tmp_path: Path):
 
 
 @pytest.mark.release
-def test_random_kills_cost_nothing(nursery: Nursery):
+def test_random_kills_lose_no_files(nursery: Nursery):
     """No output is half-written or lost, no process remains, and every rerun writes the same files."""
     kills = int(os.environ.get("MRDAMPER_KILLS", "200"))
     random = np.random.default_rng(int(os.environ.get("MRDAMPER_KILLS_SEED", "1")))

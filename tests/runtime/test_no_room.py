@@ -69,7 +69,7 @@ def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name:
 
 
 @pytest.mark.parametrize("name", one_by_day(["rig", "fit", "export c"]))
-def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
+def test_full_disk_gives_one_message(nursery: Nursery, tmp_path: Path, name: str):
     """The command prints one message. It succeeds after space has been freed."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:
         (small / "ballast").write_bytes(bytes(36_000))
@@ -82,7 +82,7 @@ def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
         assert not left_behind(small)
 
 
-def test_read_only_folder_is_one_message(nursery: Nursery, tmp_path: Path):
+def test_read_only_folder_gives_one_message(nursery: Nursery, tmp_path: Path):
     """The test uses a read-only disk because permissions do not stop the superuser."""
     if os.geteuid() == 0:
         with disk(tmp_path / "disk", "-o", "ro") as closed:
@@ -98,7 +98,7 @@ def test_read_only_folder_is_one_message(nursery: Nursery, tmp_path: Path):
         closed.chmod(0o755)
 
 
-def test_full_standard_output_is_one_message():
+def test_full_standard_output_gives_one_message():
     """Output that cannot be written is an error."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

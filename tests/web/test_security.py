@@ -159,7 +159,7 @@ def test_token_gives_http_only_cookie(ask_locked):
     assert away.headers["location"].startswith("/evil.example")
 
 
-def test_answers_have_security_headers(ask):
+def test_responses_have_security_headers(ask):
     for path in ("/", "/api/state", "/api/nothing", "/api/files/nothing/look", "/static/nothing.js"):
         headers = ask("GET", path).headers
         assert headers["x-content-type-options"] == "nosniff", path
@@ -188,7 +188,7 @@ def test_answers_have_security_headers(ask):
         (500, "GET", "/api/runs", {}),
     ],
 )
-def test_errors_have_security_headers(ask, monkeypatch, capsys, status, method, path, options):
+def test_error_responses_have_security_headers(ask, monkeypatch, capsys, status, method, path, options):
     def broken(_self: RunIndex) -> None:
         raise RuntimeError(SECRET)
 
@@ -318,7 +318,7 @@ def test_large_upload_leaves_no_file(folder, ask, length):
      b'{"kind": "heat", "options": {"card": "one", "ambient_degC": 1e999}}',
      b'{"kind": "check", "options": {"unknown": 1}}'],
 )  # fmt: skip
-def test_invalid_order_reports_error(folder, ask, body):
+def test_invalid_job_request_reports_error(folder, ask, body):
     answer = ask("POST", "/api/jobs", body=body)
     assert answer.status == 422
     assert answer.json["error"]

@@ -156,7 +156,7 @@ def test_new_geometry_drops_foreign_calibration(page, folder):
     assert "film_multiplier" not in text
 
 
-def test_choices_travel_to_the_next_pages(page):
+def test_choices_are_kept_on_next_pages(page):
     """Load cycle, geometry, design and controller stay selected when the user opens the next page."""
     go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&drawing=paper")
     page.fill("#drawing-sink-fins", "0")
@@ -245,7 +245,7 @@ def test_model_curves_differ_from_measured(page):
     shoot(page, "values-loops", whole=True)
 
 
-def test_nothing_is_good_before_the_check(page):
+def test_run_is_not_good_before_check(page):
     """A run is marked as good only after its check. Stopped fits and caveats of a card are visible."""
 
     def partly_checked(route: Route) -> None:
@@ -274,7 +274,7 @@ def test_nothing_is_good_before_the_check(page):
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_volts_are_offered_with_usual_gains(browser, tmp_path):
+def test_volts_are_offered_with_common_gains(browser, tmp_path):
     """The question for a unit offers volts. The user then enters gains in mm/V and kN/V."""
     with served(tmp_path / "volts") as client, opened(browser, client.address) as page:
         a_logger_file(tmp_path / "volts" / "runs" / "raw.txt")
@@ -300,7 +300,7 @@ def test_volts_are_offered_with_usual_gains(browser, tmp_path):
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 
 
-def test_token_navigation_and_print_are_clean(browser, folder):
+def test_token_is_removed_and_print_names_source(browser, folder):
     """The token is removed from the address, the navigation does not scroll, printed pages have a source."""
     _, client = folder
     with opened(browser, client.address) as page:

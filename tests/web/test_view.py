@@ -66,7 +66,7 @@ def _pictures(page):
     return page.evaluate("() => [...document.querySelectorAll('figure canvas')].map((e) => e.toDataURL())")
 
 
-def test_two_million_samples_never_block(browser, tmp_path):
+def test_two_million_samples_never_block_page(browser, tmp_path):
     """All samples are plotted in 1.5 s, the cursor moves in 16 ms, and a zoom blocks for less than 100 ms."""
     root = tmp_path / "long"
     (root / "runs").mkdir(parents=True)

@@ -77,7 +77,7 @@ def test_dropped_file_is_stored_and_removed(page, rig, tmp_path):
 @pytest.mark.parametrize(
     ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
 )
-def test_raw_file_maps_in_three_actions(browser, tmp_path, real_data, file, offer):
+def test_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, file, offer):
     """Three clicks (Look, Use, Save) give the runs of a packaged map. The loop is visible before saving."""
     with served(tmp_path / "damper") as client, opened(browser, client.address) as page:
         path = tmp_path / "damper" / "runs" / file
@@ -95,7 +95,7 @@ def test_raw_file_maps_in_three_actions(browser, tmp_path, real_data, file, offe
         assert names == {run.name for run in read_file(path).recordings}
 
 
-def test_unnamed_columns_map_by_answers(browser, tmp_path):
+def test_unnamed_columns_are_mapped_by_answers(browser, tmp_path):
     """The user answers each question about unnamed columns with a button. Then the run is readable."""
     second = np.arange(2000) / 500.0
     travel, speed = 5.0 * np.sin(12.0 * second), 60.0 * np.cos(12.0 * second)

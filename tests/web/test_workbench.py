@@ -234,7 +234,7 @@ def test_shortcuts_open_help_and_pages(browser, many):
         assert page.evaluate("document.activeElement.textContent") == "Skip to the page"
 
 
-def test_form_values_return_with_address(browser, site):
+def test_address_restores_form_values(browser, site):
     """The Back button and a different browser restore the entered values from the address."""
     address = site[1].address
     with opened(browser, address) as page, opened(browser, address) as other:

@@ -145,7 +145,7 @@ class Characteristics:
     svg: str
     titles: tuple[str, ...]  # title of each temperature; "" without temperature dependence
     motion: str
-    assumed: tuple[bool, ...]  # for each temperature: True if it was not tested and the factors are assumed
+    assumed: tuple[bool, ...]  # True for each temperature that was not tested if factors are assumed
 
 
 def characteristics_section(campaign: Campaign) -> Characteristics:
