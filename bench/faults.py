@@ -60,7 +60,7 @@ def campaigns(folder: Path | None) -> Iterator[tuple[str, Runs]]:
 
 
 def locations(fault: Fault, runs: Runs) -> list[int]:
-    """Return the indices of two runs in which the fault is visible; [-1] if the fault affects all runs."""
+    """Return the indices of two runs that can show the fault; [-1] if the fault affects all runs."""
     if fault.extent != "run":
         return [-1]
     suitable = [k for k, run in enumerate(runs) if fault.where(run)]

@@ -68,7 +68,7 @@ def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = REPEATS) -> d
 
 
 def ratios_of(mine: Sequence[float], other: Sequence[float], work: float = 1.0) -> tuple[float, ...]:
-    """Return the CPU time of each turn divided by that of another job, times the ratio ``work``."""
+    """Return the CPU time of each turn divided by the time of another job, times the ratio ``work``."""
     return tuple(work * a / b for a, b in zip(mine, other, strict=True))
 
 

@@ -233,7 +233,7 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the first page up to the state from which all other pages start."""
+    """Return the number of blocks of the first page that run before all other pages."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))

@@ -80,7 +80,7 @@ def test_fit_json_has_documented_keys(identified, folder):
 
 
 def test_closing_line_prints_wall_time(repeated):
-    """The printed time is that of the command without the start of the interpreter."""
+    """The printed time excludes the start of the interpreter."""
     text, elapsed = repeated
     printed = float(re.findall(r"^Wrote .* \(([\d.]+) s\)\.$", text, re.MULTILINE)[0])
     assert 0.3 * elapsed <= printed <= elapsed + 0.1

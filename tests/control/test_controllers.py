@@ -189,7 +189,7 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
 @examples(25)
 @given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
 def test_tracking_recovers_from_invalid_readings(law, rows):
-    """After 22 s of valid readings, the command equals that of a controller without invalid readings.
+    """22 s after invalid readings, the command is the same as without invalid readings.
 
     The effect of a jump by a metre on the estimated frequency decays with a time constant of 1 s. The valid
     temperatures have noise because a constant reading after a jump counts as a stuck sensor.
@@ -277,7 +277,7 @@ def test_missing_displacement_gives_fall_back_command(value):
     assert not (flags[750:] & Flag.MOTION_UNKNOWN).any()
 
 
-def test_frozen_displacement_is_detected_in_motion():
+def test_stuck_displacement_sensor_is_detected_in_motion():
     """A constant displacement of a damper at rest is not a fault."""
     frozen = told(RECOMMENDED, 1.0)[500, 2]
     _, flags, _ = faulted(2, float(frozen))

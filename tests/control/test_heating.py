@@ -63,7 +63,7 @@ def first(flags: NDArray[np.int64]) -> float:
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_frozen_reading_is_flagged_after_5_kelvin(single):
+def test_stuck_thermometer_is_flagged_after_5_kelvin(single):
     """A constant reading is flagged when the damper should be 5 K warmer, with zero to maximum heat loss."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
@@ -76,7 +76,7 @@ def test_frozen_reading_is_flagged_after_5_kelvin(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_and_model_detect_frozen_sensor_equally():
+def test_controller_and_model_detect_stuck_sensor_equally():
     """Both raise the flag at the same time within 5 %, although the controller sums the work term by term."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
@@ -87,7 +87,7 @@ def test_controller_and_model_detect_frozen_sensor_equally():
     assert first(made.run(made.start(), told)[2]) == pytest.approx(reference, rel=0.05)
 
 
-def test_frozen_temperature_is_extrapolated():
+def test_temperature_of_stuck_sensor_is_extrapolated():
     """The estimate rises like the temperature of one heat capacity. A recovered sensor is used after 2 s."""
     made = model(extrapolate_temperature=True)
     state, _, flags = made.run(made.start(), rows(500.0))

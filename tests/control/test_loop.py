@@ -137,7 +137,7 @@ def test_dropout_leaves_other_sensors_unchanged():
 
 
 @pytest.mark.parametrize("sensor", ["displacement", "temperature", "force"])
-def test_frozen_sensor_repeats_its_reading(sensor):
+def test_stuck_sensor_repeats_its_reading(sensor):
     frozen = Sensing(dropouts=(Dropout(sensor, 0.2, 0.3, "frozen"),))
     run_loop(Ideal(), Recording(), replace(SHORT, sensors=frozen))
     read = [getattr(s, sensor) for _, s in LAST]

@@ -158,7 +158,7 @@ def test_single_precision_is_within_a_milliampere(name: str) -> None:
     assert double.max() > 0.5
 
 
-def test_gains_scale_their_parts() -> None:
+def test_gains_scale_parts_of_force() -> None:
     rows = told(RECOMMENDED, 0.4, kelvin=KELVIN)
     aged = RECOMMENDED.scaled(1.2, 0.7, 2.0)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]

@@ -146,7 +146,7 @@ def test_thermometers_correct_a_wrong_power(folder, model):
     assert np.abs(helped[-1, 1:4] - truth.hot[-1]).max() < 1.5
 
 
-def test_only_frozen_thermometer_is_flagged(folder, model):
+def test_only_stuck_thermometer_is_flagged(folder, model):
     """The damper warms, then rests. One sensor works, one is stuck during cooling, one from the start."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)

@@ -62,7 +62,7 @@ def test_law_class_or_object_is_fitted(runs, tmp_path):
 
 
 @pytest.mark.parametrize("option", [{"temperature": "guess"}, {"posterior": -1}, {"law": "bouc-when"}])
-def test_missing_value_is_rejected(runs, option):
+def test_invalid_option_value_is_rejected(runs, option):
     with pytest.raises(mrdamper.InputError):
         mrdamper.fit(runs, **option)
 

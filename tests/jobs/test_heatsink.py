@@ -53,7 +53,7 @@ def test_front_is_ordered_by_mass(answer):
 
 
 @pytest.mark.nightly
-def test_identified_card_confirms_the_gain():
+def test_heat_sink_search_reduces_temperature_and_mass():
     """The temperature reduction is from the network; tests/thermal/test_design.py uses finite elements."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
     run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)

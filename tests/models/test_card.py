@@ -220,7 +220,7 @@ def test_card_bytes_are_independent_of_order():
     assert card_text(card_from_json(json.loads(whole))) == whole
 
 
-def test_numbers_carry_units_and_standard_errors():
+def test_numbers_have_units_and_standard_errors():
     numbers = DOCUMENT[COEFFICIENTS]["yield_force"]["numbers"]
     assert numbers["half_command"] == {"value": 1.14, "unit": "A", "standard_error": None}
     assert numbers["gain"]["standard_error"] == 3.5

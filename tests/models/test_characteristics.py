@@ -183,7 +183,7 @@ def test_quadratic_force_rises_later_and_falls_sooner():
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_response_needs_a_lag_and_a_current():
+def test_force_response_needs_lag_and_current_dependence():
     assert characterised(bingham()).responses == ()
     for way in response(bingham(Actuation(0.01, 0.01), yield_force=Constant(300.0))):
         assert (way.force_t63, way.force_t90) == (None, None)

@@ -85,7 +85,7 @@ def test_swapped_cards_have_the_opposite_difference():
     assert {pair.name: None if pair.z is None else -pair.z for pair in back.parameters} == z
 
 
-def test_z_is_difference_over_standard_error():
+def test_z_is_difference_divided_by_standard_error():
     found = compared(a_card(a_damper()), a_card(a_damper(viscosity=Constant(1020.0))))
     (viscosity,) = (pair for pair in found.parameters if pair.name == "viscosity.value")
     assert viscosity.z == pytest.approx(120.0 / math.hypot(30.0, 30.0), rel=1e-12)

@@ -94,7 +94,7 @@ def test_with_parameters_is_inverse_of_parameters(data):
     assert damper == bouc_wen()  # The damper is immutable.
 
 
-def test_coefficients_at_command_are_rows():
+def test_coefficients_are_rows_commands_are_columns():
     damper = bouc_wen()
     commands = np.array([0.0, 0.5, 1.0])
     table = damper.coefficients_at(commands)
@@ -149,7 +149,7 @@ def test_valve_gain_is_limited_by_stroke(gain, fine):
 # ----------------------------------------------------------------------------------------- temperature
 
 
-def test_factor_parameters_are_parameters():
+def test_temperature_factor_parameters_are_damper_parameters():
     damper = warm()
     assert damper.parameters["viscosity.activation_K"] == 1435.5
     assert damper.units["viscosity.activation_K"] == "K"

@@ -76,7 +76,7 @@ def test_arrhenius_fit_is_the_textbook_line():
     rate=st.floats(0.002, 0.03),
     seed=st.integers(0, 99),
 )
-def test_unit_and_order_of_points_do_not_matter(scale, order, rate, seed):
+def test_fit_is_independent_of_unit_and_order(scale, order, rate, seed):
     kelvin = np.linspace(300.0, 390.0, 8)
     viscosity = noisy(0.1 * Reynolds(rate).value(kelvin), seed)
     one = fit_viscosity(kelvin, viscosity)

@@ -1,4 +1,4 @@
-"""Coefficients of several parameter sets, computed in one call, equal those of separate dampers."""
+"""One call for several parameter sets gives the same coefficients as separate dampers."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def an_error(**changed: object) -> RunError:
 # ------------------------------------------------------------------------------------------- groups
 
 
-def test_temperature_levels_have_tolerance():
+def test_close_temperatures_belong_to_one_level():
     errors = [an_error(temperature_degC=t) for t in (19.8, 20.3, 119.9, 120.2, 123.0)]
     levels = levels_of(errors)
     assert (levels.kind, len(levels.values)) == ("temperature", 3)

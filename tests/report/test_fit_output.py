@@ -57,7 +57,7 @@ def selected():
     return fit(runs, options=FitOptions(hold_out=("*_1.50V_sine5*",), terms=("none",)))
 
 
-def test_stopped_fit_reports_it_first(stopped, tmp_path):
+def test_stopped_fit_reports_missing_convergence_first(stopped, tmp_path):
     """Terminal, report, web page, JSON, card and the table of fits state that a fit has not converged."""
     assert terminal_of(stopped).startswith(NOT_CONVERGED)
     assert PAGE.web_json(stopped)["verdict"].startswith(NOT_CONVERGED)

@@ -134,7 +134,7 @@ def test_typed_numbers_are_used_or_refused(page):
     assert sent.value.post_data_json["options"]["width_mm"] == 2.5
 
 
-def test_new_geometry_drops_foreign_calibration(page, folder):
+def test_new_geometry_removes_calibration_of_previous_damper(page, folder):
     """Calibration factors are valid only for the damper on which they were measured."""
     go(page, "thermal?card=own")
     expect(page.locator("#calibration")).to_contain_text("heat capacity × 0.9663")

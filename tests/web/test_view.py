@@ -106,7 +106,7 @@ def test_two_million_samples_never_block_page(browser, tmp_path):
     assert longest <= within_reach(FRAME_MS)
 
 
-def test_address_restores_view_and_back_undoes(browser, site, page):
+def test_address_restores_view_and_back_button_undoes(browser, site, page):
     """A different browser restores runs, card, colours, hidden curves and zooms from the address."""
     page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)

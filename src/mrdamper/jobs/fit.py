@@ -248,7 +248,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
 
 
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
-    """Return the fit and its posterior samples, which are None if not requested or if sampling fails.
+    """Return the fit and its posterior samples; None instead of samples if not requested or sampling fails.
 
     If sampling fails, a note is added to the fit.
     """

@@ -63,7 +63,7 @@ class HeatsinkResult(JobResult):
 
     @property
     def lightest(self) -> SinkDesign | None:
-        """Return the lightest design whose temperature does not exceed that of the reference."""
+        """Return the lightest design that is not warmer than the reference."""
         return lightest_as_cool(self.front, self.reference.fluid)
 
 

@@ -101,7 +101,7 @@ def _draw(axes: Axes, drawing: DamperDrawing) -> None:
 
 
 def _add_ring(axes: Axes, block: Block, **style: object) -> None:
-    """Add the two rectangles in which the section plane cuts a ring [mm]."""
+    """Add the section of a ring [mm]: one rectangle on each side of the axis."""
     wide, high = 1e3 * (block.high - block.low), 1e3 * (block.outer - block.inner)
     for low in (block.inner, -block.outer):
         axes.add_patch(Rectangle((1e3 * block.low, 1e3 * low), wide, high, **style))  # type: ignore[arg-type]

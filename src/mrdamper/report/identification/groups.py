@@ -23,7 +23,7 @@ from mrdamper.identify.scores import RunError
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
-    """The levels by which a report groups runs: temperatures [degC], or currents [A] (voltages [V])."""
+    """The levels of a report, which groups runs by temperature [degC], or by current [A] (voltage [V])."""
 
     kind: Literal["temperature", "command"]
     values: tuple[float, ...]
