@@ -1,4 +1,4 @@
-"""Injected faults: how many ``check --deep`` finds, with which cause, and how often it blames sound runs.
+"""Injected faults: detected fraction and named causes of ``check --deep``, and false alarms on sound runs.
 
     python -m bench.faults --data DIR               the half of the faults that is for reports
     python -m bench.faults --data DIR --tuning      the other half

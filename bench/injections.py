@@ -1,4 +1,4 @@
-"""Faults for ``bench.faults``: the change of the runs, its sizes, and the findings that name its cause."""
+"""Faults for ``bench.faults``: how runs are changed, fault sizes, and findings that name the cause."""
 
 from __future__ import annotations
 

@@ -315,7 +315,7 @@ def test_unknown_data_set_is_rejected():
 
 @pytest.mark.nightly
 def test_real_sines_are_fitted_accurately(real_data, tmp_path):
-    """Limits for 20 UTFSM sines: median error 6.5 %, worst error with current 8.5 %, worst 17 %."""
+    """Errors of 20 UTFSM sines: median below 6.5 %, worst with current below 8.5 %, worst below 17 %."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))
     summary = answer["summary"]["training"]

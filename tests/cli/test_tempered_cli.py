@@ -1,4 +1,4 @@
-"""Commands for runs at several temperatures: rig and fit, and rejected inputs."""
+"""The commands ``rig`` and ``fit`` with runs at several temperatures, and rejected inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A card's damper as a plant: the simulation of a record, step by step."""
+"""The damper of a card as a plant: stepwise simulation equals the simulation of a whole record."""
 
 from __future__ import annotations
 

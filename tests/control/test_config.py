@@ -1,4 +1,4 @@
-"""The configuration: the kernel has the declared struct, and values out of range are refused."""
+"""Configuration of controllers: same fields in Python and kernel, and rejected values."""
 
 from __future__ import annotations
 

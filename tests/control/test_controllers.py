@@ -1,4 +1,4 @@
-"""Controllers: the solved current gives the wanted force, and the command stays within its limits."""
+"""Controllers: the computed current gives the target force, and the command stays within its limits."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def test_invalid_temperature_is_replaced(value):
 
 @pytest.mark.parametrize(("at", "accepted"), [(0.5, 2.5), (3.0, 6.0)])
 def test_temperature_jump_is_accepted_later(at, accepted):
-    """A jump by 60 K is accepted after 2 s; if the valid readings lasted longer before, after this time."""
+    """A jump by 60 K is accepted after 2 s, or after the duration of the valid readings if this is longer."""
     current, flags, clean = faulted(3, ROOM + 60.0, seconds=accepted + 1.0, at=at)
     begin, end = round(at / PERIOD), round(accepted / PERIOD)
     assert (flags[begin : end - 10] & Flag.TEMPERATURE_JUMP).all()

@@ -108,7 +108,7 @@ def test_short_dead_time_is_dropped(period, dead):
 
 
 def test_feedback_gains_follow_skogestad():
-    """The closed loop is as slow as its dead time: K = T / (2 k d), integral time min(T, 8 d)."""
+    """The time constant of the closed loop is its dead time d: K = T / (2 k d), integral time min(T, 8 d)."""
     actuation = Actuation(0.03, 0.02, 0.002, 0.001)
     dead, force_per_ampere = 0.001 + 0.002 + 1e-3, 700.0
     for slow in (actuation, replace(actuation, rise_s=0.1)):

@@ -1,4 +1,4 @@
-"""Cards, targets and folders for the tests of exports; nothing is fitted, and each target is made once."""
+"""Cards, targets and folders for the tests of exports. Nothing is fitted, and each target is made once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The generated C: compilers accept it, its objects are free-standing, and exports do not interfere."""
+"""Generated C code compiles without warnings, needs no library, and can be linked with other exports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The examples that use an export: a bare Cortex-M at 1 kHz in QEMU, and C++."""
+"""The examples with exported code: a bare Cortex-M at 1 kHz in QEMU, and a C++ program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``mrdamper fluid``: from rheometer tables to laws, a fluid file and a figure."""
+"""``mrdamper fluid`` fits laws to rheometer tables, and writes a fluid file and a figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``mrdamper heat``: temperatures from a card and a geometry file, or one message."""
+"""``mrdamper heat`` computes temperatures from a card and a geometry file, or prints one message."""
 
 from __future__ import annotations
 

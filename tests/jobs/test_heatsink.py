@@ -1,4 +1,4 @@
-"""``mrdamper heatsink``: Pareto front of heat sinks from a card and a geometry file, or one message."""
+"""``mrdamper heatsink`` computes a Pareto front of heat sinks, or prints one message."""
 
 from __future__ import annotations
 

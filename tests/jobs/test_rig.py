@@ -1,4 +1,4 @@
-"""``mrdamper rig``: files of the runs, files of the exact values, all or none."""
+"""``mrdamper rig`` writes files of the runs and of the exact values, either all of them or none."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_viscous_peak_force_is_proportional_to_speed():
 
 
 def test_gas_force_shifts_both_branches_equally():
-    """At mid-stroke the spring is relaxed and the acceleration is zero; damping has no gas force."""
+    """The gas force is the same on both branches at mid-stroke and is not part of the damping force."""
     bare = peak_velocity_pick(bingham(viscosity=Constant(800.0)), SPEEDS, amplitude=0.01, command=1.0)
     damper = bingham(
         viscosity=Constant(800.0), offset=Constant(65.0), stiffness=Constant(3e3), mass=Constant(3.0)

@@ -1,4 +1,4 @@
-"""The prediction band of the force: its width, and its widening with the distance of a motion."""
+"""The prediction band of the force: width, and widening with the distance to the fitted motions."""
 
 from __future__ import annotations
 

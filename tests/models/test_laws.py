@@ -1,4 +1,4 @@
-"""The table of the laws: limits, defaults and effect of disabled terms."""
+"""The table of hysteresis models: limits, defaults and effect of disabled terms."""
 
 from __future__ import annotations
 

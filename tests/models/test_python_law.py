@@ -1,4 +1,4 @@
-"""The motion for a law in Python: cubics through the samples, and their turning points."""
+"""The motion of laws in Python: cubic interpolation of the samples, and turning points."""
 
 from __future__ import annotations
 

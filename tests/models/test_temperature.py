@@ -1,4 +1,4 @@
-"""Temperature factors: value 1 at 20 degC, formulas, gradients, and special cases of one another."""
+"""Temperature factors: value 1 at 20 degC, formulas, gradients, and limits that equal other factors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: one message, exit code 4, no half-written files.
+"""Ctrl-C, SIGTERM and SIGHUP end a command with one message, exit code 4 and no partial files.
 
 The release test interrupts at random moments; ``MRDAMPER_INTERRUPTS`` sets the number of interrupts.
 """

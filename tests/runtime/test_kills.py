@@ -1,4 +1,4 @@
-"""kill -9 at any moment: outputs are complete or absent, and the next run writes the same files.
+"""After kill -9 at any moment, outputs are complete or absent, and a rerun writes the same files.
 
 The release test kills 200 times at random moments; ``MRDAMPER_KILLS`` sets the number of kills,
 ``MRDAMPER_KILLS_SEED`` the seed.

@@ -1,4 +1,4 @@
-"""Servers for the tests: a program on a free port, or an application that is called without a socket."""
+"""Servers for the tests: a process on a free port, or an application that is called without a socket."""
 
 from __future__ import annotations
 

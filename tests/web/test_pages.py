@@ -74,7 +74,7 @@ def test_decimation_keeps_single_spike(page, kind):
 
 
 def test_fit_on_page_writes_readable_card(page, site):
-    """A fit with held-out runs writes a card that the command line can read; its result is one screen."""
+    """A fit with held-out runs writes a card that the command line can read. The result fits one screen."""
     root, _ = site
     page.goto("/#/model")
     page.fill("#fit-card", "fitted")

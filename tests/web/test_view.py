@@ -1,4 +1,4 @@
-"""Linked view: runs and cards with one cursor and one time span, stored in the address."""
+"""The linked view shows runs and cards with one cursor and one time span. The address stores the view."""
 
 from __future__ import annotations
 

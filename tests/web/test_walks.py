@@ -1,4 +1,4 @@
-"""Less frequent actions: dropped files, channel maps, fits, dampers, Cancel, and a lost server."""
+"""Less frequent actions of users: dropped files, channel maps, fits, dampers, Cancel, and a lost server."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ are generated from these classes. The text below a field is its help. The class 
 ``HeatOptions``. Its class variables are the inputs and outputs of the job, its fields are the options. A job
 without options gets no argument ``options``.
 """
-# The formatter would give each argument of a declaration its own line.
+# The formatter would write each argument of a declaration on a separate line.
 # fmt: off
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ Drawn = tuple[str, str, RunError]  # title, colour, run
 
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
-    """Return figures of force loops: one for each of a few motions, at all temperatures or currents.
+    """Return figures of force loops, one for each of at most four motions, at all temperatures or currents.
 
     If no motion has such runs, the only figure has the worst run of each motion.
 
