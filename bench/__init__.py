@@ -1,1 +1,1 @@
-"""Benchmarks: ``python -m bench [NAME ...]`` prints a table and writes JSON. Not part of the package."""
+"""Benchmarks, not part of the package: ``python -m bench [NAME ...]`` prints a table and writes JSON."""

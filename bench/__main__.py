@@ -1,4 +1,4 @@
-"""Run the benchmarks: ``python -m bench [NAME ...]``; without a name, all that need no further argument.
+"""Run benchmarks: ``python -m bench [NAME ...]``. Without a name, all benchmarks without options are run.
 
 ``python -m bench.track``, ``python -m bench.fit`` and ``python -m bench.faults`` have options of their own.
 """

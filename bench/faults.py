@@ -1,4 +1,4 @@
-"""Injected faults: how many ``check --deep`` finds, with which cause, and how often it blames sound runs.
+"""Injected faults: detected fraction and named causes of ``check --deep``, and false alarms on sound runs.
 
     python -m bench.faults --data DIR               the half of the faults that is for reports
     python -m bench.faults --data DIR --tuning      the other half
@@ -34,7 +34,7 @@ from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
 
-# Properties of the public runs (docs/check.md). They are not false alarms.
+# True properties of the public runs (docs/check.md), which do not count as false alarms.
 TRUE_FINDINGS = {
     "force_offset", "force_level_changes", "position_drift", "force_drift", "poor_repeatability",
     "force_noise",
@@ -43,7 +43,7 @@ ERROR_RATIO = 2.0
 
 
 def campaigns(folder: Path | None) -> Iterator[tuple[str, Runs]]:
-    """Yield campaigns of real and of virtual dampers."""
+    """Generate the name and runs of each campaign, of real and virtual dampers."""
     if folder is not None:
         yield "utfsm", list(read_runs(sorted(folder.glob("utfsm_sine*"))))
         yield "utfpr", list(read_runs(sorted(folder.glob("utfpr*_0[1357].csv"))))
@@ -60,7 +60,7 @@ def campaigns(folder: Path | None) -> Iterator[tuple[str, Runs]]:
 
 
 def locations(fault: Fault, runs: Runs) -> list[int]:
-    """Return the indices of two runs that can show the fault, or -1 for a fault of all runs."""
+    """Return the indices of two runs that can show the fault; [-1] if the fault affects all runs."""
     if fault.extent != "run":
         return [-1]
     suitable = [k for k, run in enumerate(runs) if fault.where(run)]
@@ -73,19 +73,19 @@ def is_tuning(campaign: str, fault: Fault, index: int) -> bool:
 
 
 def findings(runs: Runs) -> tuple[Finding, ...]:
-    """Return the faults and warnings of ``check --deep``."""
+    """Run ``check --deep``; return the findings that are faults or warnings."""
     report = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True))
     return tuple(each for each in report.findings if each.severity != "note")
 
 
 def error_of(damper: Damper, runs: Runs) -> float:
-    """Return the root mean square error [%] of a damper on runs."""
+    """Return the root mean square of the errors [%] of a damper on several runs."""
     errors = [score_run(damper, prepare_run(run)).nrmse_percent for run in runs]
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def damaging(fault: Fault, index: int, sound: Runs, damper: Damper) -> tuple[float, Runs, float]:
-    """Return the smallest size that doubles the error, its campaign and the error ratio."""
+    """Return the smallest fault size that doubles the error, the faulty runs, and the error ratio."""
     judged = sound if index < 0 else [sound[index]]
     tried = []
     for size in (fault.sizes[-1], *fault.sizes[:-1]):

@@ -1,4 +1,4 @@
-"""Identification: search methods on one kernel, accuracy on virtual dampers, and expected errors.
+"""Identification: comparison of search methods, accuracy on virtual dampers, and expected errors.
 
     python -m bench fit                                        # variable projection and genetic algorithm
     python -m bench.fit accuracy hydraulic-bench nominal       # presets of the virtual rig
@@ -83,7 +83,7 @@ def campaign(seed: int) -> tuple[FitProblem, float]:
 
 
 def _runs(damper: Damper | None, rng: np.random.Generator) -> list[PreparedRun]:
-    """Return the runs of a damper; without one, runs from which the template takes its forms."""
+    """Simulate the runs of a damper. Without a damper, return plausible runs for ``template``."""
     runs = []
     for current in CURRENTS_A:
         for degrees in TEMPERATURES_degC:
@@ -112,7 +112,7 @@ SEARCHES: dict[str, Callable[[FitProblem, int], float]] = {
 
 
 def run() -> list[Row]:
-    """Return CPU time and cost of each search; the searches take turns, one seed after the other."""
+    """Return CPU time and cost of each search method. For each seed, all methods run one after the other."""
     SEARCHES[VARIABLE_PROJECTION](campaign(0)[0], 0)  # The first call loads libraries.
     spent: dict[str, list[float]] = {name: [] for name in SEARCHES}
     costs: dict[str, list[float]] = {name: [] for name in SEARCHES}
@@ -189,7 +189,7 @@ def _errors_by_kind(tests: RigResult, errors: list[RunError]) -> list[str]:
 
 @dataclass(frozen=True)
 class HeldOutMotion:
-    """The expected error of a card made without a motion, and its errors on that motion."""
+    """Expected error of a card that was fitted without one motion, and measured errors on this motion."""
 
     expected_percent: float
     found_percent: tuple[float, ...]
@@ -197,7 +197,7 @@ class HeldOutMotion:
 
 
 def held_out_motions(runs: Sequence[RigRun], *, by_motion: bool) -> list[HeldOutMotion]:
-    """Return the expected and the measured error of each motion (or fold of motions) held out."""
+    """Hold out each motion (or fold of motions); return the expected and the measured errors."""
     prepared = prepare_all(runs, Preparation())
     raw = {run.name: run for run in runs}
     held_out = motion_groups(prepared) if by_motion else [fold.runs for fold in folds_of(prepared)]
@@ -233,7 +233,7 @@ def randomised_runs(preset: str, seed: int) -> list[RigRun]:
 
 
 def expected_line(name: str, runs: Sequence[RigRun], *, by_motion: bool) -> str:
-    """Return the coverage of the force band, the expected and the measured error of held-out motions."""
+    """Return a line with force-band coverage, expected error and measured error on held-out motions."""
     results = held_out_motions(runs, by_motion=by_motion)
     covered = np.concatenate([each.covered_percent for each in results])
     found = float(np.median(np.concatenate([each.found_percent for each in results])))

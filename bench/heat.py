@@ -1,7 +1,7 @@
-"""Heating for 30 min: the zone network compared with SciPy's solvers.
+"""Heating for 30 min: run time and error of the zone network compared with SciPy's solvers.
 
-All contenders solve the same problem: SciPy gets the network's own rate and Jacobian. The error is the
-largest deviation of the mean fluid, coil and wall temperatures at 5, 10, ... 30 min from Radau's method.
+All solvers solve the same problem: SciPy gets the right-hand side and Jacobian of the network. The error is
+the largest deviation of the mean fluid, coil and wall temperatures at 5, 10, ... 30 min from Radau's method.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DRAWING = read_drawing(Path(__file__).parents[1] / "examples" / "paper_damper.to
 
 
 def fading(kelvin: FloatArray) -> FloatArray:
-    """Return a power [W] that falls with temperature [K], as the power of an MR damper does."""
+    """Return a power [W] that decreases with temperature [K] like the power of an MR damper."""
     return np.asarray(95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - DRAWING.surroundings.ambient))
 
 
@@ -32,7 +32,7 @@ LOAD_CYCLE = Load(1800.0, fading, 16.8)
 
 
 def scipy_on(network: ThermalNetwork, load: Load, method: str, tolerance: float) -> Callable[[], FloatArray]:
-    """Return a job that integrates a network by ``solve_ivp`` and returns the means [K] at the marks."""
+    """Return a function that integrates a network by ``solve_ivp`` and returns mean temperatures [K]."""
     from scipy.integrate import solve_ivp
 
     system = NetworkSystem(network)
@@ -56,7 +56,7 @@ def scipy_on(network: ThermalNetwork, load: Load, method: str, tolerance: float)
 
 
 def _at_marks(course: Heating) -> FloatArray:
-    """Return the means of fluid, coil and wall [K] at the marks, interpolated by a cubic."""
+    """Interpolate the mean temperatures of fluid, coil and wall [K] at 5, 10, ... 30 min by a cubic."""
     from scipy.interpolate import CubicSpline
 
     parts = (course.fluid, course.coil, course.wall)
@@ -64,7 +64,7 @@ def _at_marks(course: Heating) -> FloatArray:
 
 
 def run() -> list[Row]:
-    """Return the comparison on half an hour of the paper's load cycle."""
+    """Compare the solvers on 30 min of the load cycle in the paper."""
     network = zone_network(DRAWING)
     reference = scipy_on(network, LOAD_CYCLE, "Radau", 1e-11)()
     jobs: dict[str, Callable[[], FloatArray]] = {

@@ -1,4 +1,4 @@
-"""Faults for ``bench.faults``: the change of the runs, its sizes, and the findings that name its cause."""
+"""Faults for ``bench.faults``: how runs are changed, fault sizes, and findings that name the cause."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperatur
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault: the change of a campaign, ascending sizes, and the findings that name its cause."""
+    """A fault: function that changes a campaign, sizes in ascending order, findings that name the cause."""
 
     name: str
     causes: tuple[str, ...]
@@ -33,24 +33,24 @@ class Fault:
 
 
 def one(change: Change) -> Inject:
-    """Change one run of a campaign."""
+    """Return a function that changes one run of a campaign."""
     return lambda runs, at, size: [
         change(run, size) if number == at else run for number, run in enumerate(runs)
     ]
 
 
 def every(change: Change) -> Inject:
-    """Change all runs equally."""
+    """Return a function that changes all runs equally."""
     return lambda runs, _, size: [change(run, size) for run in runs]
 
 
 def half(change: Change) -> Inject:
-    """Change every second run."""
+    """Return a function that changes every second run."""
     return lambda runs, _, size: [change(run, size) if k % 2 else run for k, run in enumerate(runs)]
 
 
 def growing(change: Change) -> Inject:
-    """Change the runs increasingly, in a random order of recording."""
+    """Return a function that changes the runs by increasing sizes, in a random order of recording."""
 
     def inject(runs: Runs, _: int, size: float) -> Runs:
         order = np.random.default_rng(7).permutation(len(runs))
@@ -62,19 +62,19 @@ def growing(change: Change) -> Inject:
 
 
 def times(*names: str) -> Change:
-    """Multiply channels."""
+    """Return a change that multiplies channels by a factor."""
     return lambda run, size: replace(
         run, **{name: values * size for name in names if (values := getattr(run, name)) is not None}
     )
 
 
 def with_force(change: Callable[[RigRun, float], FloatArray]) -> Change:
-    """Change the force alone."""
+    """Return a change of a run that only affects the force."""
     return lambda run, size: replace(run, force=change(run, size))
 
 
 def rows(run: RigRun, kept: np.ndarray, *, restamp: bool) -> RigRun:
-    """Return rows of a run with their times, or with times from a counter."""
+    """Return selected rows of a run, with their times or with times that count the samples."""
     cut = {name: values[kept] for name in _CHANNELS if (values := getattr(run, name)) is not None}
     if restamp:
         cut["time"] = run.time[0] + np.median(np.diff(run.time)) * np.arange(len(kept))
@@ -114,14 +114,14 @@ def stuck(run: RigRun, share: float) -> FloatArray:
 
 
 def spiked(run: RigRun, size: float) -> FloatArray:
-    """Move two single samples by a multiple of the range."""
+    """Change two single force samples by a multiple of the force range."""
     force = run.force.copy()
     force[[len(run) // 3, len(run) // 2]] += size * float(np.ptp(run.force))
     return force
 
 
 def hum(run: RigRun, share: float) -> FloatArray:
-    """Add aliased mains at 6.37 Hz, where the motion has no harmonic."""
+    """Add mains hum that aliasing moved to 6.37 Hz, where the motion has no harmonic."""
     return run.force + share * float(np.ptp(run.force)) / 2.0 * np.sin(2.0 * np.pi * 6.37 * run.time + 0.3)
 
 
@@ -132,14 +132,14 @@ def rounded(run: RigRun, levels: float) -> FloatArray:
 
 
 def lost_with_stamps(run: RigRun, share: float) -> RigRun:
-    """Remove a fraction of the samples; the time stamps show it."""
+    """Remove a fraction of the samples and keep the time stamps, which show the gaps."""
     kept = np.ones(len(run), dtype=bool)
     kept[np.random.default_rng(1).integers(5, len(run) - 5, int(share * len(run)))] = False
     return rows(run, np.flatnonzero(kept), restamp=False)
 
 
 def lost_unseen(run: RigRun, share: float) -> RigRun:
-    """Remove blocks of samples; the time is a counter and does not show it."""
+    """Remove blocks of samples. The time counts samples, so that the gaps are not visible."""
     kept = np.ones(len(run), dtype=bool)
     for start in np.linspace(0.15, 0.85, 4):
         kept[int(start * len(run)) : int((start + share / 4) * len(run)) + 1] = False
@@ -147,7 +147,7 @@ def lost_unseen(run: RigRun, share: float) -> RigRun:
 
 
 def doubled(run: RigRun, share: float) -> RigRun:
-    """Repeat blocks of samples; the time is a counter and does not show it."""
+    """Repeat blocks of samples. The time counts samples, so that the repetitions are not visible."""
     kept = np.arange(len(run))
     for start in np.linspace(0.85, 0.15, 4):
         a, b = int(start * len(run)), int((start + share / 4) * len(run)) + 1

@@ -1,4 +1,4 @@
-"""How the benchmarks measure: jobs take turns; values are medians between minimum and maximum.
+"""Measurement for the benchmarks: jobs take turns; tables have medians with minimum and maximum.
 
 A row may have limits, which end a benchmark as a table of limit, measured value and result. A peer that is
 not installed keeps its row without values.
@@ -57,7 +57,7 @@ class Row:
 
 
 def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = REPEATS) -> dict[str, tuple[float, ...]]:
-    """Return the CPU times [s] of jobs that take turns (A B A B). The first turn does not count."""
+    """Run jobs in turns (A B A B); return the CPU times [s] of each job without its first turn."""
     spent: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(repeats + 1):
         for name, job in jobs.items():
@@ -68,14 +68,14 @@ def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = REPEATS) -> d
 
 
 def ratios_of(mine: Sequence[float], other: Sequence[float], work: float = 1.0) -> tuple[float, ...]:
-    """Return the CPU time of each turn divided by another job's, times the ratio of their amounts of work."""
+    """Return the CPU time of each turn divided by the time of another job, times the ratio ``work``."""
     return tuple(work * a / b for a, b in zip(mine, other, strict=True))
 
 
 def side_by_side(
     group: str, jobs: Mapping[str, Callable[[], object]], samples: Mapping[str, int]
 ) -> list[Row]:
-    """Return a timed row for each job. Ratios compare the time per sample with the first job's."""
+    """Measure jobs in turns; return a row for each job. Ratios compare the time with the first job."""
     spent = timed(jobs)
     first = next(iter(spent))
     return [
@@ -96,7 +96,7 @@ def absent(contender: str, reason: object, group: str = "") -> Row:
 
 
 def machine() -> str:
-    """Return the processor, its load and the versions on which the values depend."""
+    """Return the conditions of a measurement: processor, load, and versions of programs and libraries."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.is_file():

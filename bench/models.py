@@ -1,7 +1,7 @@
-"""Time of the Gram sums of each hysteresis model, which take most of the time of a fit.
+"""CPU time of the Gram matrix of each hysteresis model, which takes most of the time of a fit.
 
-Times are CPU per sample of one candidate: 8 candidates on 12 runs of about 3,000 samples, at every
-instruction set of the machine. The ratio is to the widest.
+Times are per sample and candidate: 8 candidates on 12 runs of about 3,000 samples, with every instruction
+set of the machine. Ratios compare with the widest instruction set.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ COEFFICIENTS = {
 
 
 def run() -> list[Row]:
-    """Time the Gram sums of 8 candidates on 12 runs, as a fit asks for them, at every instruction set."""
+    """Measure the time of the Gram matrices of 8 candidates on 12 runs with every instruction set."""
     best, rows = core.level(), []
     paths = [drive(Sine(0.006 + 0.001 * k, 1.0 + 0.2 * k), duration=3.0 - 0.04 * k, rate_Hz=1e3, command=0.0)
              for k in range(12)]  # fmt: skip
@@ -68,7 +68,7 @@ def run() -> list[Row]:
             "bouc-wen",
             "double-bouc-wen",
             "spencer",
-        ):  # In a fit a candidate has one curve for all runs.
+        ):  # A candidate of a fit has one curve for all runs.
             near[:, :, -4:] = near[:, :1, -4:]
         places = sorted({0, 1, 2, *map(LAWS[law].names.index, named)})
 

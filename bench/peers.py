@@ -1,6 +1,6 @@
 """The kernel's integration of the Bouc-Wen law, compared with SciPy's odeint.
 
-Both get the same coefficients and the same sine. The error is the largest deviation of the first
+Both programs get the same coefficients and the same sine. The error is the largest deviation of the first
 candidate's force from SciPy's LSODA at a tolerance of 1e-12, divided by the largest force.
 """
 
@@ -76,7 +76,7 @@ class Problem:
 
 
 def kernel(problem: Problem) -> Job:
-    """Prepare the kernel: the exact flow, one table for each candidate."""
+    """Return a function that integrates all candidates with the kernel's exact solution."""
     path = drive(Sine(AMPLITUDE_m, FREQUENCY_Hz), duration=problem.times[-1], rate_Hz=RATE_Hz, command=0.0)
     ones = {name: Constant(1.0) for name in ("yield_force", "rho", "kappa", "n")}
     row = Damper(LAWS["bouc-wen"], ones).coefficients_at(0.0)[:, 0]
@@ -93,7 +93,7 @@ def kernel(problem: Problem) -> Job:
 
 
 def odeint(problem: Problem) -> Job:
-    """Prepare ``scipy.integrate.odeint`` (LSODA), one candidate after the other."""
+    """Return a function that integrates the candidates one after the other with ``odeint`` (LSODA)."""
     from scipy.integrate import odeint as integrate
 
     omega = 2.0 * pi * FREQUENCY_Hz
@@ -113,7 +113,7 @@ def odeint(problem: Problem) -> Job:
 
 
 def run() -> list[Row]:
-    """Return the time per sample: of the kernel for 512 candidates, of odeint for one."""
+    """Measure the time per sample of the kernel (512 candidates) and of odeint (one candidate)."""
     group = "512 candidates x 10,000 samples"
     problems = {"mrdamper kernel": Problem(), "scipy odeint, rtol 1e-6, one candidate": Problem(candidates=1)}
     jobs = {

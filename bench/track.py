@@ -29,11 +29,11 @@ from mrdamper.virtual_rig.measurement import measure
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of a family for its three targets: of the median and of the largest value."""
+    """Limits of a damper family for three targets: median and largest error of all dampers."""
 
     median: tuple[float, float, float]
     worst: tuple[float, float, float]
-    unit: str = "N"  # or % of the target's RMS
+    unit: str = "N"  # N, or % of the RMS target force
 
 
 HYDRAULIC_LIMITS = Limits((5.0, 7.0, 7.0), (10.0, 10.0, 10.0), "%")
@@ -43,12 +43,12 @@ FAMILIES = {
     "hydraulic-bench": HYDRAULIC_LIMITS,
     "hydraulic-monotube": HYDRAULIC_LIMITS,
 }
-BETTER_THAN_PI_MIN_PERCENT = 75.0  # Fraction of dampers and targets with an error at or below the PI's.
+BETTER_THAN_PI_MIN_PERCENT = 75.0  # dampers and targets with at most the error of the PI
 CONTROLLERS = ("recommended", "pi")
 
 
 def card_of(damper: VirtualDamper, law: str | None, folder: Path | None) -> ModelCard:
-    """Return the card of the damper's default campaign, read from the folder if it is there."""
+    """Return the card from the default campaign of a damper. If the folder has this card, read it."""
     path = None if folder is None else folder / f"{damper.name}-{law or 'chosen'}.json"
     if path is not None and path.is_file():
         return read_card(path)
@@ -62,9 +62,9 @@ def card_of(damper: VirtualDamper, law: str | None, folder: Path | None) -> Mode
 
 
 def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, list[float]]:
-    """Return the largest feasible RMS error of each target by controller.
+    """Return, for each controller, the largest RMS error of each target while the target is feasible.
 
-    If a hot damper is too weak for a target, only the lower temperatures count. A message says so.
+    If a hot damper is too weak for a target, only lower temperatures are tested, and a message is printed.
     """
     for count in range(len(TEMPERATURES_DEGC), 0, -1):
         warm = TEMPERATURES_DEGC[:count]
@@ -86,7 +86,7 @@ def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, li
 def track_family(
     family: str, seeds: list[int], law: str | None, folder: Path | None
 ) -> tuple[list[Row], int, int]:
-    """Return a family's rows, the number of targets at or below the PI's error, and the number of targets."""
+    """Return the rows of a family, the number of targets with at most the PI's error, and of all targets."""
     bounds, ours, below = FAMILIES[family], [], 0
     for seed in seeds:
         damper = draw_variant(PRESETS[family], seed)

@@ -29,7 +29,7 @@ INPUT_MAX_BYTES = 4096
 COMPILE = (
     *("clang", "-std=c99", "-gline-tables-only", "-O1", "-ffp-contract=off", "-fno-omit-frame-pointer"),
     *("-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
-    "-fno-sanitize-coverage=trace-cmp",  # It takes half of the time and does not help with numbers.
+    "-fno-sanitize-coverage=trace-cmp",  # This takes half of the time, without benefit for numbers.
 )
 
 
@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> int:
 
 
 def run_target(name: str, options: list[str]) -> bool:
-    """Run one target in a process of its own; return True if it found no fault."""
+    """Run one target in a separate process; return True if it found no fault."""
     inputs, log = BUILD / name, BUILD / f"{name}.log"
     inputs.mkdir(parents=True, exist_ok=True)
     for path in (CORPUS / name).glob("*"):
@@ -71,7 +71,7 @@ def run_target(name: str, options: list[str]) -> bool:
                 _fuzz_kernel(words) if name == "kernel" else _fuzz_python(name, inputs, words)
             except BaseException:
                 traceback.print_exc()
-            # exit() of the C library runs the engine's handler, which keeps the failing input.
+            # exit() of the C library calls the handler of the engine, which saves the failing input.
             ctypes.CDLL(None).exit(1)
         status = os.waitpid(process, 0)[1]
     done = [line for line in log.read_text(errors="replace").splitlines() if line.startswith("Done ")]

@@ -1,4 +1,4 @@
-"""The targets in Python: the text reader, the model card and the channel map.
+"""The fuzzing targets in Python: text reader, model card and channel map.
 
 A target either returns a valid value or raises an error of the package that names the file. Everything else
 is a fault. A card that is accepted must be the same after it is written and read again.
@@ -32,7 +32,7 @@ from tests.support.cards import DAMPERS, card_of
 
 MESSAGE_MAX_CHARACTERS = 1_000_000
 COLUMN_MAX_SAMPLES = 1 << 16  # Longer columns are not read here because that takes too long.
-EDIT_MARK = b"\x01"  # Input that begins with this byte is a list of edits of a valid document.
+EDIT_MARK = b"\x01"  # After this first byte, the input is a list of edits of a valid document.
 ODD_VALUES: tuple[Any, ...] = (
     0, -1, 1, True, 0.0, -0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan, 1 << 63, 10**400, 0.5, 293.15,
     "", "A", "\0", "é", "\ud800", "../..", "mm", "nan", "x" * 300, [], {}, [[]], {"a": 1}, [2.0, 1.0],
@@ -116,7 +116,7 @@ def take_text(content: bytes) -> None:
 def take_card(content: bytes) -> None:
     """Read a model card, write it and read it again."""
     if content.startswith(EDIT_MARK):
-        # The signature is renewed, so that the checks behind it are reached.
+        # The hash is computed again, so that the input passes the hash check and reaches the other checks.
         content = json.dumps(signed(edited(card_documents(), content[1:]))).encode()
     path = write("card.json", content)
     with expecting_named_error("card.json"):
@@ -174,7 +174,7 @@ def _edit_seeds(count: int) -> list[bytes]:
 
 
 def text_seeds() -> list[bytes]:
-    """Return short texts in the spellings that rigs write."""
+    """Return short texts in the formats that test rigs write."""
     return [
         RUN_CSV,
         b"\x01time;x;force\n0;1,5;2\n0,1;2,5;3\n",

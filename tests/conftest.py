@@ -1,4 +1,4 @@
-"""The tiers of the tests, and the fixtures for programs and real runs.
+"""Test tiers (fast, system, nightly, release), and fixtures for programs and real runs.
 
 A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without a mark. A test
 that requests a program (fixture ``tool``) is in ``system`` at least. A test that lacks a tool or the data is
@@ -26,7 +26,7 @@ from mrdamper.runtime import pool
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # Two workers use both cores.
 
-# Under nohup these signals are ignored, but processes that the tests start must receive them.
+# nohup disables these signals, but processes that the tests start must receive them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
@@ -41,7 +41,7 @@ _SHARE_SESSIONS = {
     "site": {f"tests/web/test_{name}.py" for name in ("pages", "view", "workbench")},
 }
 """Modules that share the fixtures of a session run on one worker."""
-_TIERS = ("release", "nightly", "system")  # A test with several marks is in the first tier.
+_TIERS = ("release", "nightly", "system")  # A test with several marks is in the first of these tiers.
 
 
 def _tools_are_required() -> bool:
@@ -56,7 +56,7 @@ def _do_without(reason: str) -> None:
 
 @pytest.fixture(autouse=True)
 def _signals_stay() -> Generator[None]:
-    """Restore the signal handlers, because a command that a test runs in this process sets them."""
+    """Restore the signal handlers after each test, because commands that run in this process set them."""
     kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for each, handler in kept.items():
@@ -92,13 +92,13 @@ def real_data() -> Path:
 
 @pytest.fixture(autouse=True)
 def _seeds() -> None:
-    """Seed Python's own generator, which third-party code uses."""
+    """Seed the generator of Python's ``random``, which third-party code uses."""
     random.seed(0)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests by their fixtures and their tier."""
+    """Add marks to tests according to their fixtures, and a mark with their tier."""
     for item in items:
         for fixture in getattr(item, "fixturenames", ()):
             if fixture in _MARK_OF_FIXTURE:
@@ -128,14 +128,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
 @pytest.fixture(autouse=True)
 def _one_core_in_fast_tests(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the pools of a fast test use one core, so that they start no process."""
+    """Limit the pools of a fast test to one core, so that no process is started."""
     if request.node.get_closest_marker("tier_fast"):
         monkeypatch.setattr(pool, "usable_cores", lambda: 1)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Turn a skip of a test that needs a tool or data into a failure if tools are required."""
+    """If tools are required, report a test as failed if it was skipped because a tool or data are missing."""
     report = yield
     needs_something = any(item.get_closest_marker(mark) for mark in _MARK_OF_FIXTURE.values())
     if report.skipped and not hasattr(report, "wasxfail") and needs_something and _tools_are_required():

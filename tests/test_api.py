@@ -31,7 +31,7 @@ def modules() -> Iterator[ModuleType]:
 
 
 def public() -> Iterator[tuple[str, object]]:
-    """Yield every public function and class from the module that defines it."""
+    """Generate every public function and class, from the module that defines it."""
     for module in modules():
         for name, thing in vars(module).items():
             if (
@@ -46,7 +46,7 @@ PUBLIC = dict(public())
 
 
 def functions() -> Iterator[tuple[str, inspect.Signature, str]]:
-    """Yield public functions, and the public methods of public classes."""
+    """Generate all public functions, and public methods of public classes."""
     for name, thing in PUBLIC.items():
         if inspect.isfunction(thing):
             yield name, inspect.signature(thing), inspect.getdoc(thing) or ""
@@ -86,7 +86,7 @@ def test_public_quantity_has_unit():
 
 
 def test_public_function_rejects_unknown_keywords():
-    """A misspelt option is an error. It is not ignored."""
+    """A misspelt option causes an error and is not ignored."""
     greedy = [
         name
         for name, signature, _ in functions()

@@ -54,7 +54,7 @@ _LAST_OF_START = "% the other pages start here"
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: kind, text, comments before it, line in the page."""
+    """A fenced block of a page: kind, text, comments before the block, line number."""
 
     kind: str  # "console", "python", "file"
     body: str
@@ -91,7 +91,7 @@ BLOCKS = {page: blocks_of(page.read_text(encoding="utf-8")) for page in PAGES}
 
 
 def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
-    """Yield each command of a console block with the lines shown below it."""
+    """Generate each command of a console block with the lines that the page shows below the command."""
     command, shown = "", list[str]()
     lines = iter(body.splitlines())
     for line in lines:
@@ -107,7 +107,7 @@ def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
         yield command, shown
 
 
-# -------------------------------------------------------------------------------------------- comparing
+# -------------------------------------------------------------------------------------------- comparison
 
 
 def words_of(line: str) -> list[str]:
@@ -116,7 +116,7 @@ def words_of(line: str) -> list[str]:
 
 
 def is_same(wanted: str, seen: str, tolerance: float) -> bool:
-    """Return True if the texts are equal and the numbers agree within the tolerance."""
+    """Return True if the words of both lines are equal and their numbers agree within the tolerance."""
     if wanted == seen:
         return True
     if _NUMBER.split(wanted) != _NUMBER.split(seen):
@@ -151,13 +151,13 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
     )
 
 
-# -------------------------------------------------------------------------------------------- following
+# -------------------------------------------------------------------------------------------- execution
 
 
 def follow(
     page: Path, blocks: Sequence[Block], folder: Path, *, also: str = "", tool: Tool | None = None
 ) -> None:
-    """Run blocks of a page in a folder. A failure names the line of the page.
+    """Run blocks of a page in a folder. The message of a failure has the line number in the page.
 
     Blocks marked long or data run only if ``also`` names their mark.
     """
@@ -233,14 +233,14 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the first page before the start of the other pages."""
+    """Return the number of blocks of the first page that run before all other pages."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))
 
 
 def test_first_page_is_correct(folder):
-    """The fixture ``laboratory`` ran the beginning of the page."""
+    """The rest of the first page is correct. The fixture ``laboratory`` ran the beginning."""
     follow(START, BLOCKS[START][blocks_before_the_others() :], folder)
 
 

@@ -1,4 +1,4 @@
-"""Errors store the parts of their messages."""
+"""Errors store the parts of their messages (location, value, expectation, remedy) separately."""
 
 from __future__ import annotations
 

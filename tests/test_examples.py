@@ -32,7 +32,7 @@ def said_by(script: str, *arguments: str | Path) -> str:
 
 
 def number(pattern: str, said: str) -> float:
-    """Return the only number that matches a pattern in the output."""
+    """Return the number at the only match of a pattern in the output."""
     found = re.findall(pattern, said)
     assert len(found) == 1, said
     return float(found[0])
@@ -72,7 +72,7 @@ def test_custom_law_example_is_fitted():
 
 
 def test_rheometer_example_follows_arrhenius():
-    """The decrease agrees with docs/fluid.md."""
+    """The decrease of the viscosity agrees with docs/fluid.md."""
     said = said_by("rheometer_fit.py")
     assert said.startswith("arrhenius")
     assert number(r"arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
@@ -109,7 +109,7 @@ def test_controlled_quarter_car_improves_comfort_and_load():
 
 @pytest.mark.nightly
 def test_quarter_car_with_a_card_is_controlled(card):
-    """A card of a bench test can be used. A larger current reduces the suspension travel."""
+    """The example accepts a card from a bench test. A larger current reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
     rattle = [float(found) for found in re.findall(r"rattle space ([\d.]+) mm", said)]
     assert rattle[1] < rattle[0]

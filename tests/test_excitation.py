@@ -1,4 +1,4 @@
-"""Motions compared with calculus: each velocity is the derivative of the displacement; known extremes."""
+"""Motions: velocity is the derivative of displacement, and extremes have known values."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_sine_conserves_oscillator_energy(amplitude, frequency, t):
 
 
 def test_chirp_reaches_both_frequencies():
-    """The phase advances by the mean of both frequencies times the duration: here 80.25 turns."""
+    """The phase advances by the mean frequency times the duration, here 80.25 turns."""
     chirp = Chirp(0.002, 1.0, 15.05, 10.0)
     t = np.linspace(0.0, 10.0, 200_001)
     x = chirp.displacement(t)
@@ -100,7 +100,7 @@ def test_named_motion_reaches_amplitude_and_speed(name, amplitude, speed):
 
 
 def test_nonperiodic_motion_has_no_period():
-    """The tones have no common period below 100 s: no shift by 1 to 60 s brings the motion back."""
+    """The motion does not repeat after any time from 1 to 60 s because its tones have no common period."""
     t = np.arange(0.0, 120.0, 0.01)
     x = MOTIONS["nonperiodic"].displacement(t)
     echoes = [np.corrcoef(x[:-shift], x[shift:])[0, 1] for shift in range(100, 6000, 5)]
@@ -138,7 +138,7 @@ def test_current_steps_hold_levels():
 
 @given(samples=st.integers(1, 400), rate=st.sampled_from([500.0, 1000.0, 10_000.0]), count=st.integers(1, 30))
 def test_sample_at_switch_has_next_level(samples, rate, count):
-    """Rounded sample times give the same level. Here the levels are whole numbers of samples."""
+    """Rounding of sample times does not change the level. Levels last a whole number of samples."""
     steps = CurrentSteps(tuple(range(count)), hold=samples / rate)
     expected = np.repeat(np.arange(count), samples)
     assert np.array_equal(steps.current(np.arange(count * samples) / rate), expected)
@@ -149,7 +149,7 @@ def test_sample_at_switch_has_next_level(samples, rate, count):
 
 @pytest.mark.system
 def test_road_has_spectrum_of_class():
-    """In each octave, the power of a periodogram agrees with Gd(n0) (n / n0)^-2 far above the corner."""
+    """In each octave far above the corner, the periodogram agrees with the power of Gd(n0) (n / n0)^-2."""
     from scipy.signal import periodogram
 
     road = Road("C", speed=20.0, seed=5)
@@ -180,7 +180,7 @@ def test_random_current_is_independent_of_duration():
     t = np.arange(-0.5, 400.0, 1e-3)
     current = random.current(t)
     changes = np.flatnonzero(np.diff(current)) * 1e-3
-    # A level can occur twice in succession at either end.
+    # The first or last level can occur twice in succession.
     assert np.diff(changes).min() >= 0.02 - 1.5e-3
     assert np.median(np.diff(changes)) == pytest.approx(np.sqrt(0.02 * 0.3), rel=0.1)
     assert np.all(current[t <= 0.0] == current[0])

@@ -24,7 +24,7 @@ def runs() -> list[RigRun]:
 
 
 def columns(run: RigRun, **changes: object) -> dict[str, object]:
-    """Return the columns of a run under names with units. None removes a column."""
+    """Return the columns of a run with names that contain units. None removes a column."""
     given = {
         "time_ms": 1e3 * run.time,
         "displacement_mm": 1e3 * run.displacement,
@@ -81,7 +81,7 @@ def test_second_column_level_is_the_unit(runs):
         np.testing.assert_allclose(read.force, runs[0].force, rtol=1e-9)
 
 
-def test_columns_are_named_or_given(runs):
+def test_columns_are_accepted_as_names_or_arrays(runs):
     run = runs[0]
     bare = pd.DataFrame({"t": run.time, "Pos": 1e3 * run.displacement, "Load": 1e-3 * run.force})
     named = mrdamper.read(

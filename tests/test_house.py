@@ -1,4 +1,4 @@
-"""Rules for all files of the repository: forbidden content and required beginnings."""
+"""Rules for all files of the repository: forbidden content, first lines, lock files, imports."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MACHINE_PATHS = re.compile(r"(?<![\w.~*}/)-])/(?:home|root|work|opt|mnt|Users)/\
 
 @pytest.fixture(scope="module")
 def files(tool: Callable[[str], Path]) -> list[Path]:
-    """Return the files in git, and new files that are not ignored."""
+    """Return the files in git, and new files that git does not ignore."""
     listing = [str(tool("git")), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
     run = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=False)
     if run.returncode:
@@ -81,7 +81,7 @@ LOCKS = ("requirements.lock", "requirements-test.lock")
 
 
 def lock_entries(name: str) -> dict[str, str]:
-    """Return the entries of a lock file: distribution -> entry with its continuation lines."""
+    """Return the entries of a lock file by distribution, each with its continuation lines."""
     joined = re.sub(r"\\\n", " ", text_of(ROOT / name))
     entries = [line for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     return {normalised(re.split(r"[=\s]", entry, maxsplit=1)[0]): entry for entry in entries}
@@ -113,11 +113,11 @@ def test_locks_cover_all_requirements():
     assert names - {"mrdamper"} - {name for lock in LOCKS for name in lock_entries(lock)} == set()
 
 
-# --------------------------------------------------------------------------------------------- rooms
+# --------------------------------------------------------------------------------------------- imports
 
 
 def test_no_package_imports_the_public_interface(files):
-    """Contracts do not follow imports through ``mrdamper``; methods of the card are its functions."""
+    """Import contracts cannot follow imports through ``mrdamper``. Only ``card.py`` may use it."""
     package = ROOT / "src" / "mrdamper"
     rooms = {path.stem for path in package.iterdir()} | {"__version__"}
     through_the_face = [

@@ -60,7 +60,7 @@ def test_result_has_summary_and_figure(tmp_path):
 @pytest.mark.nightly
 @pytest.mark.parametrize("checker", ["mypy", "pyright"])
 def test_type_checker_reports_wrong_calls(checker, tmp_path, tool):
-    """It accepts the correct calls of the script and finds an error in every marked line."""
+    """The type checker accepts the correct calls of a script and reports an error in every marked line."""
     if checker == "mypy":
         command = [sys.executable, "-m", "mypy", str(SCRIPT)]
     else:
@@ -75,20 +75,20 @@ def test_type_checker_reports_wrong_calls(checker, tmp_path, tool):
     assert run.returncode == 0, run.stdout
 
 
-# ------------------------------------------------------------------------------- as people use it (figures)
+# ------------------------------------------------------------------------------- short scripts of users
 
 FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # At most 4 lines.
+"""  # max 4 lines
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
 runs = mrdamper.read("logger.csv", {"displacement_mm": "Pos", "force_kN": "Load", "current_A": "Coil"})
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # At most 6 lines.
+"""  # max 6 lines
 
 
 @pytest.fixture(scope="module")
@@ -173,11 +173,11 @@ COMMANDS_OF = {
     "report/identification": ("fit",),
     "jobs/sweep": ("sweep",),
 }
-OTHER_TEXTS = ("registry/__init__.py", "cli/help_texts.py", "report/base.py")  # They name no command.
+OTHER_TEXTS = ("registry/__init__.py", "cli/help_texts.py", "report/base.py")  # These texts name no command.
 
 
 def message_texts(path: Path) -> Iterator[str]:
-    """Yield the string literals of a module except docstrings; values in them are replaced by {}."""
+    """Generate the string literals of a module except docstrings; formatted values are replaced by {}."""
     source = path.read_text(encoding="utf-8")
     if not NAMED_OPTION.search(source):
         return  # Parsing takes most of the time.
@@ -192,7 +192,7 @@ def message_texts(path: Path) -> Iterator[str]:
 
 
 def printed_texts() -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield each text that is printed, and the commands that print it."""
+    """Generate each text that a command can print, with the commands that print the text."""
     for name, job in JOBS.items():
         yield (name,), job.help
     for path in sorted(SOURCE.rglob("*.py")):
@@ -213,7 +213,7 @@ def options_of(command: str) -> dict[str, str]:
 
 
 def test_messages_name_existing_options():
-    """Each option exists for its command, and its keyword for the function of the same name."""
+    """Each option in a message exists for the command, and as a keyword of the function of this name."""
     checked = set()
     for printed_by, text in printed_texts():
         for command, option in NAMED_OPTION.findall(text):

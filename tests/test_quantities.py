@@ -48,7 +48,7 @@ def test_temperature_scales_agree(celsius):
         ("ma", "current", "mA"),
     ],
 )
-def test_spelling_of_rigs_is_understood(spelling, role, unit):
+def test_unit_spellings_of_rigs_are_read(spelling, role, unit):
     assert spell_unit(spelling, role) == unit
     assert np.array_equal(to_si([1.0, 2.0], spelling, role), to_si([1.0, 2.0], unit, role))
 

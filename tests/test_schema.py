@@ -1,4 +1,4 @@
-"""A written record is read again, and an error message has location, value and expectation."""
+"""Records can be written and read again. Error messages have location, value and expectation."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ NETWORK = {
 }
 KEYWORDS = {"allow_pickle", "shell"}
 
-# The only modules that import by a computed name or execute a file, with the reason.
+# The only modules that import a module by a computed name or execute a file, with the reason.
 ALLOWED = {
     "data/formats/mdf.py: import_module": "modules of asammdf, by a name in the source",
     "data/formats/objects.py: allow_pickle=": "with allow_pickle=False",
@@ -72,7 +72,7 @@ def module_of(node: ast.AST) -> Iterator[str]:
 
 
 def findings(nodes: Iterable[ast.AST]) -> Iterator[str]:
-    """Yield the forbidden calls in a piece of source."""
+    """Generate the forbidden calls in the syntax nodes of a module."""
     for node in nodes:
         yield from (f"import {name}" for name in module_of(node) if name.split(".")[0] in MODULES)
         if isinstance(node, ast.ImportFrom):

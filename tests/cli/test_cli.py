@@ -1,4 +1,4 @@
-"""Command line in scripts: JSON keys, exit codes, complete files."""
+"""Use of the command line in scripts: JSON keys, exit codes, complete files."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def fit_into(out, folder):
 
 @pytest.fixture(scope="module")
 def identified(folder):
-    """Fit once, for all tests of the result."""
+    """Run the command ``fit`` once for all tests of its result."""
     return mrdamper(*fit_into(folder / "out", folder), "--json")
 
 
 @pytest.fixture(scope="module")
 def repeated(folder):
-    """Fit again in a process of its own; return what the terminal shows, and the wall time [s]."""
+    """Run the command ``fit`` in a separate process; return the terminal output and the wall time [s]."""
     started = time.monotonic()
     arguments = command(*fit_into(folder / "again", folder))
     done = subprocess.run(arguments, capture_output=True, check=True, text=True)
@@ -80,7 +80,7 @@ def test_fit_json_has_documented_keys(identified, folder):
 
 
 def test_closing_line_prints_wall_time(repeated):
-    """The time of the command is printed. The start of the interpreter is not included."""
+    """The printed time excludes the start of the interpreter."""
     text, elapsed = repeated
     printed = float(re.findall(r"^Wrote .* \(([\d.]+) s\)\.$", text, re.MULTILINE)[0])
     assert 0.3 * elapsed <= printed <= elapsed + 0.1
@@ -260,7 +260,7 @@ def test_single_current_is_accepted_with_option(tmp_path, folder):
     assert mrdamper(*arguments, "--one-command").returncode == 0
 
 
-# --------------------------------------------------------------------------------------- other ways
+# --------------------------------------------------------------------------------------- laws and interrupts
 
 
 @pytest.mark.nightly
@@ -282,7 +282,7 @@ def test_python_law_is_fitted_and_evaluated(folder):
 
 
 def test_interrupted_search_writes_best_card(folder):
-    """After an interrupt in the first step of the search, card, report and exit code report it."""
+    """An interrupt in the first search step is stated in card and report, and changes the exit code."""
 
     def interrupt(update: ProgressUpdate) -> None:
         if isinstance(update.detail, SearchState):
@@ -315,7 +315,7 @@ def test_unknown_data_set_is_rejected():
 
 @pytest.mark.nightly
 def test_real_sines_are_fitted_accurately(real_data, tmp_path):
-    """Limits for 20 UTFSM sines: median error 6.5 %, worst error with current 8.5 %, worst 17 %."""
+    """Errors of 20 UTFSM sines: median below 6.5 %, worst with current below 8.5 %, worst below 17 %."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))
     summary = answer["summary"]["training"]

@@ -1,4 +1,4 @@
-"""Commands for runs at several temperatures: rig and fit, and rejected inputs."""
+"""The commands ``rig`` and ``fit`` with runs at several temperatures, and rejected inputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LAW = (
     "bouc-wen",
     "--term",
     "none",
-)  # The selection of a law takes ten times as long and has its own tests.
+)  # Model selection takes ten times as long and has separate tests.
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def identified(folder, measured) -> dict[str, Any]:
 
 
 def changed(folder: Path, into: Path, change: Callable[[dict[str, str]], None], glob: str = "*.csv") -> Path:
-    """Write the runs again with changed rows. Columns can be removed or renamed."""
+    """Copy runs to another folder with changed rows. ``change`` can also remove or rename columns."""
     into.mkdir()
     for path in sorted((folder / "runs").glob("*.csv")):
         if not path.match(glob):
@@ -89,7 +89,7 @@ def without_temperature(row: dict[str, str]) -> None:
     del row["temperature_degC"]
 
 
-# -------------------------------------------------------------------------------- the way through
+# -------------------------------------------------------------------------------- from rig to card
 
 
 @pytest.mark.nightly
@@ -128,7 +128,7 @@ def test_card_has_temperature_range_and_dependence(identified):
 
 
 def test_card_has_actuation_from_current_steps(identified):
-    """Driver, eddy currents and fluid of the rig need 13.5 ms to reach 63 %."""
+    """Coil driver, eddy currents and fluid of the virtual rig need 13.5 ms to reach 63 %."""
     card = read_card(Path(identified["card"]))
     actuation = card.damper.actuation
     assert actuation is not None
@@ -162,7 +162,7 @@ def test_temperature_dependence_of_fluid_is_marked_assumed(folder, identified, t
 
 
 def refused(ended: CompletedProcess[str], *parts: str) -> None:
-    """Check that there is one message with all parts, exit code 3, and no standard output."""
+    """Assert that a command ended with exit code 3, one complete message, and no standard output."""
     assert ended.returncode == 3, ended.stdout + ended.stderr
     assert ended.stdout == ""
     assert ended.stderr.startswith("mrdamper: ")

@@ -36,7 +36,7 @@ class Ideal:
 
 
 class Lagging(Ideal):
-    """The same behind one first-order lag of the current; it remembers."""
+    """An ``Ideal`` damper whose current has a first-order lag. Its state is the lagged current."""
 
     def __init__(self, lag_s=0.01, **changed):
         super().__init__(**changed)
@@ -60,7 +60,7 @@ class Lagging(Ideal):
 
 @dataclass(frozen=True)
 class Constant:
-    """The same current for ever."""
+    """A controller that always returns the same current."""
 
     current: float = 1.0
     name: str = "constant"
@@ -77,7 +77,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class OnOff(Constant):
-    """Highest current while the force is too small and on the right side, else none."""
+    """A controller that returns 2 A while the force has the sign of the target and is too small, else 0 A."""
 
     name: str = "on-off"
     needs_force: bool = True
@@ -89,7 +89,7 @@ class OnOff(Constant):
 
 @dataclass(frozen=True)
 class Inverse(Constant):
-    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain, of the wanted force or the one ahead."""
+    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain, with the previewed target F* if available."""
 
     name: str = "inverse"
     low: float = 50.0
@@ -102,7 +102,7 @@ class Inverse(Constant):
 
 @dataclass(frozen=True)
 class Recording(Constant):
-    """Returns a ramp of current and records all its inputs."""
+    """A controller that returns a ramp of current and records all its inputs in ``LAST``."""
 
     name: str = "recording"
     needs_force: bool = True
@@ -121,7 +121,7 @@ LAST: list[tuple[Reference, Measurement]] = []
 
 
 def quiet(scenario, **changed):
-    """Return a scenario whose sensors add nothing."""
+    """Return a scenario whose sensors have no noise."""
     still = replace(
         scenario.sensors, displacement_noise_m=0.0, force_noise_N=0.0, temperature_noise_K=0.0, **changed
     )

@@ -1,4 +1,4 @@
-"""A card's damper as a plant: the simulation of a record, step by step."""
+"""The damper of a card as a plant: stepwise simulation equals the simulation of a whole record."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def swing(t):
 @pytest.mark.system
 @pytest.mark.parametrize("law", list(LAWS))
 def test_plant_equals_causal_simulation(law):
-    """At 10 kHz within 1e-3 of the peak force, with the inertia of a differenced acceleration."""
+    """The difference is below 1e-3 of the peak force at 10 kHz. Acceleration is computed from velocity."""
     whole = path(swing)
     expected = simulate(damper(law), whole, form="causal")
     force = in_blocks(CardPlant(damper(law)), whole, 10)
@@ -92,22 +92,22 @@ def test_plant_equals_causal_simulation(law):
 
 
 @pytest.mark.parametrize("width", [0.0, 0.05])
-def test_plant_passes_the_actuation(width):
+def test_plant_force_follows_delayed_current(width):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035, hysteresis_width_A=width)
-    whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))  # settled at the start
+    whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))  # The actuation starts in steady state.
     expected = simulate(damper(lag=lag), whole, form="causal")
     force = in_blocks(CardPlant(damper(lag=lag)), whole, 10)
-    # The plant holds the command in a step and the record interpolates it: half a step apart.
+    # The plant holds the command during a step. The record interpolates it, which is half a step later.
     assert np.abs(force - expected)[1:].max() < 2e-3 * np.abs(expected).max()
 
 
 @pytest.mark.system
 @pytest.mark.parametrize("size", [1, 7, 1000])
-def test_block_size_does_not_matter(size):
+def test_block_size_does_not_change_force(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     together = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))
-    # A block of one sample puts the turning point at the sample.
+    # Blocks of one sample move the turning points to samples.
     near = 1e-6 * np.abs(together).max() if size == 1 else 1e-8
     assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(together, abs=near)
 
@@ -135,7 +135,7 @@ def test_unsuitable_law_is_refused():
 @pytest.mark.system
 @pytest.mark.parametrize("exponent", [0.1, 1.2])
 def test_series_valve_comes_to_rest(exponent):
-    """The thinning force is vertical at rest, and the solver still finds a finite force."""
+    """The slope of the shear-thinning force is infinite at rest. The solver still finds a finite force."""
     t = 1e-4 * np.arange(12_000)
     x = 3e-3 * np.exp(-12.0 * t) * np.sin(60.0 * t)
     x[9000:] = x[9000]

@@ -1,4 +1,4 @@
-"""The configuration: the kernel has the declared struct, and values out of range are refused."""
+"""Configuration of controllers: same fields in Python and kernel, and rejected values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_python_flags_equal_flags_of_kernel():
 
 
 def test_configuration_has_same_fields_as_kernel():
-    """The header is written by hand, so names and order are compared with the dataclasses."""
+    """The C header is written by hand. Names and order must be the same as in the dataclasses."""
     header = (KERNEL / "controller_config.h").read_text(encoding="utf-8")
     structs = re.findall(r"typedef struct \{\n(.*?)\} mrd_config_(\w+);", header, re.DOTALL)
     kernel = {part: re.findall(r"^ +\w+ (\w+);", members, re.MULTILINE) for members, part in structs}

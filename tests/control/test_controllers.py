@@ -1,4 +1,4 @@
-"""Controllers: the solved current gives the wanted force, and the command stays within its limits."""
+"""Controllers: the computed current gives the target force, and the command stays within its limits."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_force_along_motion_gets_no_current(name, speed):
 
 @every_controller
 def test_single_steps_equal_one_run(law, name):
-    """A step does not change its input state, and the same arguments give the same result."""
+    """A step returns a new state and does not change its input state."""
     made = OF[law][name]
     rows = told(made, 0.2)
     rows[:, 4] = 50.0
@@ -117,7 +117,7 @@ def test_pickled_controller_gives_same_bits(single):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_single_precision_gives_same_command(name):
-    """The limit is 2 mA for 5 s. A prediction deviates at the kinks of its six steps, in 1 % of samples."""
+    """The limit is 2 mA in 5 s. Predictions may deviate in 1 % of samples, at kinks of their six steps."""
     made = ALL[name]
     rows = told(made, 5.0)
     rows[:, 4] = 0.8 * rows[:, 0]
@@ -155,7 +155,7 @@ def test_invalid_state_bytes_are_rejected():
     single=st.booleans(),
 )
 def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
-    """The command is within its limits, and a reading outside its own limits is flagged."""
+    """The command is within its limits, and a reading outside the limits of its sensor is flagged."""
     law, name = which
     made = replace(OF[law][name], single=single)
     inputs = np.repeat(np.array(rows), repeats, axis=0)
@@ -167,7 +167,7 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
         "cold": limits.cold_limit,
         "hot": limits.hot_limit,
     }
-    if single:  # A target rounds its readings and limits.
+    if single:  # Single precision rounds readings and limits.
         with np.errstate(over="ignore"):
             inputs = inputs.astype(np.float32).astype(np.float64)
             number = {key: float(np.float32(value)) for key, value in number.items()}
@@ -176,7 +176,7 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
         Flag.NO_TARGET: ~(np.abs(now) <= 1e7),
         Flag.NO_DISPLACEMENT: ~(np.abs(x) <= number["far"]),
     }
-    if name != "paper-unaware":  # It does not read the temperature.
+    if name != "paper-unaware":  # This controller does not read the temperature.
         wrong[Flag.NO_TEMPERATURE] = ~((kelvin >= number["cold"]) & (kelvin <= number["hot"]))
     for flag, expected in wrong.items():
         np.testing.assert_array_equal((flags & flag) != 0, expected)
@@ -189,16 +189,16 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
 @examples(25)
 @given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
 def test_tracking_recovers_from_invalid_readings(law, rows):
-    """After 22 s of valid readings the command is that of a controller without invalid readings.
+    """22 s after invalid readings, the command is the same as without invalid readings.
 
-    The estimate of the frequency of the motion forgets a jump by a metre with a time constant of 1 s.
-    The valid temperatures have noise because a constant reading after a jump counts as frozen.
+    The effect of a jump by a metre on the estimated frequency decays with a time constant of 1 s. The valid
+    temperatures have noise because a constant reading after a jump counts as a stuck sensor.
     """
     bad = np.column_stack([np.array(rows), np.full(len(rows), np.nan)])
     made = OF[law]["recommended"]
     good = told(made, 22.5, noise=0.0)
     good[:, 3] += 0.05 * np.random.default_rng(2).standard_normal(len(good))
-    # A prediction can take several samples, so both runs have the same number of them.
+    # A prediction can be spread over several samples. Therefore both runs have the same number of samples.
     before = np.tile(good[:1], (len(bad), 1))
     clean, after = (made.run(made.run(made.start(), each)[0], good)[1] for each in (before, bad))
     assert np.abs(after - clean)[22_000:].max() < 0.02
@@ -209,7 +209,7 @@ def test_non_finite_state_is_reset_with_flag():
     rows = told(RECOMMENDED, 0.2)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
     damaged = np.frombuffer(state, dtype=np.float64).copy()
-    damaged[0] = math.nan  # the displacement
+    damaged[0] = math.nan  # estimated displacement
     _, current, flags = RECOMMENDED.run(damaged.tobytes(), rows)
     assert flags[0] & Flag.INTERNAL_FAULT
     assert not (flags[1:] & Flag.INTERNAL_FAULT).any()
@@ -219,7 +219,7 @@ def test_non_finite_state_is_reset_with_flag():
 def faulted(
     column: int, value: float, *, seconds: float = 1.0, at: float = 0.5
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Return commands and flags of a run with a constant value from ``at`` on, and the commands without."""
+    """Return commands and flags if a reading is constant from ``at`` on, and commands without the fault."""
     good = told(RECOMMENDED, seconds)
     bad = good.copy()
     bad[round(at / PERIOD) :, column] = value
@@ -237,7 +237,7 @@ def test_invalid_temperature_is_replaced(value):
 
 @pytest.mark.parametrize(("at", "accepted"), [(0.5, 2.5), (3.0, 6.0)])
 def test_temperature_jump_is_accepted_later(at, accepted):
-    """A reading that jumps by 60 K is accepted after 2 s, or after as long as the valid readings before."""
+    """A jump by 60 K is accepted after 2 s, or after the duration of the valid readings if this is longer."""
     current, flags, clean = faulted(3, ROOM + 60.0, seconds=accepted + 1.0, at=at)
     begin, end = round(at / PERIOD), round(accepted / PERIOD)
     assert (flags[begin : end - 10] & Flag.TEMPERATURE_JUMP).all()
@@ -245,7 +245,7 @@ def test_temperature_jump_is_accepted_later(at, accepted):
     assert not (flags[end + 10 :] & Flag.TEMPERATURE_JUMP).any()
 
 
-def test_missing_temperature_becomes_the_nominal_one():
+def test_missing_temperature_is_replaced_by_nominal_value():
     made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
     rows = told(made, 6.0)
     rows[500:, 3] = np.nan
@@ -263,8 +263,8 @@ def test_temperature_outside_tables_uses_their_edge():
 
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
-def test_missing_displacement_leads_to_fall_back(value):
-    """The motion is extrapolated for 120 ms. Then the command is the fall-back until it is known again."""
+def test_missing_displacement_gives_fall_back_command(value):
+    """The motion is extrapolated for 120 ms. Then the command is the fall-back until the motion is known."""
     current, flags, clean = faulted(2, value)
     assert (flags[500:] & Flag.NO_DISPLACEMENT).all()
     assert np.abs(current - clean)[500:510].max() < 0.1
@@ -277,7 +277,7 @@ def test_missing_displacement_leads_to_fall_back(value):
     assert not (flags[750:] & Flag.MOTION_UNKNOWN).any()
 
 
-def test_frozen_displacement_is_detected_in_motion():
+def test_stuck_displacement_sensor_is_detected_in_motion():
     """A constant displacement of a damper at rest is not a fault."""
     frozen = told(RECOMMENDED, 1.0)[500, 2]
     _, flags, _ = faulted(2, float(frozen))
@@ -300,8 +300,8 @@ def test_missing_force_disables_the_feedback(name):
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
-def test_preview_is_the_horizon(period):
-    """An additional delay lengthens the preview by the same time."""
+def test_preview_equals_prediction_horizon(period):
+    """The preview equals the prediction horizon. An additional delay lengthens the preview by this delay."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
     expected = horizon_end(made["recommended"].config.prediction)
     assert expected > LAGS.response_time(0.5)
@@ -325,7 +325,7 @@ def test_causal_controller_extrapolates_a_parabola():
 
 
 def test_scaled_controller_scales_the_force():
-    """Without spring and offset, twice all parts of the force give the same command for twice the force."""
+    """If target and all parts of the force are doubled, the command stays the same (no spring or offset)."""
     bare = at_once(DOUBLE).with_parameters({"stiffness.value": 0.0, "offset.c0": 0.0, "offset.c1": 0.0})
     made = controllers_for(bare)["recommended"]
     twice = made.scaled(2.0, 2.0, 2.0)
@@ -339,7 +339,7 @@ def test_scaled_controller_scales_the_force():
     ("wanted", "force", "expected"),
     [(800.0, 500.0, 2.0), (800.0, 900.0, 0.0), (-800.0, 900.0, 0.0), (-800.0, -500.0, 2.0)],
 )
-def test_clipped_on_off_gives_all_or_nothing(wanted, force, expected):
+def test_clipped_on_off_returns_zero_or_maximum(wanted, force, expected):
     made = ALL["clipped-on-off"]
     assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 

@@ -1,4 +1,4 @@
-"""Estimators: against Riccati's equation, closed forms, the card's actuation, and the same in Python."""
+"""Estimators compared with the Riccati equation, closed forms, the card's actuation, and Python versions."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def test_filter_covariance_solves_riccati_equation(period, noise, density):
     )
 
 
-def test_white_jerk_leaves_the_stated_velocity_error():
-    """40 s of such a motion with 10 um at 1 kHz: the RMS error is the stated one within 5 %."""
+def test_white_jerk_causes_stated_velocity_error():
+    """The RMS velocity error in 40 s with white jerk and 10 um noise equals the stated error within 5 %."""
     rng, reference = np.random.default_rng(3), MotionFilter(PERIOD)
     stated = math.sqrt(reference.covariance[1, 1])
     n = 40_000
@@ -83,8 +83,8 @@ def test_motion_of_controller_equals_the_filter():
 
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 4e-3])
-def test_held_commands_pass_the_actuation(period):
-    """The reference is the card's actuation at a hundredth of the period, where held and linear agree."""
+def test_observer_follows_actuation_of_card(period):
+    """The reference is the card's actuation on a time grid that is 100 times finer."""
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(0.0, 2.0, 30), 5)
     observer = AppliedCurrent(LAGS, period)
@@ -94,7 +94,7 @@ def test_held_commands_pass_the_actuation(period):
         found.append(state.applied)
     fine = np.concatenate([np.zeros(100), np.repeat(command, 100)])
     whole = LAGS.apply(fine, period / 100.0)[100:]
-    # A dead time between two samples is interpolated, which is late or early by a fraction of a period.
+    # A dead time that ends between two samples is interpolated, with an error of a fraction of a period.
     blur = 0.6 * period * 2.0 / (LAGS.rise_s + LAGS.second_s)
     assert np.abs(found - whole[99::100]).max() < max(2e-3, blur)
 
@@ -116,7 +116,7 @@ def test_applied_current_of_controller_equals_observer():
 @pytest.mark.parametrize("wide_hysteresis_width_A", [0.0, 0.15])
 @pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
 def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_width_A):
-    """Dead time, lags, free-wheeling, saturation, hysteresis: 8 mA of 2 A from the card's in 10 us steps."""
+    """The estimated current is within 8 mA of the card's actuation on a grid of 10 us; the limit is 2 A."""
     lags = Actuation(
         0.004,
         0.001,
@@ -147,11 +147,11 @@ def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_
 
 
 def test_observer_follows_a_first_order_lag():
-    """A constant surplus along the motion is observed as 1 - exp(-t / T), and at last in full."""
+    """The estimate of a constant additional force rises as 1 - exp(-t / T) to its full value."""
     made = controllers_for(DOUBLE)["recommended-observer"]
     state, surplus, found = made.start(), 40.0, []
     for k in range(2000):
-        # The reading is the model's force after the step, so that the error is the surplus alone.
+        # The measured force is the model's force after the step plus the additional force.
         row = np.array([[300.0, 300.0, 2e-5 * k, 300.0, np.nan]])
         after = made.run(state, row)[0]
         row[0, 4] = made.estimate(after).force + surplus

@@ -1,4 +1,4 @@
-"""A frozen thermometer is detected by the heat balance, and a damper in balance is not accused."""
+"""A stuck thermometer is detected by the heat balance. A damper in thermal balance causes no alarm."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mrdamper.thermal.model.transient import simulate_network
 from tests.oracles.closed_form import constant_heating
 from tests.support.cards import DOUBLE
 
-PERIOD, ROOM = 5e-3, 293.15  # A slow sampling: half an hour has 360,000 steps.
+PERIOD, ROOM = 5e-3, 293.15  # The long period limits half an hour to 360,000 steps.
 MOTION = Sine(15e-3, 1.0)
 PAPER = read_drawing("paper")
 WHOLE = Heating.paper()
@@ -46,7 +46,7 @@ def rows(seconds: float, *, current: float = 2.0, kelvin: Any = ROOM) -> FloatAr
 
 
 def power_of(kelvin: float, current: float = 2.0) -> float:
-    """Return the mean power of the damper's force over whole periods [W]."""
+    """Return the mechanical power of the damper [W], averaged over whole periods of the motion."""
     told = rows(4.0, current=current, kelvin=kelvin)
     quiet = model(NO_HEATING)
     force = quiet.run(quiet.start(), told)[1]
@@ -54,7 +54,7 @@ def power_of(kelvin: float, current: float = 2.0) -> float:
 
 
 def first(flags: NDArray[np.int64]) -> float:
-    """Return the time of the first flag [s]; infinite if there is none."""
+    """Return the time of the first flag [s], which is infinite if no flag was raised."""
     raised = np.flatnonzero(flags & FROZEN)
     return PERIOD * float(raised[0]) if raised.size else math.inf
 
@@ -63,8 +63,8 @@ def first(flags: NDArray[np.int64]) -> float:
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_frozen_reading_is_flagged_after_5_kelvin(single):
-    """The flag is raised between the times for no loss and for the largest loss."""
+def test_stuck_thermometer_is_flagged_after_5_kelvin(single):
+    """A constant reading is flagged when the damper should be 5 K warmer, with zero to maximum heat loss."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
@@ -76,19 +76,19 @@ def test_frozen_reading_is_flagged_after_5_kelvin(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_and_model_detect_frozen_sensor_equally():
-    """The controller adds one term of the force per step, which sums to the work of the force in a minute."""
+def test_controller_and_model_detect_stuck_sensor_equally():
+    """Both raise the flag at the same time within 5 %, although the controller sums the work term by term."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
     told = np.full((len(t), 5), np.nan)
-    told[:, 0] = told[:, 1] = 5000.0 * np.sign(MOTION.velocity(t))  # 2 A throughout, because it is infeasible
+    told[:, 0] = told[:, 1] = 5000.0 * np.sign(MOTION.velocity(t))  # infeasible: always 2 A
     told[:, 2], told[:, 3] = MOTION.displacement(t), ROOM
     reference = first(model().run(model().start(), rows(75.0))[2])
     assert first(made.run(made.start(), told)[2]) == pytest.approx(reference, rel=0.05)
 
 
-def test_frozen_temperature_is_extrapolated():
-    """The estimate follows one body heated with constant power. A sensor that recovers is used after 2 s."""
+def test_temperature_of_stuck_sensor_is_extrapolated():
+    """The estimate rises like the temperature of one heat capacity. A recovered sensor is used after 2 s."""
     made = model(extrapolate_temperature=True)
     state, _, flags = made.run(made.start(), rows(500.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
@@ -119,7 +119,7 @@ def test_model_flags_without_changing_the_force():
     assert not (quiet & FROZEN).any()
 
 
-# --- Not accused ------------------------------------------------------------------------------------------
+# --- No false alarm ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kelvin", [253.15, ROOM, 353.15])
@@ -132,7 +132,7 @@ def test_damper_at_rest_may_have_constant_temperature(kelvin):
 
 @cache
 def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArray:
-    """Return the fluid temperature of the zone network [K] from ambient on, at every sample."""
+    """Simulate heating from ambient with the zone network; return the fluid temperature [K] by sample."""
     network = zone_network(drawing)
     warm = [float(k) for k in np.linspace(drawing.surroundings.ambient, 400.0, 5)]
     powers = [power_of(k, current) for k in warm]
@@ -147,8 +147,8 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
 @pytest.mark.nightly
 @pytest.mark.parametrize("fins", [True, False])
 @pytest.mark.parametrize("step_K", [0.1, 1.0, 3.0])
-def test_coarse_thermometer_is_not_accused(fins, step_K):
-    """Half an hour into balance: the damper is the zone network, its reading is rounded and has no noise."""
+def test_coarse_thermometer_is_not_reported_stuck(fins, step_K):
+    """The damper warms for half an hour to thermal balance. Its reading is rounded and has no noise."""
     drawing = PAPER if fins else PAPER.with_sink(None)
     made = model(Heating.from_drawing(drawing))
     kelvin = np.round(warming(drawing, 1800.0, 1.0) / step_K) * step_K
@@ -156,8 +156,8 @@ def test_coarse_thermometer_is_not_accused(fins, step_K):
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
-def test_wrong_loss_does_not_accuse_in_balance(wrong):
-    """The reading is constant for a quarter of an hour in thermal balance."""
+def test_wrong_heat_loss_causes_no_false_alarm(wrong):
+    """In thermal balance the reading is constant for 15 min. The assumed heat loss is wrong by 30 to 40 %."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))
     assert first(made.run(made.start(), rows(900.0, current=1.0, kelvin=kelvin))[2]) == math.inf

@@ -1,4 +1,4 @@
-"""The sampled loop: hold, delays, limits and sensors."""
+"""The sampled control loop: zero-order hold, delays, limits and sensors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 
 
 def test_exact_inverse_has_only_the_hold_error():
-    """If a command is held for a period P, the error is at most P times the largest slope 2 pi f A."""
+    """Holding a command for a period P causes an error of at most P times the max slope 2 pi f A."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3
@@ -55,7 +55,7 @@ def test_preview_of_half_period_halves_the_error():
 @pytest.mark.system
 @given(late=st.integers(0, 137))
 def test_delay_shifts_the_command(late):
-    """The delay may be a part of a sample. Before the first command arrives there is no current."""
+    """The delay may be a fraction of a sample. The current is zero before the first command arrives."""
     scenario = replace(SHORT, duration_s=0.3, unscored_s=0.0)
     at_once = run_loop(Ideal(), Recording(), scenario).current
     delay = Disturbance(command_delay_s=late * 1e-4)
@@ -83,7 +83,7 @@ def test_driver_saturates_and_rounds(current, step):
 
 
 def test_plant_lag_delays_the_force():
-    """Behind a lag T, a slowly rising current is late by T, within half a period of the hold."""
+    """A lag T delays a slowly rising current by T. The tolerance is half of the sampling period."""
     run = run_loop(Lagging(0.01), Recording(slope=0.5), SHORT)
     size = np.abs(run.force) - 50.0
     late = run.course.time[2000:2400] - size[2000:2400] / (800.0 * 0.5)
@@ -103,8 +103,8 @@ def test_controller_gets_target_now_and_ahead():
     assert all(w.ahead is None and s.force is None for w, s in LAST)
 
 
-def test_quiet_sensors_read_the_true_values():
-    """The force is that of the step before the sample; displacement and temperature are of the instant."""
+def test_noise_free_sensors_return_true_values():
+    """The measured force is the force of the preceding time step. Other readings are values at the sample."""
     run = run_loop(Ideal(), Recording(), SHORT)
     seen = [s for _, s in LAST]
     expected = MOTIONS["sine5mm1Hz"].displacement(1e-3 * np.arange(1000))
@@ -114,7 +114,7 @@ def test_quiet_sensors_read_the_true_values():
 
 
 def test_noise_has_the_specified_standard_deviation():
-    """The standard error of a deviation from n values is deviation / sqrt(2 n), of a mean it is / sqrt(n)."""
+    """Tolerances are four standard errors: s / sqrt(2 n) of a standard deviation, s / sqrt(n) of a mean."""
     scenario = replace(SHORT, sensors=Sensing(temperature_offset_K=5.0, lost_share=0.0), duration_s=4.0)
     run_loop(Ideal(), Recording(), scenario)
     seen = [s for _, s in LAST]
@@ -137,7 +137,7 @@ def test_dropout_leaves_other_sensors_unchanged():
 
 
 @pytest.mark.parametrize("sensor", ["displacement", "temperature", "force"])
-def test_frozen_sensor_repeats_its_reading(sensor):
+def test_stuck_sensor_repeats_its_reading(sensor):
     frozen = Sensing(dropouts=(Dropout(sensor, 0.2, 0.3, "frozen"),))
     run_loop(Ideal(), Recording(), replace(SHORT, sensors=frozen))
     read = [getattr(s, sensor) for _, s in LAST]
@@ -146,7 +146,7 @@ def test_frozen_sensor_repeats_its_reading(sensor):
 
 
 @pytest.mark.parametrize(("sensor", "by"), [("displacement", 1e-3), ("temperature", -7.5), ("force", 80.0)])
-def test_shifted_sensor_is_off_for_a_while(sensor, by):
+def test_sensor_offset_lasts_for_stated_time(sensor, by):
     read = []
     for faults in ((), (Dropout(sensor, 0.2, 0.3, "shifted", by),)):
         run_loop(Ideal(), Recording(), replace(SHORT, sensors=Sensing(dropouts=faults)))
@@ -162,7 +162,7 @@ def test_lost_samples_have_the_stated_rate(sensor):
     assert lost == pytest.approx(0.1, abs=4 * np.sqrt(0.09 / 4000))
 
 
-def test_displacement_has_delay_and_step():
+def test_measured_displacement_is_delayed_and_quantised():
     sensing = replace(SHORT.sensors, displacement_delay_s=0.004, displacement_step_m=1e-5)
     run_loop(Ideal(), Recording(), replace(SHORT, sensors=sensing))
     read = np.array([s.displacement for _, s in LAST])
@@ -182,7 +182,7 @@ def test_gain_of_damper_scales_force_and_reading():
 
 
 def test_same_seed_repeats_run_without_changing_plant():
-    """The same seed gives the same bits, another seed another run. The given plant does not change."""
+    """Equal seeds give equal bits, different seeds give different runs. The given plant does not change."""
     plant = Plant(PRESETS["nominal"])
     before, noisy = plant.state, replace(SHORT, sensors=Sensing())
     first, again, other = (run_loop(plant, OnOff(), replace(noisy, seed=seed)).force for seed in (1, 1, 2))
@@ -191,7 +191,7 @@ def test_same_seed_repeats_run_without_changing_plant():
     assert plant.state == before
 
 
-def test_constant_current_gives_the_plant_alone():
+def test_constant_current_gives_force_of_plant():
     run = run_loop(Plant(PRESETS["hard"]), Constant(1.3), SHORT)
     course = reference_trajectory(SHORT, 1e-4)
     whole = Plant(PRESETS["hard"]).advance_many(course.displacement, course.velocity, 1.3, 20.0)
@@ -218,7 +218,7 @@ class _AnyPlant:
 @pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
 @pytest.mark.parametrize("disturbed", [False, True])
 def test_loop_in_c_equals_loop_in_python(preset, disturbed):
-    """The bits are equal with any delay, converter, fault and gain."""
+    """Both loops give equal bits, also with delays, quantised currents, sensor faults and gains."""
     scenario = Scenario(duration_s=0.4, unscored_s=0.1, temperature_degC=60.0)
     if disturbed:
         disturbance = Disturbance(force_gain=1.1, command_delay_s=3.7e-3, command_step_A=0.01)
@@ -316,7 +316,7 @@ command_delay_s = 0.005
 
 def test_scenario_is_read_from_toml():
     scenario = Scenario.from_mapping(tomllib.loads(TOML))
-    assert scenario.motion == "sine3mm2Hz"  # default of ``like``
+    assert scenario.motion == "sine3mm2Hz"  # This value is from the scenario in ``like``.
     assert scenario.target == SineTarget(700, 2, -10)
     assert scenario.sensors.dropouts == (Dropout("displacement", 1.5, 1.6),)
     assert scenario.disturbance.command_delay_s == 0.005

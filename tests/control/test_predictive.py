@@ -1,4 +1,4 @@
-"""The chain on a target, and the controller that predicts.
+"""The real-time model of the law ``chain``, and the predictive controller.
 
 Values in the docstrings were measured when the test was written. The test has a wider bound.
 """
@@ -50,7 +50,7 @@ CHARGED = other(CHAIN, **HOLLOW | {"cavity_force": 950.0})
 def feasible_rms(
     model: Damper, scenario: Scenario, name: str = "predictive", *, of: Damper | None = None, **given: float
 ) -> float:
-    """Return the feasible RMS error [N] on a plant that is the model; ``of``: the controller's damper."""
+    """Return the RMS error [N] while the target is feasible. ``of`` is the damper of the controller."""
     plant = CardPlant(model)
     made = controllers_for(of or model, largest=2.0, **given)[name]  # type: ignore[arg-type]
     course = reference_trajectory(scenario, plant.step_s)
@@ -71,9 +71,9 @@ def feasible_rms(
 )
 @pytest.mark.parametrize("rate", [500, 5000])
 def test_tabulated_chain_force_matches_kernel_law(model: Damper, rate: int) -> None:
-    """Tables instead of powers change the force by 0.05 % RMS and at most 0.4 % of its RMS value.
+    """The tables change the force by 0.05 % (RMS) and at most by 0.4 % of the RMS force.
 
-    A cavity closes within a millisecond, a few microseconds earlier or later: 2.5 % at most.
+    With a cavity, the maximum is 2.5 % because the time at which the cavity closes differs by microseconds.
     """
     x, v, a, current, kelvin = (each[:: 5000 // rate] for each in driven(3.0, 5000))
     truth = simulate(model, Trajectory(1.0 / rate, x, v, a, current, temperature=kelvin))
@@ -102,7 +102,7 @@ def test_chain_dissipates_work(amperes: float) -> None:
 
 @pytest.mark.parametrize("model", [CHAIN, CHARGED, SERIES, *DAMPERS.values()], ids=lambda d: d.law.name)
 def test_feasible_target_is_tracked(model: Damper) -> None:
-    """Without model error and almost without noise: 0.3 to 0.6 % of the amplitude at 60 degC."""
+    """The error is 0.3 to 0.6 % of the amplitude at 60 degC, without model error and almost without noise."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0, sensors=QUIET)
     plant, made = CardPlant(model), controllers_for(model)["predictive"]
     course = reference_trajectory(scenario, plant.step_s)
@@ -117,8 +117,11 @@ def test_feasible_target_is_tracked(model: Damper) -> None:
 
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "seconds"), [("sine-1100N-2Hz", 2.0), ("non-periodic", 4.0)])
-def test_exact_model_is_tracked_by_prediction(name: str, seconds: float) -> None:
-    """At 123 degC, double Bouc-Wen: 4.2 and 9.1 N RMS; ``recommended`` does not trust the hysteresis."""
+def test_predictive_controller_beats_recommended_with_exact_model(name: str, seconds: float) -> None:
+    """The predictive controller has an error of 4.2 N RMS at 123 degC, ``recommended`` 9.1 N.
+
+    The controller ``recommended`` uses only a part of the modelled hysteresis.
+    """
     scenario = replace(SCENARIOS[name], temperature_degC=123.0, duration_s=seconds)
     predicted, robust = (feasible_rms(DOUBLE, scenario, each) for each in ("predictive", "recommended"))
     assert predicted < 12.0
@@ -126,8 +129,8 @@ def test_exact_model_is_tracked_by_prediction(name: str, seconds: float) -> None
 
 
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
-def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float) -> None:
-    """A model of free-wheeling halves the error compared with a slow fall."""
+def test_free_wheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
+    """A controller with a free-wheeling model has half the error of one with a first-order fall."""
     wheels = Actuation(
         0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
     )
@@ -138,8 +141,11 @@ def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float
     assert feasible_rms(model, scenario) < 0.5 * feasible_rms(model, scenario, of=assumed)
 
 
-def test_harmonic_motion_is_estimated_better() -> None:
-    """2 Hz, 3 mm, 10 um: 0.4 mm/s RMS; a filter without the frequency leaves 0.9 mm/s."""
+def test_velocity_of_harmonic_motion_is_accurate() -> None:
+    """The velocity error of a 2 Hz sine of 3 mm with 10 um noise is 0.4 mm/s RMS.
+
+    A filter that does not estimate the frequency has an error of 0.9 mm/s.
+    """
     made = controllers_for(CHAIN)["predictive"]
     rate, turn = 1000, 4.0 * np.pi
     t = np.arange(4 * rate) / rate
@@ -195,8 +201,8 @@ def test_chain_model_recovers_from_missing_readings() -> None:
 
 
 @pytest.mark.system
-def test_slow_bus_readings_count_once() -> None:
-    """50 Hz: 3 N more than with a reading in each period; 36 N more without this information."""
+def test_known_bus_period_reduces_tracking_error() -> None:
+    """With a displacement bus of 50 Hz, the error rises by 3 N if its period is known, otherwise by 36 N."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     slow = replace(scenario, sensors=Sensing(displacement_hold_s=0.02))
     plain = feasible_rms(DOUBLE, scenario)
@@ -206,7 +212,7 @@ def test_slow_bus_readings_count_once() -> None:
 
 @pytest.mark.system
 def test_motion_is_extrapolated_through_a_dropout() -> None:
-    """900 N, 1 Hz, 60 degC, 100 ms without displacement: less than 40 N more."""
+    """100 ms without displacement readings increase the error by less than 40 N at 900 N, 1 Hz, 60 degC."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     lost = Sensing(dropouts=(Dropout("displacement", 1.13, 1.23),))
     with_dropout = feasible_rms(DOUBLE, replace(scenario, sensors=lost))

@@ -1,4 +1,4 @@
-"""The damper's model on a target: the law's force, in both precisions, for any reading."""
+"""The damper model for microcontrollers: force of the law, in both precisions, for any reading."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def rows_for(
 
 
 def wandering(seconds: float, low: float, high: float, every: float, seed: int = 1) -> FloatArray:
-    """Return random levels with straight lines between them, from ``low`` on."""
+    """Return a piecewise linear signal with random corner values; it begins at ``low``."""
     t = PERIOD * np.arange(round(seconds / PERIOD))
     knots = np.random.default_rng(seed).uniform(low, high, int(seconds / every) + 2)
     knots[0] = low
@@ -74,7 +74,7 @@ def wandering(seconds: float, low: float, high: float, every: float, seed: int =
 
 
 def error_percent(model: RealtimeDamper, law: FloatArray, rows: FloatArray) -> float:
-    """Return the largest force error after 0.2 s in % of the peak force."""
+    """Return the max force error in % of the peak force; the first 0.2 s are ignored."""
     force = model.run(model.start(), rows)[1]
     return 100.0 * float(np.abs(force - law)[200:].max() / np.abs(law).max())
 
@@ -87,10 +87,10 @@ def error_percent(model: RealtimeDamper, law: FloatArray, rows: FloatArray) -> f
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("single", [False, True])
 def test_force_follows_the_law(law, told, single):
-    """Dead time, lags, hysteresis, 293 to 390 K at 16 K/s, reversals: 0.25 % of the peak force.
+    """The error is below 0.25 % of the peak force with actuation, reversals, and 293 to 390 K at 16 K/s.
 
-    0.2 % of it come from the command, which is held here and linear between samples there. The temperature
-    filter is disabled.
+    An error of 0.2 % arises because the model holds the command during a sample, whereas the law
+    interpolates it. The temperature filter is disabled.
     """
     damper, seconds = DAMPERS[law], 6.0
     current = wandering(seconds, 0.0, 2.0, 0.25)
@@ -105,7 +105,7 @@ def test_force_follows_the_law(law, told, single):
 @pytest.mark.parametrize("yields", [True, False])
 @pytest.mark.parametrize("law", [*DAMPERS, "series-valve", "chain"])
 def test_passive_card_follows_the_law(law, yields):
-    """A card of runs at zero current has a model, although no controller can be made from it."""
+    """A card of runs at zero current can be exported as a model, but no controller can be made from it."""
     damper = passive({**DAMPERS, "series-valve": SERIES, "chain": CHAIN}[law], yields=yields)
     card = card_of(damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
     path = drive(MOVED, duration=2.0 - PERIOD, rate_Hz=1e3, command=0.0, temperature=333.15)
@@ -120,8 +120,8 @@ def test_passive_card_follows_the_law(law, yields):
 @pytest.mark.parametrize(
     "motion", [Sine(15e-3, 1.0), Sine(2e-3, 10.0), Sine(0.5e-3, 20.0), Road("C", 20.0, 3)]
 )
-def test_estimated_velocity_costs_little(law, motion):
-    """Up to 20 Hz an additional 0.15 % of the peak force. A road contains 56 Hz: 1 % RMS."""
+def test_estimated_velocity_adds_small_force_error(law, motion):
+    """Estimating the velocity adds 0.15 % of the peak force up to 20 Hz. On a road (56 Hz) it is 1 % RMS."""
     damper = at_once(DAMPERS[law])
     path = drive(motion, duration=3.0 - PERIOD, rate_Hz=1e3, command=1.0, temperature=ROOM)
     force = simulate(damper, path, form="causal")
@@ -141,8 +141,8 @@ def test_estimated_velocity_costs_little(law, motion):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("dead_time", "bound"), [(0.003, 0.1), (0.0035, 0.25)])
-def test_held_current_passes_the_actuation(dead_time, bound):
-    """The reference is the law on a fifty times finer grid, where the steps of the current are steps, too.
+def test_stepped_current_gives_force_of_law(dead_time, bound):
+    """The reference is the law on a grid that is 50 times finer, so that current steps are almost ideal.
 
     The bound is wider if the dead time ends between two samples.
     """
@@ -159,9 +159,9 @@ def test_held_current_passes_the_actuation(dead_time, bound):
 
 
 def test_model_equals_the_observer_of_controller():
-    """With the commands of a controller, the model has the applied current and the force of its observer."""
+    """The model with the commands of a controller has the same applied current and force as its observer."""
     made = controllers_for(DOUBLE)["recommended"]
-    model = RealtimeDamper(made.config, made.tables)  # with the controller's motion filter
+    model = RealtimeDamper(made.config, made.tables)  # Both have the same motion filter.
     state, observed, command = made.start(), model.start(), 0.0
     for k in range(600):
         x = float(MOVED.displacement(np.array(k * PERIOD)))
@@ -176,7 +176,7 @@ def test_model_equals_the_observer_of_controller():
 @both_precisions
 @given(seed=st.integers(0, 10_000), current=st.floats(0.0, 2.0))
 def test_model_dissipates_energy(model, seed, current):
-    """The work in a whole period of a motion is positive."""
+    """The work in a whole period of the motion is positive."""
     motion = Sine(np.random.default_rng(seed).uniform(1e-4, 2e-2), 2.0)
     rows = rows_for(motion, 2.0, current=current)
     force = model.run(model.start(), rows)[1]
@@ -277,11 +277,11 @@ def test_any_reading_gives_a_finite_force(model, rows, repeats):
 
 
 @examples(40)
-# A speed of 2 km/s is a fault and must not heat the damper.
+# A speed of 2 km/s is a sensor fault. It must not change the estimated temperature.
 @example([(0.0, 0.0, 0.0, 280.0)] * 17 + [(1.0, 0.0, 0.0, 293.15), (0.0, math.nan, 0.0, 0.0)])
 @given(rows=rows_of_anything)
 def test_force_recovers_from_invalid_readings(rows):
-    """A wrong temperature may be used for 2 s and is smoothed away in 0.2 s.
+    """A wrong temperature is used for at most 2 s, then the filter removes its effect in 0.2 s.
 
     Half a second without current sets the magnetic hysteresis of both models to the same value.
     """
@@ -305,7 +305,7 @@ def test_missing_current_is_held_for_30_ms():
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 7.0, None])
 def test_missing_displacement_is_integrated(value):
-    """Only the spring force depends on it. After 120 ms the motion counts as unknown. None: it freezes."""
+    """Only the spring force needs displacement. After 120 ms the motion is unknown. None: stuck sensor."""
     rows = rows_for(Sine(5e-3, 1.0), 1.0)
     clean = MODEL.run(MODEL.start(), rows)[1]
     bad = rows.copy()
@@ -316,8 +316,8 @@ def test_missing_displacement_is_integrated(value):
     assert (flags[650:700] & Flag.MOTION_UNKNOWN).all()
 
 
-def test_stopped_damper_is_not_frozen():
-    """A constant displacement is no fault if the velocity is zero."""
+def test_stopped_damper_is_not_reported_stuck():
+    """A constant displacement is not a fault if the velocity is zero."""
     rows = rows_for(MOVED, 2.0)
     rows[700:, 0], rows[700:, 1] = rows[700, 0], 0.0
     assert not (MODEL.run(MODEL.start(), rows)[2] & (Flag.FROZEN | Flag.MOTION_UNKNOWN)).any()

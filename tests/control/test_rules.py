@@ -1,4 +1,4 @@
-"""Rules of the controllers: lags against matrix exponentials, horizons against response times."""
+"""Design rules of controllers: lags compared with matrix exponentials, horizons with response times."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_equal_and_missing_lags_have_limits():
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
 @pytest.mark.parametrize(("delay", "dead"), [(0.0, 0.0), (0.0034, 0.004)])
 def test_horizon_covers_the_response_time(wheel, delay, dead):
-    """The horizon begins behind the dead time in whole periods, and its steps pass the lags exactly."""
+    """The horizon begins after the dead time in whole periods. The lags are exact in each time step."""
     actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, freewheel_time_s=wheel)
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
@@ -90,7 +90,7 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
     span, parts = without.response_time(HORIZON_RATIO), HORIZON_STEPS
     if wheel:
         span, parts = max(span, without.response_time(FREEWHEEL_RATIO, 2.0, 0.0)), 3 + 3 * FREEWHEEL_STRETCH
-    span = min(span, 122e-3 - dead)  # the delay line has no more samples
+    span = min(span, 122e-3 - dead)  # max number of samples in the delay line
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
     assert found.step == pytest.approx(span / parts)
@@ -101,14 +101,14 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
 
 @pytest.mark.parametrize(("period", "dead"), [(1e-3, 2e-3), (2e-3, 2e-3), (5e-3, 0.0)])
 def test_short_dead_time_is_dropped(period, dead):
-    """A dead time of 1.6 ms at 200 Hz is ignored because a whole period would be planned for too late."""
+    """A dead time of 1.6 ms at 200 Hz is ignored because a delay of a whole period would be too long."""
     quick = Actuation(2e-3, 5e-3, 2e-3, 1.6e-3, largest_command=2.0)
     motion = motion_of(period, period, 1e-5, 30.0, is_harmonic=True)
     assert prediction_of(quick, period, motion, 500.0).dead == pytest.approx(dead)
 
 
 def test_feedback_gains_follow_skogestad():
-    """The closed loop is as slow as its dead time: K = T / (2 k d), integral time min(T, 8 d)."""
+    """The time constant of the closed loop is its dead time d: K = T / (2 k d), integral time min(T, 8 d)."""
     actuation = Actuation(0.03, 0.02, 0.002, 0.001)
     dead, force_per_ampere = 0.001 + 0.002 + 1e-3, 700.0
     for slow in (actuation, replace(actuation, rise_s=0.1)):
@@ -117,7 +117,7 @@ def test_feedback_gains_follow_skogestad():
         assert gain / rate == pytest.approx(min(slow.rise_s, 8.0 * dead))
 
 
-def test_safety_counts_times_in_periods():
+def test_safety_times_become_sample_counts():
     safety = Safety(stroke_times=7.0, frozen_s=0.03, coast_s=0.11, back_s=0.05, slew_K_s=15.0, recover_s=1.2)
     axes = Axes(period=2e-3, largest=2.0, coldest=280.0, warmest=400.0)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.009), (-0.2, 0.3), (280.0, 400.0))
@@ -131,15 +131,15 @@ def test_safety_counts_times_in_periods():
     assert warm.hold_samples == round(600.0 / 2e-3)  # heat capacity divided by loss
 
 
-def test_slow_bus_freezes_later():
-    """A sensor that repeats its readings for 40 ms is frozen after two and a half of these times."""
+def test_slow_bus_counts_as_stuck_later():
+    """A sensor that repeats its readings for 40 ms counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100
     assert slow.config.motion.holds_readings
 
 
 @pytest.mark.parametrize(("noise", "density"), [(0.0, JERK_DENSITY), (1e-5, 0.0), (1e-5, math.nan)])
-def test_filter_needs_noise_and_jerk(noise, density):
+def test_filter_rejects_zero_noise_or_jerk(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
         motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)
 

@@ -66,7 +66,7 @@ def test_coil_power_is_mean_square_times_resistance():
 
 
 def test_chatter_is_travel_of_current_per_second():
-    """A sine of amplitude a and frequency f travels 4 a f. A square of height h travels 2 f h."""
+    """Chatter is 4 a f for a sine of amplitude a and frequency f, and 2 f h for a square wave of height h."""
     assert scored(SINE, SINE, 1.0 + 0.5 * SINE).chatter_A_per_s == pytest.approx(4 * 0.5 * 1.0, rel=1e-3)
     square = np.where((TIME * 50.0) % 1.0 < 0.5, 2.0, 0.0)
     assert scored(SINE, SINE, square).chatter_A_per_s == pytest.approx(2 * 50 * 2.0, rel=0.01)
@@ -83,7 +83,7 @@ def test_scores_scale_and_ignore_the_sign(offset, factor):
     assert plain.rmse_feasible_percent == pytest.approx(100.0 * plain.rmse_N / np.sqrt(0.5))
 
 
-def test_worst_takes_the_highest_errors():
+def test_worst_score_has_largest_errors():
     """The result has the largest errors and the smallest feasible fraction of several runs."""
     one = Score(
         max_N=5.0, rmse_N=1.0, max_feasible_N=None, rmse_feasible_N=None, p99_feasible_N=None,
@@ -125,8 +125,11 @@ def test_damper_cannot_push(degrees):
     assert tolerance(180.0, degrees) < 0.1
 
 
-def test_coulomb_damper_has_closed_form_share():
-    """50 to 1650 N: a sine of 900 N is feasible if 70 N <= |F*|, which is 1 - (2/pi) asin(70/900)."""
+def test_coulomb_damper_has_closed_form_feasible_fraction():
+    """A sine of 900 N is feasible while |F*| >= 70 N, a fraction 1 - (2/pi) asin(70/900) of the time.
+
+    The damper has 50 to 1650 N, and the margin is 20 N.
+    """
     course = reference_trajectory(Scenario(duration_s=2.0), 1e-4)
     inside = attainable_range(Ideal(), course, 20.0, 2.0).feasible(course.target)
     assert inside.mean() == pytest.approx(1.0 - 2 / np.pi * np.arcsin(70.0 / 900.0), abs=2e-4)

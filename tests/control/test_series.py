@@ -1,4 +1,4 @@
-"""The series valve law on a target: its model against the kernel's law, and its controllers."""
+"""The law ``series-valve`` on microcontrollers: real-time model compared with the kernel, and controllers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.support.cards import LAGS, SERIES, changed
 
 KELVIN = 333.15
 AT_ONCE = Actuation(0.0, 0.0, largest_command=2.0)
-# The spring settles within 0.1 ms, and the valve is almost dry friction.
+# The spring settles in 0.1 ms, and the valve force is almost Coulomb friction.
 STIFF: dict[str, ParameterLaw] = {
     "gap_stiffness": Constant(1.6e8), "gap": Constant(1.3e-5), "gap_corner": Constant(7.5e-6),
     "leak_damping": Constant(1.9e4), "leak_exponent": Constant(1.01), "yield_velocity": Constant(1.5e-5),
@@ -46,7 +46,7 @@ RECOMMENDED = ALL["recommended"]
 
 @pytest.mark.parametrize("exponent", [0.2, 0.95, 1.0, 1.5])
 def test_power_table_is_accurate(exponent: float) -> None:
-    """1e-5 in all octaves, linear below the first; a doubled argument grows by 2^m."""
+    """The error is 1e-5 in all octaves. Below the first octave the table is linear."""
     power = tabulate_power(exponent)
     u = np.geomspace(power.least, 7.9, 20_001)
     assert np.abs(power.evaluate(u) / u**exponent - 1.0).max() < 1e-5
@@ -77,7 +77,7 @@ def forces(
 
 
 def driven(seconds: float, rate: int) -> tuple[FloatArray, ...]:
-    """Return a random motion with reversals, a current that swings between its ends, a temperature ramp."""
+    """Return random motion with reversals, current between minimum and maximum, and a temperature ramp."""
     t = np.arange(round(seconds * rate) + 1) / rate
     rng = np.random.default_rng(3)
     hertz, size, phase = rng.uniform(0.3, 6.0, 12), rng.standard_normal(12), rng.uniform(0.0, 6.28, 12)
@@ -92,7 +92,7 @@ def driven(seconds: float, rate: int) -> tuple[FloatArray, ...]:
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize(("rate", "soft", "stiff"), [(100, 2.0, 2.0), (1000, 0.15, 0.4), (5000, 0.1, 0.15)])
 def test_model_follows_the_law(rate: int, soft: float, stiff: float, single: bool) -> None:
-    """The reference is the kernel's law at 20 kHz. Bounds are the RMS error in % of the force's RMS."""
+    """The reference is the kernel's law at 20 kHz. Limits are RMS errors in % of the RMS force."""
     seconds, fine = 4.0, 20_000
     x, v, a, current, kelvin = driven(seconds, fine)
     step = fine // rate
@@ -105,7 +105,7 @@ def test_model_follows_the_law(rate: int, soft: float, stiff: float, single: boo
 
 
 def test_error_falls_with_the_step() -> None:
-    """The two stages are of second order, down to the error of the tables."""
+    """The two-stage method converges with order two, down to the error of the tables."""
     fine = 40_000
     x, v, a, _, _ = driven(2.0, fine)
     model = damper(None, mass=Constant(0.0))
@@ -121,7 +121,7 @@ def test_error_falls_with_the_step() -> None:
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e9, 1e12])
 def test_any_spring_is_stable(stiffness: float) -> None:
-    """At 1 kHz without a dashpot, the force at a steady speed is the settled valve's."""
+    """At 1 kHz without a dashpot, the force at constant speed reaches the steady force of the valve."""
     model = damper(None, gap_stiffness=Constant(stiffness), leak_damping=Constant(0.0), mass=Constant(0.0))
     t = 1e-3 * np.arange(1200)
     x: FloatArray = np.asarray(0.03 * (t - 0.6), dtype=np.float64)
@@ -131,7 +131,7 @@ def test_any_spring_is_stable(stiffness: float) -> None:
     valve = valve * (1.0 + c["thinning"] * 0.03 ** c["thinning_exponent"])
     beside = c["viscosity"] * 0.1 * 0.3 ** c["viscous_exponent"] + c["coulomb_friction"]
     settled = c["offset"] + c["stiffness"] * x + valve + beside
-    late = t > 0.9  # The softest spring is loaded by then.
+    late = t > 0.9  # The softest spring is fully loaded at 0.9 s.
     assert force[late] == pytest.approx(settled[late], rel=5e-3)
     assert np.abs(force).max() < 1.05 * settled.max()
 
@@ -158,7 +158,7 @@ def test_single_precision_is_within_a_milliampere(name: str) -> None:
     assert double.max() > 0.5
 
 
-def test_gains_scale_their_parts() -> None:
+def test_gains_scale_parts_of_force() -> None:
     rows = told(RECOMMENDED, 0.4, kelvin=KELVIN)
     aged = RECOMMENDED.scaled(1.2, 0.7, 2.0)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]

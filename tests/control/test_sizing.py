@@ -1,4 +1,4 @@
-"""Targets of the size of a damper's own force."""
+"""Targets that are scaled to the force of a damper."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def targets_of(*, low: float, gain: float) -> list[Any]:
 
 @pytest.mark.parametrize("size", [1.0, 2.0])
 def test_targets_scale_with_the_damper(size):
-    """(50 + 800 I) sign v: 1650 N at 2 A in both directions, without offset."""
+    """A damper with (50 + 800 I) sign v gets targets up to 1650 N in both directions, without offset."""
     found = targets_of(low=50.0 * size, gain=800.0 * size)
     assert [each.amplitude_N for each in found] == pytest.approx([1650.0 * size * s for s in SHARES.values()])
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_velocity_target_bends_with_the_motion():
-    """A doubled stroke at the same frequency doubles the velocity at the knee of the target."""
+def test_knee_velocity_of_target_scales_with_motion():
+    """If the stroke doubles at the same frequency, the knee velocity of the target doubles."""
     one, two = (
         size_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
         for motion in ("sine5mm1Hz", "sine:10mm:1Hz")
@@ -40,7 +40,7 @@ def test_velocity_target_bends_with_the_motion():
 
 
 def test_motions_fill_stroke_and_speed():
-    """A motion uses 80 % of the nearer limit. If the range does not include zero, there is no motion."""
+    """The amplitude is 80 % of the nearer stroke limit. If the range excludes zero, there is no motion."""
     slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
     assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")
     time = np.linspace(0.0, 10.0, 20_001)
@@ -53,7 +53,7 @@ def test_motions_fill_stroke_and_speed():
 @pytest.mark.nightly
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
 def test_gas_damper_reaches_its_targets(degrees: float) -> None:
-    """The gas force grows by half when hot: 68 to 92 % of the samples are within reach."""
+    """The gas force of the hot damper is 50 % larger; 68 to 92 % of the samples are feasible."""
     damper = PRESETS["hydraulic-monotube"]
     plant = Plant(damper)
     for target in size_targets(plant, damper.highest_A, default_campaign(damper).motions):

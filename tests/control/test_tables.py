@@ -1,4 +1,4 @@
-"""Tables: the functions that they represent, and their size."""
+"""Tables of controllers: accuracy of the tabulated functions, and size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ every_law = pytest.mark.parametrize("law", TABULATED)
 
 
 def force_of_law(damper, current, kelvin, x, v, w):
-    """Return the force [N] from the law's own formula over currents, and its viscous part."""
+    """Return the force [N] at several currents from the formula of the law, and the viscous force."""
     c = dict(zip(damper.law.names, damper.coefficients_at(current, kelvin), strict=True))
     fade = np.exp(-((v / c["stribeck_velocity"]) ** 2))
     viscous = c["viscosity"] * v * (max(abs(v), 1e-300) / 0.1) ** (c["viscous_exponent"] - 1.0)
@@ -56,7 +56,7 @@ def force_of_tables(tables: DamperTables, kelvin, x, v, w):
 @pytest.mark.system
 @every_law
 def test_table_force_equals_the_law(law):
-    """At the currents and temperatures of the table, with full hysteresis: 0.02 N."""
+    """At the currents and temperatures of the table, with full hysteresis, the error is below 0.02 N."""
     damper = DAMPERS[law]
     tables = tabulate(damper, 2.0)
     x, v = 3e-3, -0.02
@@ -68,8 +68,8 @@ def test_table_force_equals_the_law(law):
 @pytest.mark.nightly
 @pytest.mark.parametrize("exponent", [None, 0.6, 1.9])
 @every_law
-def test_interpolated_force_is_within_a_thousandth(law, exponent):
-    """Any current, temperature, motion up to 0.3 m/s and hysteresis; the yield force has three shapes."""
+def test_interpolated_force_error_is_below_thousandth(law, exponent):
+    """The error limit holds at any current, temperature, hysteresis and speed up to 0.3 m/s."""
     damper = DAMPERS[law]
     if exponent is not None:
         forms: dict[str, ParameterLaw] = {
@@ -92,7 +92,7 @@ def test_interpolated_force_is_within_a_thousandth(law, exponent):
 
 @pytest.mark.system
 @every_law
-def test_tables_take_8_kilobytes(law):
+def test_tables_need_less_than_8_kilobytes(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
     numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.lookups)
     assert 4 * numbers < 8192
@@ -100,7 +100,7 @@ def test_tables_take_8_kilobytes(law):
 
 @every_law
 def test_functions_of_speed_are_accurate(law):
-    """The viscous power, both parts of the friction, and the yield force's function: 1e-5."""
+    """Viscous power law, both friction terms and the yield-force function have errors below 1e-5."""
     tables = tabulate(DAMPERS[law], 2.0)
     side = np.tanh(SPEEDS / 8e-4)
     expected = {
@@ -121,7 +121,7 @@ def test_functions_of_speed_are_accurate(law):
 @examples(6)
 @given(kappa=st.floats(-1.0, 0.9), n=st.floats(0.3, 6.0))
 def test_curve_tables_equal_the_kernel(kappa, n):
-    """3e-4 on w. A turn starts at the other size, and a second turn returns to the first."""
+    """The error of the hysteresis variable w is below 3e-4, also after one and two reversals."""
     tables = universal_curve(kappa, n)
     tau = np.linspace(0.0, 8.0, 4001)
     up, down = (core.curve(kappa, n, side * tau)[0] for side in (1.0, -1.0))
@@ -149,7 +149,7 @@ def test_cubics_are_of_fourth_order():
 
 
 def test_rising_table_never_falls():
-    """The function has a corner that a plain cubic would overshoot. Beyond its end it is constant."""
+    """A cubic without limiter would overshoot at the corner. Beyond its end the function is constant."""
     made = tabulate_lookup(
         lambda u: np.minimum(u, 0.3), lambda u: np.where(u < 0.3, 1.0, 0.0), 1e-3, 1.0, rising=True
     )

@@ -1,7 +1,7 @@
-"""A controller's C, built for this machine or a bare Cortex-M under QEMU, and stepped through given readings.
+"""Run a controller in C with given readings, compiled for this machine or for a bare Cortex-M in QEMU.
 
-QEMU counts instructions (``-icount``): the figures repeat exactly, and they are not cycles. Code and readings
-belong to a target without operating system: own start-up and linker script, no library except memory copies.
+QEMU counts instructions (``-icount``), not clock cycles, so that the counts are reproducible. The program
+needs no operating system: it has its own start-up code and linker script, and uses only memory copies.
 
 The kernel's own files and the generated tables (``c_tables``) are compiled as one file, like an export.
 The compiler then sees constant numbers and removes unused branches.
@@ -45,12 +45,12 @@ CLEAN = (
 )  # fmt: skip
 """Warnings under which the kernel and its tables compile without one."""
 
-_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # 2^10 ns an instruction, a timer of 25 MHz
+_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # 2^10 ns for each instruction; the timer has 25 MHz
 
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A machine that QEMU has, and how to compile for its processor."""
+    """A machine of QEMU, and the compiler options for its processor."""
 
     machine: str
     flags: tuple[str, ...]
@@ -64,19 +64,19 @@ BOARDS = {
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Output of a replay. On the host, instructions are not counted and zero."""
+    """Result of all steps: instructions per step (0 on the host), stack, and hash of the outputs."""
 
     least: float  # instructions of the shortest step
     mean: float
     most: float
     longest_step: int
-    stack_bytes: int  # instructions including the replay
+    stack_bytes: int  # stack of the program that steps the controller
     hash: int  # hash of all commands and flags
-    outside: int  # steps whose command is no number within 0 and the largest
+    outside: int  # number of steps with a command that is NaN or outside its limits
 
 
 def c_tables(controller: ForceController, *, single: bool = True) -> str:
-    """Return C that defines the constant ``track``: a controller's numbers and tables."""
+    """Return C code that defines the constant ``track`` with the values and tables of a controller."""
     kind, suffix = (np.float32, "f") if single else (np.float64, "")
     arrays: list[str] = []
 
@@ -126,7 +126,7 @@ class Sizes:
 def on_board(
     controller: ForceController, rows: FloatArray, board: Board, *, flags: tuple[str, ...] = ("-O2",)
 ) -> Replay:
-    """Return the results of a bare processor (rows as ``ForceController.run`` takes them), in float."""
+    """Step a controller through rows (as in ``ForceController.run``) on a board, in single precision."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, rows, place, single=True)
@@ -150,7 +150,7 @@ def on_host(
     flags: tuple[str, ...] = ("-O2",),
     compiler: str = "gcc",
 ) -> Replay:
-    """Return what this machine makes of the rows, in float or double; ``flags`` may ask for sanitizers."""
+    """Step a controller through rows on this machine. ``flags`` are compiler options, such as sanitizers."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, rows, place, single=single)
@@ -160,7 +160,7 @@ def on_host(
 
 
 def hash_of(command: FloatArray, flags: NDArray[np.int64], *, single: bool = True) -> int:
-    """Return the hash that a replay gives for these commands and flags."""
+    """Return the hash of commands and flags, computed as in ``replay.c``."""
     columns = [("command", np.float32 if single else np.float64), ("flags", np.int32)]
     rows = np.empty(len(command), dtype=columns)
     rows["command"], rows["flags"] = command, flags
@@ -171,7 +171,7 @@ def hash_of(command: FloatArray, flags: NDArray[np.int64], *, single: bool = Tru
 
 
 def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> Sizes:
-    """Return bytes of code and tables on a board, and of the deepest stack of one function."""
+    """Compile for a board; return the sizes of code, tables and largest stack frame [bytes]."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, np.empty((0, 5)), place, single=True)

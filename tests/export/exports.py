@@ -1,4 +1,4 @@
-"""Cards, targets and folders for the tests of exports; nothing is fitted, and each target is made once."""
+"""Cards, targets and folders for the tests of exports. Nothing is fitted, and each target is made once."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def ran(*command: object, cwd: Path | None = None) -> str:
 
 
 def motion(count: int, *, seed: int = 1) -> dict[str, FloatArray]:
-    """Return an ordinary drive, as float holds it: two sines, a warming, a wanted force along the motion."""
+    """Return rows in single precision: motion of two sines, rising temperature, target along the motion."""
     t = 1e-3 * np.arange(count)
     rng = np.random.default_rng(seed)
     x = 6e-3 * np.sin(7.0 * t) + 3e-3 * np.sin(19.0 * t + seed) + 1e-6 * rng.standard_normal(count)

@@ -1,7 +1,7 @@
 """Controllers and difficult readings for the tests on a microcontroller.
 
-A motion that turns again and again, targets that no current gives, temperature over the whole range and past
-it, sensors that fail.
+The readings contain many reversals, infeasible targets, temperatures within and outside the range of the
+card, and sensor faults.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ CARD_RANGE_K = (293.15, 396.15)
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A controller of a damper, how it is compiled, how many instructions a step may take, and its code."""
+    """A controller, its optimisation level, and its limits: instructions per step, code and stack size."""
 
     controller: str
     damper: str
     optimised: str
     most: int | None = None
-    most_code: int = 12  # kB; half as much again for a bank that is unrolled
-    most_stack: int = 1024  # bytes
+    most_code: int = 12  # [kB]; unrolled loops need 50 % more
+    most_stack: int = 1024  # [bytes]
 
     def made(self) -> ForceController:
         return controllers_for(dampers()[self.damper])[self.controller]
@@ -56,7 +56,7 @@ SHOWN = (
 
 
 def dampers() -> dict[str, Damper]:
-    """Return the dampers, by law, over a card's temperatures."""
+    """Return dampers by name of the law, with the temperature range of a card."""
     every = DAMPERS | {"series-valve": SERIES, "chain": CHAIN}
     made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
     iron = replace(
@@ -67,11 +67,11 @@ def dampers() -> dict[str, Damper]:
 
 
 def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int = 1) -> FloatArray:
-    """Return rows of wanted force now and ahead, displacement, temperature and force, shape (samples, 5).
+    """Return rows of target, previewed target, displacement, temperature and force, shape (samples, 5).
 
-    A random motion of up to some 0.3 m/s that now and then rests, shakes or jumps; a target in its direction
-    that is too large for a fifth of the time, and against it for another; temperature ramps through the whole
-    range; intervals with a NaN, infinite or constant sensor reading.
+    The random motion (up to 0.3 m/s) has rests, vibrations and jumps. The target force is too large in a
+    fifth of the time, and against the motion in another fifth. The temperature covers the whole range.
+    Some intervals have NaN, infinite or constant readings.
     """
     rng, h = np.random.default_rng(seed), controller.period_s
     t = h * np.arange(samples)

@@ -1,4 +1,4 @@
-"""A master for the FMUs of the tests: FMPy with variables by name."""
+"""A simulation master for the FMUs of the tests: FMPy with access to variables by name."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def written(target: Target, path: Path) -> Path:
 
 
 def table_of(**columns: Any) -> np.ndarray:
-    """Return columns of inputs, the first of them ``time``, as the table of a master."""
+    """Return columns of inputs as the structured array that FMPy needs. The first column is ``time``."""
     table = np.zeros(len(columns["time"]), dtype=[(name, float) for name in columns])
     for name, column in columns.items():
         table[name] = column
@@ -52,12 +52,12 @@ class Library:
         self.variables = {each.name: each for each in self.description.modelVariables}
 
     def slave(self, name: str = "one") -> Slave:
-        """Return a new instance, instantiated only."""
+        """Return a new instance that is not yet initialised."""
         return Slave(self, name)
 
 
 class Slave:
-    """An instance; ``messages`` is its log. Used in a with-block, it is freed at the end."""
+    """An instance of an FMU. ``messages`` is its log. The end of a ``with`` block frees the instance."""
 
     def __init__(self, library: Library, name: str, guid: str | None = None):
         self.library, self.messages = library, list[str]()
@@ -76,7 +76,7 @@ class Slave:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Free the instance; the library stays loaded."""
+        """Free the instance. The library stays loaded."""
         self.fmu.fmi2FreeInstance(self.fmu.component)
 
     def get(self, *names: str) -> list[Any]:
@@ -95,14 +95,14 @@ class Slave:
             getattr(self.fmu, f"set{variable.type}")([variable.valueReference], [converted])
 
     def begin(self, start: float = 0.0) -> Slave:
-        """Go through initialisation."""
+        """Initialise the instance at time ``start`` [s]."""
         self.fmu.setupExperiment(startTime=start)
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
         return self
 
     def step(self, time: float, length: float) -> None:
-        """Make a communication step."""
+        """Execute one communication step."""
         self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=length)
 
     def run(self, table: np.ndarray[Any, Any], outputs: tuple[str, ...], first: int = 0) -> Any:
@@ -129,7 +129,7 @@ def _callbacks(messages: list[str]) -> Any:
 
 @dataclass(frozen=True)
 class FmuController:
-    """A controller FMU in the tracking loop: its FMU state is the state of the loop."""
+    """A controller FMU in the simulated loop. The state of the FMU is the state of the controller."""
 
     slave: Slave
     like: ForceController  # the replaced controller

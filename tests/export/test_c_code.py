@@ -1,4 +1,4 @@
-"""The generated C: compilers accept it, its objects are free-standing, and exports do not interfere."""
+"""Generated C code compiles without warnings, needs no library, and can be linked with other exports."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_header_is_valid_cpp(folder, tool, tmp_path):
 
 @pytest.mark.system
 def test_fast_math_is_an_error(folder, tool, tmp_path):
-    """With it a compiler may remove the checks of NaN."""
+    """With ``-ffast-math``, a compiler may remove the checks for NaN."""
     done = run(tool("gcc"), "-std=c99", "-ffast-math", "-c", folder / "damper.c", "-o", tmp_path / "x.o")
     assert done.returncode != 0
     assert "-ffast-math" in done.stderr
@@ -91,7 +91,7 @@ def test_library_is_free_standing(content, tool, tmp_path):
     assert wanted - ALLOWED <= {f"damper_{part}_data" for part in ("model", "controller")}
     # There is no writable symbol: no data, no bss, no common symbol.
     assert {kind for kind, _ in symbols} <= set("UTtRr")
-    # The kernel's own names are local.
+    # Names of the kernel are local symbols.
     assert all(name.startswith("damper_") for kind, name in symbols if kind in "TR")
 
 
@@ -117,7 +117,7 @@ def test_tables_are_in_flash_of_a_cortex(tool, tmp_path):
 
 @pytest.mark.system
 def test_two_exports_in_a_program_are_independent(tool, tmp_path):
-    """Two dampers in one program are stepped in turn and have the forces of each alone."""
+    """Two dampers in one program, stepped alternately, have the same forces as in separate programs."""
     names = {"front": "double-bouc-wen", "rear": "bouc-wen"}
     targets = {name: a_target(law, name=name, content="model") for name, law in names.items()}
     for name, target in targets.items():
@@ -165,7 +165,7 @@ int main(void)
 
 
 @pytest.mark.system
-def test_two_number_types_in_a_file_fail(tool, tmp_path):
+def test_mixed_precision_in_one_file_fails(tool, tmp_path):
     for precision in ("float", "double"):
         write(a_target(name=precision[:3], precision=precision), tmp_path / precision)
     text = '#include "float/flo.h"\n#include "double/dou.h"\n'
@@ -201,7 +201,7 @@ def test_command_in_volts_has_volts_in_c(tool, tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("title", ["*/ int intruder; /*", "what??/", "ends with \\", "Stoßdämpfer\nNr. 1"])
-def test_title_stays_in_its_comment(title, tool, tmp_path):
+def test_card_title_stays_inside_c_comment(title, tool, tmp_path):
     place = write(target_of(card_of(DOUBLE, title=title), content="model"), tmp_path)
     ran(tool("gcc"), *STRICT, "-fsyntax-only", "damper.c", "main.c", cwd=place)
     assert (place / "damper.h").read_bytes().isascii()
@@ -242,7 +242,7 @@ def test_replay_reads_empty_cells_as_nan(replay, tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("text", ["", "temperature_K,current_A\n300,1\n"])
-def test_replay_of_another_file_fails(text, replay, tmp_path):
+def test_replay_rejects_file_with_wrong_header(text, replay, tmp_path):
     (tmp_path / "in.csv").write_text(text or "0,1\n", encoding="ascii")
     done = run(replay, tmp_path / "in.csv", tmp_path / "out.csv")
     assert done.returncode == 3

@@ -1,4 +1,4 @@
-"""The FMU: independent masters accept it, and it computes the same bits as Python."""
+"""FMUs run in independent simulation masters and compute the same bits as Python."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def card(place):
 
 @pytest.fixture(scope="session")
 def made(place, card, tool):
-    """Return a function that returns the target and the FMU of a choice, each written once."""
+    """Return a function that returns the target and the FMU for given options. Each FMU is written once."""
     tool("gcc")
     known = {}
 
@@ -70,7 +70,7 @@ def made(place, card, tool):
 
 @pytest.fixture(scope="session")
 def loaded(made, place):
-    """Return a function that returns the target and the loaded FMU of a choice."""
+    """Return a function that returns the target and the loaded FMU for given options."""
     known = {}
 
     def load(content="controller", precision="float"):
@@ -120,7 +120,7 @@ def forces(target, table):
 
 
 def simulated(path, table, outputs, **start_values):
-    """Return outputs of FMPy's own master, one row per step."""
+    """Return the outputs of FMPy's master, one row for each step."""
     found = fmpy.simulate_fmu(
         str(path),
         stop_time=table["time"][-1] + PERIOD,
@@ -152,7 +152,7 @@ def test_real_variables_have_units_temperatures_celsius(made):
 
 @pytest.mark.system
 def test_same_target_gives_same_bytes(made, place, card):
-    """Another period or card gives another token."""
+    """FMUs of different periods or cards have different tokens (GUID)."""
     target, path = made()
     again = written(target, place / "again.fmu")
     assert hashlib.sha256(path.read_bytes()).digest() == hashlib.sha256(again.read_bytes()).digest()
@@ -232,7 +232,7 @@ def test_model_has_the_bits_of_python(made, precision):
 
 
 def test_combined_fmu_matches_controller_and_model(loaded):
-    """In each period the model receives the command that the controller returned at its beginning."""
+    """In each period, the model gets the command that the controller returned at the start of the period."""
     target, library = loaded("both")
     table = controller_inputs()
     current, _ = commands(target, table)
@@ -267,7 +267,7 @@ def test_fmu_rebuilt_from_sources_has_the_same_bits(made, place, tool):
 
 
 def test_second_master_gets_the_same_commands(made):
-    """The master of the Open Simulation Platform is C++ and shares nothing with FMPy."""
+    """The master of the Open Simulation Platform is written in C++ and is independent of FMPy."""
     cosim = {
         name: getattr(pytest.importorskip(f"libcosimpy.Cosim{name}"), kind)
         for name, kind in (
@@ -297,7 +297,7 @@ def test_second_master_gets_the_same_commands(made):
 
 @pytest.mark.system
 def test_fmu_in_the_loop_matches_track(loaded, place, monkeypatch):
-    """The card's controller and its FMU give the same rows on the virtual rig."""
+    """The job ``track`` gives the same rows with the controller of a card and with the exported FMU."""
     from mrdamper.jobs import track
     from mrdamper.jobs.options import TrackOptions
     from mrdamper.registry import JOBS
@@ -321,7 +321,7 @@ def test_fmu_in_the_loop_matches_track(loaded, place, monkeypatch):
 
 @CONTENTS
 def test_instance_starts_with_values_of_the_xml(loaded, content):
-    """A master that does not set the start values computes with the same ones, also after a reset."""
+    """A master that sets no start values gets the values of the XML file, also after a reset."""
     _, library = loaded(content)
     texts = {each.name: each.start for each in library.variables.values() if each.start is not None}
     starts = {name: float({"true": 1, "false": 0}.get(text, text)) for name, text in texts.items()}
@@ -349,7 +349,7 @@ def test_instance_starts_with_values_of_the_xml(loaded, content):
 def test_fmu_parameter_changes_value_in_kernel(loaded, parameter, config):
     target, library = loaded("controller", "double")
     table = controller_inputs(1200)
-    table["displacement"][1000:1150] = np.nan  # The fall-back command acts here.
+    table["displacement"][1000:1150] = np.nan  # The fall-back command is used.
     with library.slave() as slave:
         slave.begin().set(use_wanted_force_ahead=True, **parameter)
         found = slave.run(table, ("current",))[:, 0]
@@ -369,7 +369,7 @@ def test_fmu_gain_scales_part_of_force(loaded, name):
     assert found == pytest.approx(commands(aged, table)[0], abs=1e-9)
 
 
-def test_invalid_values_keep_the_old_ones(loaded):
+def test_invalid_parameters_keep_previous_values(loaded):
     _, library = loaded()
     with library.slave() as slave:
         for value in (-0.1, 2.5, math.nan):
@@ -393,7 +393,7 @@ def test_multiple_of_the_period_is_one_step(loaded, length):
 
 
 @pytest.mark.parametrize("length", [0.0, -PERIOD, 1.01 * PERIOD, 40 * PERIOD, math.nan, math.inf, 1e30])
-def test_other_steps_are_errors(loaded, length):
+def test_invalid_communication_steps_are_errors(loaded, length):
     _, library = loaded()
     with library.slave() as slave:
         slave.begin()
@@ -426,7 +426,7 @@ def stepped_forces(library, lengths, motion=SINE, **switches):
     "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
 )
 def test_coarse_and_fine_steps_give_similar_force(loaded, lengths, use_velocity):
-    """The force at the end of a step is within 1 % of the peak of the force at steps of one period."""
+    """At the end of each step, the force is within 1 % of the peak force from the force at single periods."""
     _, library = loaded("model")
     _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
     ends, coarse = stepped_forces(library, lengths, use_velocity=use_velocity)
@@ -436,7 +436,7 @@ def test_coarse_and_fine_steps_give_similar_force(loaded, lengths, use_velocity)
 
 
 class Ramp:
-    """50 mm/s for 0.2 s, then a stop."""
+    """A motion of 50 mm/s for 0.2 s, followed by a rest."""
 
     def displacement(self, t):
         return 0.05 * np.clip(t - 0.2033, 0.0, 0.2)
@@ -447,7 +447,7 @@ class Ramp:
 
 @pytest.mark.parametrize("length", [2, 5, 10])
 def test_coarse_steps_keep_the_force_at_rest(loaded, length):
-    """The force of a damper that has stopped depends on the way to the stop. It has no overshoot."""
+    """The force after a stop depends on the preceding motion. It must have no overshoot."""
     _, library = loaded("model")
     fine, coarse = (
         stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]
@@ -545,7 +545,7 @@ int main(void)
 @pytest.mark.nightly
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
 def test_sanitizers_report_nothing_in_2000_instances(tmp_path, card, tool, precision):
-    """There is no leak, no access outside and no undefined conversion for any input."""
+    """No input causes a memory leak, an access outside an array or an undefined conversion."""
     write_sources(target_of(card, precision=precision), tmp_path)
     (tmp_path / "lives.c").write_text(LIVES, encoding="ascii")
     sanitized = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g"]

@@ -1,4 +1,4 @@
-"""The MATLAB folder, read by Octave: the card's numbers, and the map's force at and between its points."""
+"""The MATLAB folder in Octave: values of the card, and forces of the map at and between its points."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ printf('%s|%s|%d\\n', damper.law, damper.command_unit, numel(damper.parameters.n
 
 
 def expected(table: ForceMap, values: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return the force by SciPy: linear, constant beyond the ends, without dimensions of one point."""
+    """Return the force from SciPy's linear interpolation, constant outside; axes of one point are omitted."""
     along = [table.temperature - ZERO_CELSIUS_K, table.command, table.velocity]
     kept = [k for k, each in enumerate(along) if len(each) > 1]
     grid = RegularGridInterpolator([along[k] for k in kept], values.reshape([len(along[k]) for k in kept]))
@@ -65,7 +65,7 @@ def test_octave_reads_the_card_and_its_map(card, tmp_path, tool):
 
 
 def test_modelica_text_contains_map_and_breakpoints():
-    """The Modelica table has name and size, commands in its first row, velocities in its first column."""
+    """The table has name and size for Modelica, commands in the first row, velocities in the first column."""
     table = force_map(card_of(DAMPERS["bouc-wen"]))
     first, _, head, *rows = tables_text(table).splitlines()
     assert first == "#1"

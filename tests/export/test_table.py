@@ -1,4 +1,4 @@
-"""The force map is the law's own force: at mid-stroke, on both branches, at every temperature and command."""
+"""The force map equals the force of the law at mid-stroke, on both branches, at all grid points."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rows_of(text):
 
 
 def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
-    """Return velocity and force of the last period of a sine of the envelope's stroke."""
+    """Return velocity and force in the last period of a sine with the stroke of the envelope."""
     omega = speed / AMPLITUDE
     t = np.arange(samples * periods + 1) * (2.0 * math.pi / omega / samples)
     flat = np.ones_like(t)
@@ -52,14 +52,14 @@ def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("i", "j", "k"), [(0, 0, -1), (2, 4, 3), (5, 8, 15), (3, 1, 20)])
-def test_force_is_at_mid_stroke_of_sine(made, i, j, k):
+def test_map_force_equals_force_at_mid_stroke(made, i, j, k):
     speed = float(made.velocity[k])
     v, force = sine(DAMPERS["bouc-wen"], abs(speed), float(made.command[j]), float(made.temperature[i]))
     assert made.pick[i, j, k] == pytest.approx(force[int(np.argmax(v * math.copysign(1.0, speed)))], abs=0.05)
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 0), (5, 8)])
-def test_branches_are_those_of_the_fastest_sine(made, i, j):
+def test_branches_equal_branches_of_fastest_sine(made, i, j):
     v, force = sine(DAMPERS["bouc-wen"], FASTEST, float(made.command[j]), float(made.temperature[i]))
     half = len(v) // 2
     downwards, upwards = slice(0, half + 1), slice(half, None)
@@ -120,12 +120,12 @@ def test_file_has_header_and_every_point(made):
 
 
 @pytest.mark.system
-def test_command_in_volts_has_its_column():
+def test_map_in_volts_has_volt_column():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()
 
 
-def test_law_without_real_time_form_has_map():
+def test_law_without_realtime_model_has_map():
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((50.0, 300.0)),
         "slope": Constant(300.0),

@@ -1,4 +1,4 @@
-"""The controllers on a Cortex-M4F and M7 under QEMU: bits, instructions, bytes; and static analysis.
+"""Controllers on Cortex-M4F and M7 in QEMU: equal bits, instruction counts, memory, and static analysis.
 
 The readings of ``hard_readings`` are reversals, impossible targets, temperature ramps and sensor faults.
 """
@@ -60,7 +60,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
 
 @pytest.mark.parametrize("shown", one_by_day(BARRED[::-1], 2), ids=_name)
 def test_step_instruction_count_is_limited(boards, shown):
-    """The longest of 5,000 steps is below the bar, and below 1.25 times their mean."""
+    """The longest of 5,000 steps is below its limit and below 1.25 times the mean."""
     there, here = replayed(shown, "M4F", 5_000)
     meets_its_bars(shown, there)
     assert there.hash == here
@@ -86,8 +86,8 @@ def test_target_and_host_agree_in_single_precision(boards, shown):
 
 
 @pytest.mark.parametrize("shown", one_by_day(SHOWN[::-1], 2), ids=_name)
-def test_code_and_tables_fit(boards, shown):
-    """16 kB of tables; 8 kB of code, up to half as much again for the valve's chain or a bank unrolled."""
+def test_code_and_tables_fit_memory_limits(boards, shown):
+    """Tables have at most 16 kB. Code and stack are within the limits of each controller."""
     held = sizes(shown.made(), boards["M4F"], flags=(shown.optimised,))
     print(
         f"{shown.controller}, {shown.damper}, {shown.optimised}: code {held.code}, tables {held.tables} bytes"
@@ -100,7 +100,7 @@ def test_code_and_tables_fit(boards, shown):
 @pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
 def test_static_checker_finds_only_listed_deviations(tool, tmp_path, single):
-    """Each of the list is found, too: the list is no longer than it must be."""
+    """The checker finds every listed deviation and no other, so that the list stays minimal."""
     text = files("mrdamper.codegen").joinpath("misra.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))
     command = [

@@ -75,7 +75,7 @@ def folder(target, tmp_path_factory, tool) -> Path:
 
 
 def stepped(folder: Path, load: CompactLoad, *, command=1.0, thermometer=np.nan, ohm=np.nan):
-    """Return temperatures and time to the limit of the compiled model each half second, and its flags."""
+    """Step the compiled model; return temperatures and time to the limit every 0.5 s, and flags."""
     columns = [load.power, command, load.ambient, load.air_speed, thermometer, ohm]
     np.savetxt(folder / "rows.txt", np.column_stack(np.broadcast_arrays(*columns)), fmt="%.9g")
     out = np.array(ran("sh", "-c", "./user < rows.txt", cwd=folder).split(), dtype=float).reshape(-1, 6)
@@ -130,7 +130,7 @@ def test_time_to_limit_matches_the_host(folder, model):
 
 
 def test_thermometers_correct_a_wrong_power(folder, model):
-    """The damper receives a fifth more power than the model."""
+    """The power of the damper is 20 % higher than the power in the model."""
     load = even(3600, 100.0)
     truth = simulate_compact(model, even(3600, 120.0), start_K=ROOM_K)
     alone, _ = stepped(folder, load)
@@ -146,8 +146,8 @@ def test_thermometers_correct_a_wrong_power(folder, model):
     assert np.abs(helped[-1, 1:4] - truth.hot[-1]).max() < 1.5
 
 
-def test_only_frozen_thermometer_is_flagged(folder, model):
-    """The damper warms and then rests. One sensor is good, one freezes while cooling, one from the start."""
+def test_only_stuck_thermometer_is_flagged(folder, model):
+    """The damper warms, then rests. One sensor works, one is stuck during cooling, one from the start."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)
     good = truth.fluid + np.random.default_rng(1).normal(0.0, 0.1, 3600)
@@ -201,7 +201,7 @@ def test_fmu_warms_by_the_work_of_the_force(library, model):
 
 @pytest.mark.nightly
 def test_fmu_has_limits_and_resistance_as_parameters(library, model):
-    """A lower limit is reached sooner; a coil of twice the resistance is warmer."""
+    """A lower limit is reached earlier. A coil with twice the resistance is warmer."""
     count = 20_000
     t = 1e-3 * np.arange(count)
     rows = table_of(time=t, displacement=10e-3 * np.sin(40.0 * t), current=1.5)

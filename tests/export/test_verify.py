@@ -1,4 +1,4 @@
-"""The verification of an export: right code passes, and one changed bit fails."""
+"""The verification of an export: correct code passes, code with one changed bit fails."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_full_run_raises_every_flag_of_readings():
     assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
-def test_frozen_thermometer_is_flagged_with_the_same_bits():
+def test_stuck_thermometer_is_flagged_with_equal_bits():
     """A light damper under a hard load warms quickly, but the reading is constant."""
     light = Heating(capacity_J_K=2.0, loss_W_K=0.01, resistance_20_ohm=5.0)
     record = assert_same_bits(target_of(card_of(DOUBLE), heating=light), 3 * SHORT)

@@ -62,7 +62,7 @@ def test_law_class_or_object_is_fitted(runs, tmp_path):
 
 
 @pytest.mark.parametrize("option", [{"temperature": "guess"}, {"posterior": -1}, {"law": "bouc-when"}])
-def test_missing_value_is_rejected(runs, option):
+def test_invalid_option_value_is_rejected(runs, option):
     with pytest.raises(mrdamper.InputError):
         mrdamper.fit(runs, **option)
 
@@ -74,7 +74,7 @@ def test_message_names_all_invalid_runs(runs):
     assert all(run.name in str(fault.value) for run in wrong)
 
 
-def test_files_are_written_together_or_not(tmp_path):
+def test_either_all_files_or_none_are_written(tmp_path):
     out = tmp_path / "new" / "out"
 
     def fail_half_way():

@@ -1,4 +1,4 @@
-"""The catalogue, against a local mirror: nothing is downloaded here."""
+"""The catalogue of public data, tested with a local mirror. Nothing is downloaded."""
 
 import hashlib
 import io
@@ -18,7 +18,7 @@ CONTENT = b"time_s,force_N\n0,1\n"
 
 @pytest.fixture
 def small_set(monkeypatch, tmp_path):
-    """Return a set of two files, and a mirror that holds both."""
+    """Return a data set of two files, and a mirror with these files."""
     mirror = tmp_path / "mirror"
     (mirror / "raw").mkdir(parents=True)
     (mirror / "raw" / "a.csv").write_bytes(CONTENT)

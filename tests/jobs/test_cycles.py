@@ -45,7 +45,7 @@ def test_command_writes_table_page_and_summary(tmp_path: Path) -> None:
 
 
 def test_groups_have_the_mean_of_all_cycles(tmp_path: Path) -> None:
-    """A record of more cycles than points of a curve has the same mean, min and max."""
+    """Mean, min and max stay the same if a record has more cycles than a curve has points."""
     answer = answer_of(write(tmp_path / "record.parquet", samples=500_001))
     assert (answer["cycles"], answer["group_cycles"]) == (2_499, 2)
     energy = answer["figures"]["energy_J"]

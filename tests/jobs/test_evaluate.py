@@ -1,4 +1,4 @@
-"""The job ``evaluate``: errors stated in a card and errors of runs."""
+"""The job ``evaluate``: errors that a card states, and errors of a card on runs."""
 
 from __future__ import annotations
 

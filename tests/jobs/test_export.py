@@ -115,7 +115,7 @@ def test_geometry_file_gives_the_heat_capacity(folder, tmp_path, tool):
 
 @pytest.mark.parametrize("law", one_by_day(["double-bouc-wen", "chain"]))
 def test_card_of_one_current_exports_its_model(law, tmp_path, tool):
-    """Without a current that changes the force there is a model, but no controller."""
+    """If current does not change the force, a model is exported but no controller."""
     tool("cc")
     damper = passive({**DAMPERS, "chain": CHAIN}[law])
     write_card_of(tmp_path / "card.json", damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
@@ -138,7 +138,7 @@ def test_missing_compiler_writes_nothing(folder, tmp_path, monkeypatch):
 
 
 def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch):
-    """The comparison uses the compiled program. Here a compiler changes a table."""
+    """The verification runs the compiled program. In this test the compiler changes a table."""
     wrapper = tmp_path / "cc"
     wrapper.write_text(
         "#!/bin/sh\n[ -f damper_tables.c ] && sed -i 's/largest = 2.0f/largest = 2.0001f/' damper_tables.c\n"
@@ -163,7 +163,7 @@ def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch
         ("card.json", (), 2, "No output is given. Use --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
     ],
 )
-def test_bad_input_is_one_message(folder, tmp_path, card, arguments, code, message):
+def test_bad_input_gives_one_message(folder, tmp_path, card, arguments, code, message):
     done = mrdamper("export", folder / card, *arguments, cwd=tmp_path)
     assert done.returncode == code, done.stderr
     assert message in done.stderr

@@ -1,4 +1,4 @@
-"""``mrdamper fluid``: from rheometer tables to laws, a fluid file and a figure."""
+"""``mrdamper fluid`` fits laws to rheometer tables, and writes a fluid file and a figure."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_iron_fraction_is_taken_from_like_fluid(folder):
 
 
 def test_valid_range_ends_with_the_law(tmp_path):
-    """A VFT pole at -35 degC has no value at -40 degC."""
+    """A VFT law with a pole at -35 degC has no value at -40 degC."""
     celsius = np.linspace(-20.0, 100.0, 25)
     viscosity = 0.1 * Vft(400.0, 238.0).value(celsius + 273.15)
     write(tmp_path / "cold.csv", "temperature_degC,viscosity_Pas", celsius, viscosity)

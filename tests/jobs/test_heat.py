@@ -1,4 +1,4 @@
-"""``mrdamper heat``: temperatures from a card and a geometry file, or one message."""
+"""``mrdamper heat`` computes temperatures from a card and a geometry file, or prints one message."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.system
 def heating(
     card: Path, damper: Path, *, options: HeatOptions | None = None, out: Path | None = None, **given: Any
 ) -> Any:
-    """Return the answer of the job as JSON. The default is the fastest thermal model."""
+    """Run the job with the fastest thermal model as default; return its answer as JSON."""
     named = {"card": card, "drawing": damper, **given}
     return JOBS["heat"].perform(named, options or HeatOptions(model="network"), out=out)[1]
 
@@ -62,12 +62,12 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
     return folder / name
 
 
-# ------------------------------------------------------------------------------------- the paper's figures
+# ------------------------------------------------------------------------------------- values of the paper
 
 
 @pytest.mark.nightly
 def test_fitted_card_heats_as_in_paper():
-    """Power and loss of force follow from the card. The losses agree within 0.3 percentage points."""
+    """Power and loss of force follow from the card. Force losses agree within 0.3 percentage points."""
     card, drawing = paper_card(), read_drawing(PAPER_DRAWING)
     run = heat(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), HeatOptions(past_limit=True))
     assert run.bare is not None
@@ -92,7 +92,7 @@ def test_heating_without_sink_is_simulated(answer):
 
 
 def test_limits_refer_to_hottest_points(answer):
-    """The hottest point of fluid, coil and seals is never below the mean temperature of the part."""
+    """The hottest point of each part (fluid, coil, seals) is at least as hot as the mean of the part."""
     rows = {row["part"]: row for row in answer["without_sink"]["limits"]}
     assert [rows[name]["limit_degC"] for name in ("fluid", "coil", "seals")] == [130.0, 155.0, 150.0]
     for name, mean in (("fluid", "fluid"), ("coil", "coil")):
@@ -159,7 +159,7 @@ def test_curve_ends_at_limit_of_fluid(folder):
     assert ended["time_to_limit_s"] == pytest.approx(gone_on["time_to_limit_s"], abs=1.0)
     assert (
         ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]
-    )  # The hottest point is earlier than the mean.
+    )  # The hottest point reaches the limit before the mean temperature does.
     early, late = ended["time_to_limit_interval_s"]
     assert early < ended["time_to_limit_s"] < (late or np.inf)
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
@@ -209,7 +209,7 @@ def test_same_run_gives_same_bytes(folder):
     assert one == two
 
 
-# ------------------------------------------------------------------------------------- how sure it is
+# ------------------------------------------------------------------------------------- uncertainty
 
 
 def test_interval_contains_curve_and_time_to_limit(folder):
@@ -229,7 +229,10 @@ def test_interval_contains_curve_and_time_to_limit(folder):
 
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
-    """Write 8 min of a damper that differs from its geometry file. Return the file and the final value."""
+    """Write 8 min of the heating curve of a damper that differs from its geometry file.
+
+    Return the file and the temperature at the end of the load cycle.
+    """
     drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
     own = replace(drawing.calibration, heat_capacity=1.25, film=1.1)
@@ -256,7 +259,7 @@ def calibrated(folder, astray) -> Any:
 
 @pytest.mark.nightly
 def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
-    """Calibration with 8 min reduces the interval to a fifth. The interval contains the correct value."""
+    """Calibration with 8 min reduces the interval to a fifth. The interval contains the true temperature."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):
         low, high = found["interval"]["low_degC"][-1], found["interval"]["high_degC"][-1]

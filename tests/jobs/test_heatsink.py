@@ -1,4 +1,4 @@
-"""``mrdamper heatsink``: Pareto front of heat sinks from a card and a geometry file, or one message."""
+"""``mrdamper heatsink`` computes a Pareto front of heat sinks, or prints one message."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(folder) -> Any:
-    """Run the job once, with 30 mm for the fins and four designs by finite elements."""
+    """Run the job once, with 30 mm of length for the fins and four designs by finite elements."""
     options = HeatsinkOptions(span_mm=30.0, members=4)
     return search(folder / "card.json", PAPER_DRAWING, options=options, out=folder / "out")
 
@@ -53,8 +53,8 @@ def test_front_is_ordered_by_mass(answer):
 
 
 @pytest.mark.nightly
-def test_identified_card_confirms_the_gain():
-    """The network gives this gain. tests/thermal/test_design.py confirms it with finite elements."""
+def test_heat_sink_search_reduces_temperature_and_mass():
+    """The temperature reduction is from the network; tests/thermal/test_design.py uses finite elements."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
     run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(75.5, abs=0.5)
@@ -64,7 +64,7 @@ def test_identified_card_confirms_the_gain():
     assert run.lightest.fluid <= run.reference.fluid
 
 
-def test_study_has_the_paper_sweeps(answer):
+def test_study_has_sweeps_of_paper(answer):
     study = answer["study"]
     assert [round(1e3 * row["width_m"]) for row in study["width"]] == [18, 23, 28, 33]
     assert [row["fins"] for row in study["fins"]] == [3, 4, 5]

@@ -70,7 +70,7 @@ def test_simulated_interval_equals_extreme_dampers(folder: Path):
 
 @pytest.mark.parametrize("where", [0.82, 1.0, 1.17])
 def test_interval_contains_force_of_sampled_damper(folder: Path, where: float):
-    """The card was not fitted to the run. The run is from any damper within the range of the samples."""
+    """The run is from a damper within the range of the posterior samples. The card was not fitted to it."""
     runs = Dataset((a_run(with_viscosity(where * TRUTH.parameters[NAME])),))
     result = mrdamper.evaluate(folder / "card.json", runs, posterior=21)
     (force,) = result.forces

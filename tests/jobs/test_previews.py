@@ -1,4 +1,4 @@
-"""Previews of a web page before a job: formats of files, plotted runs, fast heating."""
+"""Previews that web pages show before a job starts: file formats, plotted runs, quick heating curves."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def bare(tmp_path):
     return tmp_path / "bare.csv"
 
 
-# ------------------------------------------------------------------------------------------- looks
+# ------------------------------------------------------------------------------------------- previews
 
 
 def test_preview_shows_columns_run_and_findings(file):
@@ -98,7 +98,7 @@ def test_stored_run_has_single_precision(file, tmp_path):
 def test_window_keeps_extremes_of_each_interval(tmp_path):
     run = make_run(duration=20.0, rate_Hz=500.0)
     force = run.force.copy()
-    force[4321] = 9e4  # A spike of one sample.
+    force[4321] = 9e4  # The run has a spike of one sample.
     lines = [f"{t!r},{1e3 * x!r},{f!r},0.5" for t, x, f in zip(*(
         each.tolist() for each in (run.time, run.displacement, force)), strict=True)]  # fmt: skip
     (tmp_path / "run.csv").write_text("time_s,displacement_mm,force_N,current_A\n" + "\n".join(lines) + "\n")

@@ -1,4 +1,4 @@
-"""``mrdamper rig``: files of the runs, files of the exact values, all or none."""
+"""``mrdamper rig`` writes files of the runs and of the exact values, either all of them or none."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_answer_names_runs_and_held_out_ones(answer):
 
 
 def test_files_contain_the_measured_runs(answer, folder):
-    """The file rounds to 0.1 um, 0.01 N and 0.01 K, and its first line says that the run is simulated."""
+    """Values are rounded to 0.1 um, 0.01 N and 0.01 K. The first line states that the run is simulated."""
     read = {run.name: run for run in read_runs(folder / "runs")}
     campaign = Campaign.from_mapping(tomllib.loads(CAMPAIGN))
     measured = {run.name: run for run, _ in measure(PRESETS["hard"], campaign, seed=7)}

@@ -71,7 +71,7 @@ def test_two_workers_give_equal_results(card: Path, tmp_path: Path, reference: b
 
 
 @pytest.mark.nightly
-def test_killed_workers_cost_no_result(card: Path, tmp_path: Path, reference: bytes):
+def test_killed_workers_lose_no_result(card: Path, tmp_path: Path, reference: bytes):
     """A task whose worker dies is run again."""
     done, killed = threading.Event(), list[int]()
 
@@ -170,7 +170,7 @@ def test_cluster_gives_equal_results(card: Path, tmp_path: Path, reference: byte
 
 
 def test_missing_scheduler_is_an_error(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A cluster without workers is an error, too."""
+    """A missing scheduler and a cluster without workers are errors."""
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "CONNECT_MAX_S", 0.5)
     monkeypatch.setattr(executors, "WORKERS_WAIT_MAX_S", 0.3)

@@ -1,4 +1,4 @@
-"""``mrdamper track``: rows, their ranking, the page, and a message for invalid inputs."""
+"""``mrdamper track``: rows and ranking of controllers, the page, and messages for invalid inputs."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def test_recommended_controller_beats_the_paper(run, degrees):
 
 
 @pytest.mark.parametrize("name", ["recommended", "paper"])
-def test_unknown_temperature_costs_when_hot(run, name):
-    """A controller from a card of 20 degC is as accurate at 20 degC and much less accurate at 123 degC."""
+def test_temperature_unaware_controller_is_worse_when_hot(run, name):
+    """A controller whose card ignores temperature is equally accurate at 20 degC but not at 123 degC."""
     hot, hot_unaware = score(run, name, 123.0), score(run, f"{name}-unaware", 123.0)
     assert hot_unaware.rmse_feasible_N > 2.0 * hot.rmse_feasible_N
     cold, cold_unaware = score(run, name, 20.0), score(run, f"{name}-unaware", 20.0)
@@ -85,7 +85,7 @@ def test_summary_contains_largest_errors_of_all_temperatures(run):
 
 
 def test_tracking_own_model_has_no_model_error(folder):
-    """Lag and noise remain. The same controller has a larger error on the virtual damper."""
+    """Only lag and noise cause errors. The same controller has a larger error on the virtual damper."""
     options = TrackOptions(controllers=("recommended",))
     itself = track(folder / "card.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
     real = track(folder / "card.json", options, targets=[folder / "short.toml"], plant="hard")
@@ -122,7 +122,7 @@ def test_parallel_job_count_does_not_change_results(folder):
 
 @pytest.mark.parametrize("times", one_by_day([0.05, 1.0, 20.0]))
 def test_card_of_any_size_is_tracked(folder, times):
-    """Targets are proportional to the force of the damper. Therefore the relative error is constant."""
+    """The relative error is constant because targets are proportional to the force of the damper."""
     path = write_card_of(folder / "other.json", rig_damper(force=times))
     found = track(path, PAPER, plant=path)
     assert found.targets == (["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"] if times == 1.0 else SIZED)
@@ -180,7 +180,7 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
 
 
 def test_infeasible_sized_targets_are_omitted(folder):
-    """Without current, the force is above most of the target force in two of the three targets."""
+    """Two of three targets are infeasible: the force at zero current exceeds most of the target force."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
     path = write_card_of(folder / "thick.json", thick)
@@ -225,7 +225,7 @@ def test_card_without_dependence_is_refused(folder):
 
 
 def test_stroke_beyond_the_card_is_refused(folder):
-    """Without a named target, the card is tracked on motions within its stroke and speed."""
+    """A named target with a longer stroke is rejected. Default targets stay within the card's stroke."""
     envelope = OperatingEnvelope((0.0, 2.0), (-0.003, 0.003), (-0.04, 0.04), (293.15, 393.15))
     small = write_card_of(folder / "small.json", envelope=envelope)
     assert "its data cover -3 to 3 mm" in refused(folder, card="small.json")

@@ -43,14 +43,14 @@ def test_one_lag_has_logarithmic_response_time(tau, share):
 
 @given(tau=times, share=shares)
 def test_two_equal_lags_are_closed_form(tau, share):
-    """1 - (1 + t/tau) exp(-t/tau) = share, solved by Lambert's W (63 %: 2.146 tau)."""
+    """The time solves 1 - (1 + t/tau) exp(-t/tau) = share, by Lambert's W (2.146 tau for 63 %)."""
     expected = -tau * (1.0 + float(lambertw((share - 1.0) / math.e, -1).real))
     assert Actuation(tau, tau, tau).response_time(share) == pytest.approx(expected, abs=1e-3 * tau)
     assert Actuation(tau, tau, tau).response_time(T63) == pytest.approx(2.1462 * tau, rel=1e-3)
 
 
 def ramp_through_two_lags(time: FloatArray, a: float, b: float) -> FloatArray:
-    """Return t - (a + b) + (a^2 exp(-t/a) - b^2 exp(-t/b))/(a - b)."""
+    """Return the response of two lags to a ramp: t - (a + b) + (a^2 exp(-t/a) - b^2 exp(-t/b))/(a - b)."""
     fading = (a**2 * np.exp(-time / a) - b**2 * np.exp(-time / b)) / (a - b)
     return np.asarray(time - (a + b) + fading, dtype=np.float64)
 
@@ -97,7 +97,7 @@ def test_rise_and_fall_have_own_times(rise, fall):
 
 @given(rise=times, fall=times, second=times, delay=times)
 def test_area_above_step_response_is_total_lag(rise, fall, second, delay):
-    """The integral of command - applied is the step times the sum of lags and delay, up and down."""
+    """The area between command and response is the step times the sum of lags and delay, up and down."""
     both = Actuation(rise, fall, second, delay)
     step = (rise + fall + second + delay) / 500.0
     up = a_step(15_000)
@@ -174,7 +174,7 @@ def test_free_wheeling_in_saturated_iron_matches_integrator():
 
 
 def test_hysteresis_in_saturated_iron_follows_flux():
-    """A fall from 5 A to 1 A is complete because it exceeds the half width; a fall to 4 A counts half."""
+    """A fall from 5 A to 1 A opens the full hysteresis. A fall to 4 A adds half of the change of flux."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.apply(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
     fall = 5.0 / 6.0 - 4.0 / 5.0  # The change of flux is less than twice the half width.
@@ -183,7 +183,7 @@ def test_hysteresis_in_saturated_iron_follows_flux():
 
 
 def test_flux_lags_in_saturated_iron():
-    """From 0 to 4 A and back, two equal lags give 1 - (1 + t/tau) exp(-t/tau), to 1e-5."""
+    """Two equal lags of the flux give 1 - (1 + t/tau) exp(-t/tau) within 1e-5, from 0 to 4 A and back."""
     tau, bend, step = 0.008, 1.5, 2e-5
     actuation = Actuation(tau, tau, tau, saturation=bend)
     time = step * np.arange(3000)
@@ -192,7 +192,7 @@ def test_flux_lags_in_saturated_iron():
     command = np.full(3000, 4.0)
     command[0] = 0.0
     for levels, flux in ((command, end * (1.0 - left)), (4.0 - command, end * left)):
-        late = np.interp(time - 0.5 * step, time, flux)  # the step is a ramp over its first sample
+        late = np.interp(time - 0.5 * step, time, flux)  # The step is a ramp during its first sample.
         found = actuation.flux(actuation.apply(levels, step))
         np.testing.assert_allclose(found[1:], late[1:], atol=1e-5 * end)
 
@@ -206,7 +206,7 @@ def test_flux_and_current_are_inverse(level, bend):
 
 
 def test_two_hysteresis_widths_superpose():
-    """From 2 A down, both loops open; the narrow one saturates first. A small swing closes only this loop."""
+    """During a fall from 2 A the narrow loop saturates first. A rise of 0.3 A closes only the narrow loop."""
     narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
     felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).apply(commands, 1e-3)
@@ -217,7 +217,7 @@ def test_two_hysteresis_widths_superpose():
 
 @given(actuation=actuations, command=levels, step=st.floats(1e-4, 0.1))
 def test_applied_command_has_no_overshoot(actuation, command, step):
-    """The output has no overshoot: it is always within the range of past commands."""
+    """The output is always within the range of past commands."""
     at = np.array(command)
     felt = actuation.apply(at, step)
     assert np.all(felt <= np.maximum.accumulate(at) + 1e-12)
@@ -226,7 +226,7 @@ def test_applied_command_has_no_overshoot(actuation, command, step):
 
 @given(actuation=actuations, command=levels, size=st.sampled_from([0.25, 2.0, -1.0, -4.0]))
 def test_applied_command_scales_with_the_command(actuation, command, size):
-    """Rise and fall depend on the absolute command, so that the output is proportional to the command.
+    """The output is proportional to the command because rise and fall depend on the absolute command only.
 
     Powers of two scale without rounding.
     """
@@ -243,7 +243,7 @@ slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501),
 
 @pytest.mark.parametrize("width", [0.01, 0.08])
 def test_hysteresis_adds_to_a_falling_command(width):
-    """Half of the field lags by the full width: the output is half a width larger after a slope of 1/2."""
+    """After a reversal the output falls with slope 1/2 until it exceeds the command by the width."""
     felt = Actuation(0.0, 0.0, hysteresis_width_A=width).apply(slow, 1e-3)
     np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
     away = 2001 + int(2e3 * width) + 1

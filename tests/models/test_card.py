@@ -1,4 +1,4 @@
-"""The model card: reading and writing, and the refusal of edited or invalid files."""
+"""The model card: reading, writing, and rejection of edited or invalid files."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ WARM_DOCUMENT = json.loads(json.dumps(card_to_json(WARM), default=dict))
 
 
 def document(*path, value, of=DOCUMENT):
-    """Return a signed copy of a valid document with one value changed; ``value=...`` removes it."""
+    """Return a valid document with one changed value and a valid hash; ``value=...`` removes the value."""
     changed = json.loads(json.dumps(of))
     inside = changed
     for key in path[:-1]:
@@ -140,7 +140,7 @@ COEFFICIENTS = "coefficients"
 
 @pytest.mark.parametrize("card", [CARD, WARM], ids=["current alone", "temperature dependent"])
 def test_card_written_and_read_is_unchanged(card, tmp_path):
-    """A card that is read is equal to the card that was written, and so are the bytes of its file."""
+    """Reading returns the card that was written, and writing this card gives the same bytes."""
     first, second = tmp_path / "card.json", tmp_path / "again.json"
     write_card(card, first)
     assert read_card(first) == card
@@ -212,7 +212,7 @@ def test_any_card_survives_a_round_trip(
 
 
 def test_card_bytes_are_independent_of_order():
-    """Equal cards have equal bytes: neither the order of notes nor the type of a number counts."""
+    """Equal cards have equal bytes, whatever the order of notes and the types of numbers."""
     one = a_card(notes={"a": 1, "b": {"x": 1, "y": 2}})
     other = a_card(notes={"b": {"y": 2, "x": 1}, "a": 1})
     assert card_text(one) == card_text(other)
@@ -220,7 +220,7 @@ def test_card_bytes_are_independent_of_order():
     assert card_text(card_from_json(json.loads(whole))) == whole
 
 
-def test_numbers_carry_units_and_standard_errors():
+def test_numbers_have_units_and_standard_errors():
     numbers = DOCUMENT[COEFFICIENTS]["yield_force"]["numbers"]
     assert numbers["half_command"] == {"value": 1.14, "unit": "A", "standard_error": None}
     assert numbers["gain"]["standard_error"] == 3.5
@@ -243,7 +243,7 @@ def test_numbers_carry_units_and_standard_errors():
 PAGE = (Path(__file__).parents[2] / "docs" / "card.md").read_text(encoding="utf-8")
 
 
-def test_page_of_card_documents_every_key():
+def test_card_page_documents_every_key():
     assert f"(schema version {SCHEMA_VERSION})" in PAGE
     keys = [*DOCUMENT, *DOCUMENT["evidence"], *WARM_DOCUMENT["actuation"]]
     kinds = [*FORMS, *FACTORS]
@@ -275,7 +275,7 @@ def test_coefficients_on_page_are_valid():
     ],
 )
 def test_edited_card_is_rejected(place):
-    """A change of one number in the ninth digit changes the hash."""
+    """A change in the ninth digit of one number is detected by the hash."""
     changed = json.loads(json.dumps(DOCUMENT))
     inside = changed
     for key in place[:-1]:
@@ -337,7 +337,7 @@ def test_invalid_card_is_rejected_with_location(damaged, said, tmp_path):
 @examples(50)
 @given(st.data(), st.sampled_from([DOCUMENT, WARM_DOCUMENT]))
 def test_card_with_any_value_never_crashes(data, valid):
-    """A file with any value in any place is read, or refused with an ``InputError``."""
+    """A file with any value at any location is either read or rejected with an ``InputError``."""
     changed = json.loads(json.dumps(valid))
     inside = changed
     while True:
@@ -394,7 +394,7 @@ def test_failed_write_keeps_the_old_card(tmp_path, monkeypatch):
 
 
 class Dashpot:
-    """A user's dashpot."""
+    """A user-defined law: a linear dashpot."""
 
     name = "dashpot"
     coefficients = (Coefficient("c", "N s/m", "damping", linear=True),)
@@ -407,7 +407,7 @@ class Dashpot:
 
 
 def test_card_with_user_law_needs_the_law(tmp_path):
-    """The card names the file of the law and carries no code."""
+    """The card contains the path of the law's file but no code."""
     law = law_from_python(Dashpot())
     path = tmp_path / "card.json"
     own = a_card(Damper(law, {"c": Constant(200.0)}), python_law="laws.py:Dashpot", standard_errors={})
@@ -424,7 +424,7 @@ def test_card_with_user_law_needs_the_law(tmp_path):
 
 
 def test_coefficients_are_clipped_outside_the_envelope():
-    """A yield force that would be negative beyond the highest current of the runs is zero there."""
+    """A yield force that would be negative above the highest current of the runs is zero there."""
     falling = {**CARD.damper.coefficients, "yield_force": Polynomial((100.0, -80.0))}
     card = a_card(replace(CARD.damper, coefficients=falling), standard_errors={})
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=2.0)

@@ -16,7 +16,7 @@ DRAWS = CardDraws(NAMES, np.column_stack([600.0 + np.arange(101.0), 1e-3 * np.ar
 
 @pytest.mark.parametrize(("most", "rows"), [(2, [0, 100]), (5, [0, 25, 50, 75, 100]), (500, range(101))])
 def test_dampers_are_evenly_spaced_samples(most, rows):
-    """No sample is used twice; other parameters have the values of the card."""
+    """Each posterior sample is used once. Parameters without samples keep the values of the card."""
     dampers = DRAWS.dampers(CARD.damper, most)
     assert [each.parameters["yield_force.gain"] for each in dampers] == [600.0 + row for row in rows]
     assert [each.command_lag_s for each in dampers] == pytest.approx([1e-3 * row for row in rows])

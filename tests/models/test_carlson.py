@@ -1,4 +1,4 @@
-"""Carlson's formulas: against printed points, against a root finder, and at their limits."""
+"""Carlson's formulas compared with published points and a root finder, and at their limits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ fields = st.floats(1.0, 1e7)  # A/m
     ("field", "printed", "deviation_percent"), [(18e3, 4640.0, 17), (46e3, 13770.0, -2), (80e3, 23470.0, -5)]
 )
 def test_formula_deviates_from_manufacturer_as_stated(field, printed, deviation_percent):
-    """MRF-132DG, 32 % iron in a hydrocarbon; the points are second hand."""
+    """The points are for MRF-132DG (32 % iron in a hydrocarbon), from a secondary source."""
     law = Carlson(saturation_stress(0.32, CARRIERS["hydrocarbon"]))
     deviation = 100.0 * (float(law.stress(field)) / printed - 1.0)
     assert deviation == pytest.approx(deviation_percent, abs=1.0)
@@ -39,7 +39,7 @@ def test_fluid_with_32_percent_iron_saturates():
 
 
 def test_flux_densities_of_paper_give_field_strengths():
-    """Computed by hand for 32 % iron: 100, 200, 400, 600 mT are 12.7, 27.5, 66.8, 129.6 kA/m."""
+    """100, 200, 400 and 600 mT are 12.7, 27.5, 66.8 and 129.6 kA/m for 32 % iron (computed by hand)."""
     strengths = field_strength([0.1, 0.2, 0.4, 0.6], 0.32)
     np.testing.assert_allclose(strengths, [12.7e3, 27.5e3, 66.8e3, 129.6e3], rtol=4e-3)
 

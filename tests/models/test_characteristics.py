@@ -1,4 +1,4 @@
-"""Characteristics against closed forms: Bingham, viscous and Dahl dampers, linear factors, lags."""
+"""Characteristics compared with closed forms: Bingham, viscous and Dahl dampers, linear factors, lags."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ REFERENCE = 293.15
 
 
 def bingham(actuation: Actuation | None = None, **given_coefficients: ParameterLaw) -> Damper:
-    """Return a Bingham damper whose corner is so sharp that it is the ideal one at these speeds."""
+    """Return a Bingham damper with so small a regularisation that it is ideal at the tested speeds."""
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((40.0, 500.0)),
         "yield_velocity": Constant(1e-7),
@@ -62,7 +62,7 @@ def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Cha
     frequency=st.floats(0.1, 10.0),
 )
 def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency):
-    """Energy = 4 A F_y + pi c omega A^2, whatever the spring and the gas force."""
+    """The energy is 4 A F_y + pi c omega A^2. Spring and gas force have no effect."""
     damper = bingham(viscosity=Constant(viscosity), stiffness=Constant(2e3), offset=Constant(70.0))
     cycle = steady_cycle(damper, Sine(amplitude, frequency), command)
     yielding = 4.0 * amplitude * (40.0 + 500.0 * command)
@@ -71,7 +71,7 @@ def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency)
 
 
 def test_dahl_energy_converges_to_rectangle():
-    """The difference to 4 A F_y halves with 1 / rho: about one yield displacement is missing at each end."""
+    """The missing energy compared with 4 A F_y is proportional to 1 / rho."""
     rectangle = 4.0 * SINE.amplitude * 300.0
     gaps = [1.0 - steady_cycle(dahl(rho), SINE, 0.0).energy_J / rectangle for rho in (4e3, 8e3, 16e3)]
     assert gaps[0] > 0.0
@@ -97,7 +97,7 @@ def test_viscous_peak_force_is_proportional_to_speed():
 
 
 def test_gas_force_shifts_both_branches_equally():
-    """At mid-stroke the spring is relaxed and the acceleration is zero; damping has no gas force."""
+    """The gas force is the same on both branches at mid-stroke and is not part of the damping force."""
     bare = peak_velocity_pick(bingham(viscosity=Constant(800.0)), SPEEDS, amplitude=0.01, command=1.0)
     damper = bingham(
         viscosity=Constant(800.0), offset=Constant(65.0), stiffness=Constant(3e3), mass=Constant(3.0)
@@ -112,7 +112,7 @@ def test_gas_force_shifts_both_branches_equally():
 
 
 def test_force_loss_is_smaller_at_higher_current():
-    """The loss is the viscous fraction times the fall of the viscosity: the claim of the paper."""
+    """The force loss is the viscous fraction of the force times the viscosity decrease (as in the paper)."""
     damper = bingham(viscosity=TemperatureDependent(Constant(3e3), Arrhenius(1435.5)))
     fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / REFERENCE))
     viscous = 3e3 * OMEGA * SINE.amplitude
@@ -183,7 +183,7 @@ def test_quadratic_force_rises_later_and_falls_sooner():
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_response_needs_a_lag_and_a_current():
+def test_force_response_needs_lag_and_current_dependence():
     assert characterised(bingham()).responses == ()
     for way in response(bingham(Actuation(0.01, 0.01), yield_force=Constant(300.0))):
         assert (way.force_t63, way.force_t90) == (None, None)

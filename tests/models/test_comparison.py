@@ -66,8 +66,8 @@ def test_card_does_not_differ_from_itself():
     assert same.verdict == "second and first give the same force everywhere."
 
 
-def test_weaker_yield_force_is_its_difference():
-    """Bingham: the damping force is F_y(I) + c v, so that the difference is -0.1 F_y(I) at every speed."""
+def test_yield_force_difference_is_closed_form():
+    """The Bingham force is F_y(I) + c v. With 10 % less F_y the difference is -0.1 F_y(I) at every speed."""
     found = compared(a_card(a_damper()), a_card(a_damper(0.9)), ("before", "after"))
     difference = found.found[1].damping - found.found[0].damping
     for i, command in enumerate(found.scope.commands):
@@ -85,7 +85,7 @@ def test_swapped_cards_have_the_opposite_difference():
     assert {pair.name: None if pair.z is None else -pair.z for pair in back.parameters} == z
 
 
-def test_z_is_difference_over_standard_error():
+def test_z_is_difference_divided_by_standard_error():
     found = compared(a_card(a_damper()), a_card(a_damper(viscosity=Constant(1020.0))))
     (viscosity,) = (pair for pair in found.parameters if pair.name == "viscosity.value")
     assert viscosity.z == pytest.approx(120.0 / math.hypot(30.0, 30.0), rel=1e-12)
@@ -93,7 +93,7 @@ def test_z_is_difference_over_standard_error():
 
 
 def test_difference_below_own_errors_is_unclear():
-    """RMS errors of 60 and 80 N are 100 N together; half a percent of the force is less."""
+    """RMS errors of 60 and 80 N combine to 100 N, which is more than a difference of 0.5 % of the force."""
     verdict = compared(a_card(a_damper(), rmse=60.0), a_card(a_damper(1.005), rmse=80.0)).verdict
     assert verdict.startswith("No clear difference: ")
     assert "(100 N)" in verdict
@@ -133,7 +133,7 @@ def test_warm_dampers_are_compared_at_common_temperatures():
 
 
 def test_constant_damper_is_compared_at_tested_temperature():
-    """At 60 degC the other damper has lost 4 % of its yield force."""
+    """At 60 degC the yield force of the other damper is 4 % lower."""
     tested = replace(ENVELOPE, temperature=(332.0, 334.3))
     found = compared(a_card(warm_damper(), WARM), a_card(a_damper(0.96), tested))
     assert found.scope.temperatures == pytest.approx((333.15,))

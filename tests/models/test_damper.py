@@ -24,7 +24,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
 
-MILLIAMPERE: Any = "mA"  # possible without a type checker
+MILLIAMPERE: Any = "mA"  # A user without a type checker can pass this.
 ONE_END: Any = (0.0,)
 ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2))
 WARM_ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2), (293.15, 393.15))
@@ -91,10 +91,10 @@ def test_with_parameters_is_inverse_of_parameters(data):
     name = data.draw(st.sampled_from(sorted(damper.parameters)))
     changed = damper.with_parameters({name: 0.75})
     assert changed.parameters == {**damper.parameters, name: 0.75}
-    assert damper == bouc_wen()  # a value: the first one stays as it was
+    assert damper == bouc_wen()  # The damper is immutable.
 
 
-def test_coefficients_at_command_are_rows():
+def test_coefficients_are_rows_commands_are_columns():
     damper = bouc_wen()
     commands = np.array([0.0, 0.5, 1.0])
     table = damper.coefficients_at(commands)
@@ -138,7 +138,7 @@ def test_invalid_damper_is_rejected_by_name(make, said):
     ("gain", "fine"), [(-2.3, True), (-39.9, True), (39.9, True), (-40.0, False), (41.0, False)]
 )
 def test_valve_gain_is_limited_by_stroke(gain, fine):
-    """With a stroke of 25 mm either way, 1 + gain x stays positive for |gain| < 40 per metre."""
+    """1 + gain x is positive within +-25 mm if |gain| < 40 per metre."""
     damper = series_valve(position_gain=Constant(gain))
     assert (damper.problems(ENVELOPE) == ()) == fine
     if not fine:
@@ -149,7 +149,7 @@ def test_valve_gain_is_limited_by_stroke(gain, fine):
 # ----------------------------------------------------------------------------------------- temperature
 
 
-def test_factor_parameters_are_parameters():
+def test_temperature_factor_parameters_are_damper_parameters():
     damper = warm()
     assert damper.parameters["viscosity.activation_K"] == 1435.5
     assert damper.units["viscosity.activation_K"] == "K"
@@ -171,7 +171,7 @@ def test_coefficient_outside_range_when_warm_is_named():
     assert fading.violations(commands) == ()
     with pytest.raises(InputError, match=r"yield_force is -\d.* N; .*\(at 0 A, 95\.0 degC\)"):
         fading.check(WARM_ENVELOPE)
-    fading.check(ENVELOPE)  # no temperature is known there: at 20 degC
+    fading.check(ENVELOPE)  # Coefficients are evaluated at 20 degC.
 
 
 def test_pole_inside_temperatures_is_rejected():

@@ -177,7 +177,7 @@ def test_gradient_with_factor_equals_complex_step(factor, data, command, kelvin)
 
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
 def test_linear_parameters_are_jointly_linear(law, command, kelvin):
-    """The gradient by one linear parameter does not depend on the others, as least squares requires."""
+    """The derivative with respect to a linear parameter does not depend on any linear parameter."""
     twice = [2.0 * x if linear else x for x, linear in zip(law.parameters, law.linear, strict=True)]
     both = law.with_parameters(twice)
     for k, linear in enumerate(law.linear):
@@ -220,7 +220,7 @@ def test_missing_temperature_means_20_degrees(law, command):
 
 
 @given(temperature_dependent, commands, commands, kelvins)
-def test_command_and_temperature_separate(law, here, there, kelvin):
+def test_relative_temperature_effect_is_independent_of_command(law, here, there, kelvin):
     """The relative change of a coefficient with temperature is equal at every command."""
     one, two = law.value(here, kelvin) * law.value(there), law.value(there, kelvin) * law.value(here)
     assert one == pytest.approx(two, rel=1e-12, abs=1e-300)
@@ -245,7 +245,7 @@ def test_bipolynomial_of_degree_zero_is_polynomial(law, command, kelvin):
     kelvins,
 )
 def test_separable_polynomial_is_bipolynomial_of_products(command, factor, at, kelvin):
-    """(a0 + a1 I + ...)(1 + t1 dT + ...) multiplied out: c_ij = a_i t_j with t_0 = 1."""
+    """(a0 + a1 I + ...)(1 + t1 dT + ...) has the bipolynomial coefficients c_ij = a_i t_j with t_0 = 1."""
     law = TemperatureDependent(Polynomial(tuple(command)), PolynomialFactor(tuple(factor)))
     assert law.kind == "polynomial"
     assert law.parameter_names == (
@@ -307,7 +307,7 @@ def written(law):
 
 
 def read(data):
-    """Return the law in a card's JSON; its parameters may lack unit and standard error."""
+    """Read a law from JSON as in a card, without units and standard errors."""
     numbers = data.get("numbers")
     if isinstance(numbers, dict):
         numbers = {

@@ -1,4 +1,4 @@
-"""Fluids: statements of the paper, presets, valid ranges, files."""
+"""Fluids: values stated in the paper, presets, valid ranges, files."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_collapse_is_a_logistic_curve(kelvin):
     assert float(Collapse(414.15, 1.5).value(kelvin)) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
-def test_collapse_counts_on_request():
+def test_thermal_collapse_is_included_on_request():
     """The collapse begins at 138 degC, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
@@ -65,7 +65,7 @@ def test_collapse_counts_on_request():
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_preset_has_range_viscosity_and_yield_stress(name):
-    """Valid from -40 to 130 degC, 0.112 Pa s at 40 degC, yield stress of Carlson."""
+    """Presets are valid from -40 to 130 degC, have 0.112 Pa s at 40 degC and Carlson's yield stress."""
     fluid = find_fluid(name)
     assert fluid.valid_K == pytest.approx((233.15, 403.15))
     assert fluid.viscosity_fitted_K == pytest.approx((293.15, 403.15))
@@ -78,7 +78,7 @@ def test_preset_has_range_viscosity_and_yield_stress(name):
 
 
 def test_lord_viscosity_is_walthers_law():
-    """log10 log10(nu + 0.7) = A - B log10 T through 17 mm^2/s at 40 and 3.9 mm^2/s at 100 degC."""
+    """log10 log10(nu + 0.7) = A - B log10 T, with 17 mm^2/s at 40 degC and 3.9 mm^2/s at 100 degC."""
 
     def twice(nu):
         return math.log10(math.log10(nu + 0.7))
@@ -90,8 +90,8 @@ def test_lord_viscosity_is_walthers_law():
     np.testing.assert_allclose(LORD.viscosity_factor.value(kelvin), nu / nu[0], rtol=3e-3)
 
 
-def test_only_lord_density_agrees_with_iron():
-    """Iron 7860, oil 800 to 960 kg/m^3: the 2300 kg/m^3 of the paper contradict its 32 % of iron."""
+def test_density_agrees_with_iron_fraction_of_lord():
+    """32 % iron (7860 kg/m^3) in oil (800 to 960) is heavier than the 2300 kg/m^3 that the paper states."""
     light, heavy = (0.32 * 7860.0 + 0.68 * oil for oil in (800.0, 960.0))
     assert LORD.density_kg_m3 is not None
     assert PAPER.density_kg_m3 is not None
@@ -125,7 +125,7 @@ def test_celsius_instead_of_kelvin_is_rejected(kelvin):
 
 
 def test_law_without_a_positive_value_is_rejected():
-    """A slope of 0.7 % per kelvin leaves no yield stress at 163 degC."""
+    """With a slope of 0.7 % per kelvin, the yield stress is zero at 163 degC."""
     steep = replace(PAPER, yield_factor=Linear(7e-3))
     with pytest.raises(EnvelopeError, match="linear law of the yield stress has no value at 170 degC"):
         steep.yield_stress(443.15, field_A_m=1e5)
@@ -199,7 +199,7 @@ def test_omitted_values_are_taken_from_like_fluid():
     assert fluid.viscosity_factor == Reynolds(0.02)
     assert fluid.density_kg_m3 == 2800.0
     assert fluid.yield_factor == PAPER.yield_factor
-    assert fluid.collapse is None  # It belongs to the viscosity of the paper.
+    assert fluid.collapse is None  # The thermal collapse belongs to the viscosity of the paper.
     same = fluid_from_toml('like = "paper"', "ours.toml")
     assert replace(same, title=PAPER.title) == replace(PAPER, name="ours")
 

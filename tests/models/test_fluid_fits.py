@@ -1,4 +1,4 @@
-"""Fits of rheometer tables: known laws recovered, standard errors, textbook fits, refused tables."""
+"""Fits of rheometer tables: recovery of known laws, standard errors, textbook fits, rejected tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.examples import examples
 
 KELVIN = np.linspace(293.15, 403.15, 23)
 LAWS = (Arrhenius(1435.5), Reynolds(0.013), Vft(753.0, 165.4))
-FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # the paper's
+FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # value of the paper
 AT = np.tile(np.linspace(293.15, 393.15, 6), 4)
 SCALES = [(FIELD_SCALE_A_m, "carlson"), (1.1e5, "carlson-free-scale")]
 
@@ -44,7 +44,7 @@ def test_viscosity_law_is_recovered_without_noise(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_standard_errors_of_viscosity_are_calibrated(law):
-    """20 tables with 2 % of noise: deviations from the truth have about the stated standard error."""
+    """In 20 tables with 2 % noise, deviations from the true values match the stated standard error."""
     scores, chosen = [], []
     for seed in range(20):
         study = fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed))
@@ -76,7 +76,7 @@ def test_arrhenius_fit_is_the_textbook_line():
     rate=st.floats(0.002, 0.03),
     seed=st.integers(0, 99),
 )
-def test_unit_and_order_of_points_do_not_matter(scale, order, rate, seed):
+def test_fit_is_independent_of_unit_and_order(scale, order, rate, seed):
     kelvin = np.linspace(300.0, 390.0, 8)
     viscosity = noisy(0.1 * Reynolds(rate).value(kelvin), seed)
     one = fit_viscosity(kelvin, viscosity)
@@ -163,7 +163,7 @@ def test_points_without_field_are_not_fitted():
 
 
 def test_weak_fields_extrapolate_the_saturation():
-    """Tanh u = u within 0.1 %: the table contains the slope at the origin only."""
+    """In weak fields tanh u = u within 0.1 %, so that the table only determines the slope at the origin."""
     field = np.repeat([1e3, 2e3, 4e3, 8e3], 4)
     kelvin = np.tile([293.15, 323.15, 353.15, 383.15], 4)
     stress = noisy(Carlson(47e3).stress(field) * Linear(1.5e-3).value(kelvin), 1)

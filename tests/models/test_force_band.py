@@ -1,4 +1,4 @@
-"""The prediction band of the force: its width, and its widening with the distance of a motion."""
+"""The prediction band of the force: width, and widening with the distance to the fitted motions."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def test_band_width_and_coverage_are_closed_forms():
 
 
 def test_distance_is_the_larger_logarithm():
-    """A motion of half the speed is at a distance of ln 2, and so is one of twice the size."""
+    """Half of the speed is a distance of ln 2, and twice the amplitude is also a distance of ln 2."""
     size = MotionSize(0.01, 0.2)
     assert size.distance([MotionSize(0.01, 0.1), MotionSize(0.1, 0.2)]) == pytest.approx(math.log(2.0))
     assert size.distance([MotionSize(0.02, 0.1), MotionSize(0.01, 0.05)]) == pytest.approx(math.log(2.0))
 
 
 def test_distant_motion_widens_the_band():
-    """A motion of constant speed has no distance."""
+    """The band is wider if a motion is farther away than usual. Without velocity there is no widening."""
     motion = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.0)
     own = MotionSize.from_motion(motion)
     assert own.displacement_m == pytest.approx(0.01 / math.sqrt(2.0), rel=2e-3)

@@ -1,4 +1,4 @@
-"""The table of the laws: limits, defaults and effect of disabled terms."""
+"""The table of hysteresis models: limits, defaults and effect of disabled terms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SERIES = ("spencer", "series-valve", "chain")
 
 @every_law
 def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
-    """A linear coefficient changes the force equally from 0 to 1 times and from 1 to 2 times its value."""
+    """Changing a linear coefficient from 0 to its value, or to twice its value, has equal effects."""
     if law.name not in SERIES:
         forces = {"N", "N s/m", "N/m", "kg"}
         assert [each.linear for each in law.coefficients] == [

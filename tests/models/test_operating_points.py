@@ -1,4 +1,4 @@
-"""Coefficients of many sets of numbers in one call equal separate dampers with each set."""
+"""One call for several parameter sets gives the same coefficients as separate dampers."""
 
 from __future__ import annotations
 

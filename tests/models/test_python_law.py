@@ -1,4 +1,4 @@
-"""The motion for a law in Python: cubics through the samples, and their turning points."""
+"""The motion of laws in Python: cubic interpolation of the samples, and turning points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ shares = st.integers(-8, 24).map(lambda k: k / 16)
 
 @given(first=shares, second=shares, steepness=st.sampled_from([-4.0, -1.0, 1.0, 64.0]))
 def test_cubic_turns_at_slope_sign_change(first, second, steepness):
-    """The slope is s (t - t1) (t - t2) with numbers in sixteenths, which are exact in floating point."""
+    """The slope is s (t - t1) (t - t2). All values are multiples of 1/16, which are exact floats."""
     slope = (steepness * first * second, -steepness * (first + second), steepness)
     turns = turns_of((0.0, slope[0], slope[1] / 2.0, slope[2] / 3.0))
     expected = [] if first == second else sorted(t for t in (first, second) if 0.0 < t < 1.0)

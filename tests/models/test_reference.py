@@ -26,7 +26,7 @@ from tests.oracles.reference import (
 from tests.support.examples import examples
 
 THREE_TONES = Harmonics((4e-3, 2e-3, 1e-3), (2.0, 5.3, 11.0), (0.0, 1.0, 2.0))
-UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)  # inner loops, reversals in between
+UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)  # inner loops with reversals
 SINE = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.5)  # two periods
 
 SOUND = {  # Laws that are odd in the motion, with realistic coefficients.
@@ -132,7 +132,7 @@ def test_turning_points_of_sine_are_crests():
 @examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
 def test_integrator_agrees_with_closed_form(rho, kappa, n):
-    """Up to kappa = 0.9: nearer to 1 the curve leaves its bound ever more slowly and magnifies any error."""
+    """The limit is kappa = 0.9. Close to 1, the curve leaves its bound very slowly and amplifies errors."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
     exact = bouc_wen_closed_form(UNEVEN.displacement, turning_points(UNEVEN), rho=rho, kappa=kappa, n=n)
@@ -140,7 +140,7 @@ def test_integrator_agrees_with_closed_form(rho, kappa, n):
     assert np.abs(w).max() <= 1.0 + 1e-10
 
 
-def test_pause_keeps_the_state():
+def test_pause_keeps_hysteresis_state():
     t = np.arange(0, 0.6, 2e-3)
     there = np.where(t < 0.2, np.cos(2 * np.pi * 5 * t), 1.0)
     again = np.where(t >= 0.4, np.cos(2 * np.pi * 5 * (t - 0.4)), there)
@@ -156,7 +156,7 @@ def test_pause_keeps_the_state():
 
 
 def test_varying_command_follows_the_same_curve():
-    """On a monotone stroke w = Y(integral of rho dx) for any course of rho."""
+    """In a monotonic stroke, w = Y(integral of rho dx) for any variation of rho."""
     t = np.arange(0, 0.2001, 1e-3)
     x, v = 0.02 * t + 0.05 * t**2, 0.02 + 0.1 * t
     command = np.where(t < 0.05, 0.0, np.where(t < 0.1, 1.0, 0.3))
@@ -176,7 +176,7 @@ def test_varying_command_follows_the_same_curve():
 
 
 def test_linear_chain_is_maxwell_element():
-    """With a linear valve and no gap: k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y', y the state."""
+    """Without gap, a linear valve gives k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y' (state y)."""
     k, c, f0, k0, b, large = 2e5, 300.0, 40.0, 9e3, -30.0, 1e4
     valve = {"yield_force": 1.0, "yield_velocity": 10.0, "thinning": large, "thinning_exponent": 1.0}
     chain = {"gap_stiffness": k, "gap": 0.0, "gap_corner": 1e-9, "leak_damping": c}
@@ -196,8 +196,8 @@ def test_linear_chain_is_maxwell_element():
     np.testing.assert_allclose(simulate_reference(model, fine), expected, atol=1e-6 * np.abs(expected).max())
 
 
-def test_free_play_leaves_the_leak_only():
-    """During a stroke inside the free play only the dashpot has a force, for any valve force."""
+def test_motion_inside_free_play_has_dashpot_force():
+    """While the motion is within the free play, only the dashpot has a force, for any valve force."""
     small = drive(Sine(1e-4, 1.0), duration=1.0, rate_Hz=200.0, command=0.0)
     wide = damper("series-valve", gap=0.05, gap_corner=1e-6, yield_force=1e7, leak_damping=2e3)
     np.testing.assert_allclose(simulate_reference(wide, small), 2e3 * small.velocity, atol=1e-3)
@@ -207,7 +207,7 @@ def test_free_play_leaves_the_leak_only():
 
 
 class OwnBoucWen:
-    """Bouc-Wen as a user would write it, unnormalised."""
+    """A user-defined law: the unnormalised Bouc-Wen model."""
 
     name = "own-bouc-wen"
     coefficients = (

@@ -85,7 +85,7 @@ def test_coefficient_outside_range_is_rejected(coefficient, value, message, form
 
 @pytest.mark.parametrize("command", [0.5, np.linspace(0.0, 1.0, 501)], ids=["constant", "varying"])
 def test_valve_of_negative_gain_is_rejected(command):
-    """Beyond x = 1 / -position_gain the equation of the valve has no bounded solution."""
+    """For x > 1 / -position_gain, the equation of the valve has no bounded solution."""
     ill = replace(SERIES, coefficients={**SERIES.coefficients, "position_gain": Constant(-200.0)})
     with pytest.raises(InputError, match=r"1 \+ position_gain x is -0\.999\d* at x = 0\.0099\d* m"):
         simulate(ill, path(command))
@@ -233,7 +233,7 @@ def test_batch_of_runs_matches_single_runs(name):
 @every_law
 @pytest.mark.parametrize("form", ["record", "causal"])
 def test_constant_temperature_equals_row_per_sample(name, form):
-    """The fast path of one operating point equals a row per sample up to the order of the additions."""
+    """The fast path for one operating point equals coefficients by sample, up to rounding errors."""
     damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
     assert one.temperature == 341.0
     assert not one.temperature_varies
@@ -255,7 +255,7 @@ def test_temperature_beyond_range_is_clipped(name):
 
 
 def test_warming_dashpot_matches_closed_form():
-    """F = c exp[B (1/T - 1/293.15)] v, sample by sample: a quarter of the force is gone by 40 degC."""
+    """F = c exp[B (1/T - 1/293.15)] v holds at every sample. At 40 degC the force is 25 % lower."""
     run = warming(start=293.15, rise=20.0)
     assert run.temperature is not None
     zero = {"yield_force": Constant(0.0), "yield_velocity": Constant(0.01)}
@@ -315,7 +315,7 @@ DAILY = {"both"}
     "kind", [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS]
 )
 def test_sensitivities_match_central_differences_with_heating(name, kind):
-    """All parameters and the command lag; the temperature is clipped to its range in a part of the run."""
+    """All parameters and the command lag are tested. In a part of the run, temperature is clipped."""
     run = open_drive(RUNS[kind]())
     damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))
     parameters = [*damper.parameters, LAG]
@@ -348,7 +348,7 @@ def stepping(rate: float = 500.0):
 
 
 def test_actuated_force_is_closed_form():
-    """Bingham, no memory: F = Fy a(t) tanh(v/vr), a(t) the response of two equal lags after the delay."""
+    """The Bingham force is Fy a(t) tanh(v/vr). a(t) is the response of two equal lags after the delay."""
     tau, late, run = 0.03, 0.01, path(rate=2000.0)
     run = replace(run, command=np.where(run.time > 0.2, 1.0, 0.0))
     damper = Damper(

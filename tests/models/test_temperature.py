@@ -1,4 +1,4 @@
-"""Temperature factors: value 1 at 20 degC, formulas, gradients, and special cases of one another."""
+"""Temperature factors: value 1 at 20 degC, formulas, gradients, and limits that equal other factors."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_arrhenius_is_vft_with_zero_pole(factor, kelvin):
 
 @given(reynoldses, temperatures)
 def test_vft_with_low_pole_is_reynolds(factor, kelvin):
-    """B/(T - p) - B/(T0 - p) -> -B x/p^2 as p -> -infinity, with B = rate p^2; the error falls like x/|p|."""
+    """With B = rate p^2, B/(T - p) - B/(T0 - p) tends to -rate x for p -> -infinity, with an error x/|p|."""
     pole = -1e6
     far = Vft(factor.temperature_rate * (REFERENCE_K - pole) ** 2, pole)
     exponent = math.log(float(factor.value(kelvin)))
@@ -55,13 +55,13 @@ def test_linear_factor_is_polynomial(slope, kelvin):
 
 @given(st.floats(100.0, 8000.0))
 def test_arrhenius_viscosity_is_convex(activation):
-    """The paper's text: a steep fall from 20 to 60 degC, slower from there on."""
+    """The paper states a steep decrease from 20 to 60 degC and a slower decrease above 60 degC."""
     values = Arrhenius(activation).value(np.linspace(253.15, 403.15, 60))
     assert (np.diff(values) < 0.0).all()
     assert (np.diff(values, 2) > 0.0).all()
 
 
-def test_vft_is_infinite_below_its_pole():
+def test_vft_factor_is_infinite_below_pole():
     values = Vft(700.0, 200.0).value([150.0, 200.0, 200.001])
     assert not np.isfinite(values).any()
     assert np.isfinite(Vft(700.0, 200.0).value(210.0))

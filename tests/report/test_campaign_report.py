@@ -52,7 +52,7 @@ def text(fitted):
 
 
 def said_in(text: str) -> str:
-    """Return the text of a page without style and markup, with single blanks."""
+    """Return the text of a page without style and markup; whitespace becomes single blanks."""
     text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
 
@@ -80,7 +80,7 @@ def an_error(**changed: object) -> RunError:
 # ------------------------------------------------------------------------------------------- groups
 
 
-def test_temperature_levels_have_tolerance():
+def test_close_temperatures_belong_to_one_level():
     errors = [an_error(temperature_degC=t) for t in (19.8, 20.3, 119.9, 120.2, 123.0)]
     levels = levels_of(errors)
     assert (levels.kind, len(levels.values)) == ("temperature", 3)
@@ -118,7 +118,7 @@ def test_main_motion_has_most_operating_points():
 
 
 def test_measured_peak_force_equals_damper_force():
-    """The mean of two cycles has the peak within a few standard deviations of the noise (4 N)."""
+    """The peak of the mean of two cycles is correct within a few standard deviations of the noise (4 N)."""
     damper = warm_damper()
     for run in warm_runs(damper):
         prepared = prepare_run(run, AS_IT_IS)
@@ -225,7 +225,7 @@ def test_assumed_factors_are_marked(fitted, text):
 
 @pytest.mark.nightly
 def test_campaign_without_constant_current_has_report(fitted, judged):
-    """There is no main sine and no measured point, but the characteristics of the damper are shown."""
+    """Without a main sine and measured points, the report still has the characteristics of the damper."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "Effect of temperature" in said

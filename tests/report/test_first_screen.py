@@ -59,7 +59,7 @@ def test_every_report_with_figure_has_page():
     "job", [job for name, job in JOBS.items() if name not in WITHOUT_A_PAGE], ids=lambda j: j.name
 )
 def test_templates_reuse_the_common_first_screen(job):
-    """A template adds only the part below. Title, verdict, values and figure come from the common page."""
+    """Templates add only the part below the first screen, which is the same template for all jobs."""
     page = job.reported.page
     loader = environment().loader
     assert loader is not None

@@ -1,4 +1,4 @@
-"""Convergence and errors of a fit in its outputs: terminal, report, web page, JSON, card."""
+"""All outputs of a fit (terminal, report, web page, JSON, card) state its convergence and errors."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def selected():
     return fit(runs, options=FitOptions(hold_out=("*_1.50V_sine5*",), terms=("none",)))
 
 
-def test_stopped_fit_reports_it_first(stopped, tmp_path):
+def test_stopped_fit_reports_missing_convergence_first(stopped, tmp_path):
     """Terminal, report, web page, JSON, card and the table of fits state that a fit has not converged."""
     assert terminal_of(stopped).startswith(NOT_CONVERGED)
     assert PAGE.web_json(stopped)["verdict"].startswith(NOT_CONVERGED)
@@ -78,7 +78,7 @@ def test_cancelled_fit_has_not_converged(selected):
 
 
 def test_error_table_agrees_with_error_file(selected, tmp_path):
-    """Median, root mean square and worst error follow from the rows of errors.csv."""
+    """Median, RMS and worst error in the table equal those computed from the rows of errors.csv."""
     assert REPORT.rows is not None
     write_table(tmp_path / "errors.csv", REPORT.rows(selected))
     rows = np.genfromtxt(tmp_path / "errors.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")

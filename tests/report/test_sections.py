@@ -33,7 +33,7 @@ def a_table(rows=ROWS) -> Table[tuple[str, float, float]]:
 
 
 def printed(table, **options) -> list[str]:
-    """Return the lines of a table in a terminal."""
+    """Return the lines that a terminal prints for a table."""
     out = io.StringIO()
     Console(file=out, width=120).print(table.printed(**options))
     return out.getvalue().splitlines()
@@ -67,7 +67,7 @@ def test_names_are_escaped():
     html = rendered(a_table())
     assert "<b onclick" not in html
     assert "&lt;b onclick" in html
-    assert any(MARKUP in line for line in printed(a_table()))  # The terminal does not interpret it as markup.
+    assert any(MARKUP in line for line in printed(a_table()))  # The terminal prints it unchanged.
 
 
 def test_highlighted_rows_and_groups_are_shown():

@@ -1,7 +1,7 @@
-"""Each write of a job fails once (no space, permission or memory): no half-written output remains.
+"""Each write of a job fails once (no space, permission or memory). No partial output must remain.
 
-Failures are injected by an audit hook, so that any opening, making or moving of a file below the watched
-folder fails, in whichever library it is.
+An audit hook injects the failures. It can fail any call that opens, creates or moves a file in the watched
+folder, in every library.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ NAMES = ["evaluate", *(pytest.param(each, marks=pytest.mark.nightly) for each in
 
 @dataclass(slots=True)
 class _Watch:
-    """The writes below a folder, and which of them fails."""
+    """Counts the writes in a folder, and makes one of them fail."""
 
     folder: str = ""
     fails: int = -1
@@ -53,7 +53,7 @@ class _Watch:
     seen: int = 0
 
     def note(self, path: object) -> None:
-        """Count a write; raise if it is the one that fails."""
+        """Count a write, and raise if its number is the selected one."""
         if not self.folder or not isinstance(path, str | bytes | os.PathLike):
             return
         name = os.fsdecode(path)
@@ -80,7 +80,7 @@ sys.addaudithook(_hook)
 
 @contextmanager
 def failing(folder: Path, number: int) -> Iterator[_Watch]:
-    """Let one of the writes below a folder fail, with each kind of error in turn."""
+    """Make write ``number`` in a folder fail. The kind of error alternates with the number."""
     _WATCH.seen, _WATCH.fails, _WATCH.fault = 0, number, FAULTS[number % len(FAULTS)]
     _WATCH.folder = str(folder)
     try:
@@ -116,7 +116,7 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
 @pytest.mark.parametrize("old", [False, True], ids=["new folder", "older files"])
 @pytest.mark.parametrize("name", NAMES)
 def test_failed_write_leaves_no_partial_output(name: str, old: bool, folder: Path, tmp_path: Path):
-    """The folder holds its older files, or all new ones after the next job at the latest."""
+    """The folder has either all older files or all new files, at the latest after the next job."""
     save = saver(name, folder)
     place = tmp_path / "place"
     place.mkdir()
@@ -145,7 +145,7 @@ def test_failed_write_leaves_no_partial_output(name: str, old: bool, folder: Pat
         if left_behind(place):  # The next job moves a complete set.
             save(out)
             assert (written(out), left_behind(place)) == (reference, [])
-        elif "MemoryError" in said:  # The set may have been complete, and moved.
+        elif "MemoryError" in said:  # All files may have been complete and moved.
             assert written(out) in (before, reference)
         else:
             assert written(out) == (before if said else reference), said

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: one message, exit code 4, no half-written files.
+"""Ctrl-C, SIGTERM and SIGHUP end a command with one message, exit code 4 and no partial files.
 
 The release test interrupts at random moments; ``MRDAMPER_INTERRUPTS`` sets the number of interrupts.
 """
@@ -63,7 +63,7 @@ def one_line(said: str) -> str:
 
 @pytest.mark.parametrize("number", [INT, TERM, HUP])
 def test_interrupted_search_writes_nothing(nursery: Nursery, tmp_path: Path, number: signal.Signals):
-    """A heat-sink search has no partial result."""
+    """An interrupted heat-sink search has no result to write."""
     out = tmp_path / "out"
     assert nursery.run(*SINK, "--out", out, kill=kill_after_cpu(0.3, number)) == 4
     assert "No files were written" in one_line(nursery.said)
@@ -90,7 +90,7 @@ def test_interrupted_sweep_ends_its_workers(nursery: Nursery, tmp_path: Path, nu
         command(*SWEEP, "--out", out), env={**os.environ, MARK: mark}, cwd=nursery.folder,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    wait_for(has_more(out / RESULTS_FILE, 1), process.pid)  # Its worker is at work.
+    wait_for(has_more(out / RESULTS_FILE, 1), process.pid)  # A worker has started its task.
     os.killpg(process.pid, number)
     said = process.communicate(timeout=60)[1]
     assert process.returncode == 4, said
@@ -114,7 +114,7 @@ def test_disabled_signal_stays_disabled():
 
 @pytest.fixture
 def heeded():
-    """Handle interrupts in this process as the command line does."""
+    """Install the signal handlers of the command line in this process."""
     before = {number: signal.getsignal(number) for number in (INT, TERM, HUP)}
     heed_interrupts()
     yield
@@ -124,7 +124,7 @@ def heeded():
 
 @pytest.mark.usefixtures("heeded")
 def test_innermost_block_handles_interrupt():
-    """Leaving a block restores the handling before it."""
+    """At the end of a block, the previous handling of signals is restored."""
     seen: list[str] = []
     with on_interrupt(lambda: seen.append("outer")):
         with on_interrupt(lambda: seen.append("inner")):
@@ -180,8 +180,8 @@ def test_interrupt_while_moving_files_moves_all(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.release
-def test_random_interrupts_cost_nothing(nursery: Nursery, tmp_path: Path):
-    """The run after an interrupt writes the files of an uninterrupted one."""
+def test_random_interrupts_lose_no_files(nursery: Nursery, tmp_path: Path):
+    """A command that is repeated after an interrupt writes the same files as an uninterrupted command."""
     times = int(os.environ.get("MRDAMPER_INTERRUPTS", "40"))
     random, counts = np.random.default_rng(1), Counter[str]()
     jobs: dict[str, tuple[object, ...]] = {

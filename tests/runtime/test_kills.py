@@ -1,4 +1,4 @@
-"""kill -9 at any moment: outputs are complete or absent, and the next run writes the same files.
+"""After kill -9 at any moment, outputs are complete or absent, and a rerun writes the same files.
 
 The release test kills 200 times at random moments; ``MRDAMPER_KILLS`` sets the number of kills,
 ``MRDAMPER_KILLS_SEED`` the seed.
@@ -63,7 +63,7 @@ with atomic_output(pathlib.Path(sys.argv[1])) as stage:
 
 
 def test_next_job_moves_remaining_files(tmp_path: Path):
-    """Two of five files have been moved when the job is killed. The next job there moves the others."""
+    """A job is killed when two of five files have been moved. The next job in the folder moves the others."""
     out = tmp_path / "out"
     out.mkdir()
     for k in range(5):
@@ -81,7 +81,7 @@ def test_next_job_removes_unfinished_files(tmp_path: Path):
     """Files of a killed job are removed. Files of a job that still runs are kept."""
     for _ in range(3):
         subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "out")], check=False)
-        assert len(left_behind(tmp_path)) == 1  # They do not pile up.
+        assert len(left_behind(tmp_path)) == 1  # Unfinished files do not accumulate.
     with atomic_output(tmp_path / "other") as stage:
         (stage / "mine.txt").write_text("mine")
         recover_staging(tmp_path)
@@ -104,7 +104,7 @@ def test_killed_sweep_leaves_no_process(nursery: Nursery, tmp_path: Path):
 
 
 @pytest.mark.release
-def test_random_kills_cost_nothing(nursery: Nursery):
+def test_random_kills_lose_no_files(nursery: Nursery):
     """No output is half-written or lost, no process remains, and every rerun writes the same files."""
     kills = int(os.environ.get("MRDAMPER_KILLS", "200"))
     random = np.random.default_rng(int(os.environ.get("MRDAMPER_KILLS_SEED", "1")))

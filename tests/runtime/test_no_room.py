@@ -1,4 +1,4 @@
-"""A full disk, a read-only folder, a file size limit: one message, and nothing has changed."""
+"""A full disk, a read-only folder or a file size limit gives one message, and no file changes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def check_one_message(nursery: Nursery, place: Path) -> None:
 
 @contextmanager
 def disk(place: Path, *options: str) -> Iterator[Path]:
-    """Mount a small disk."""
+    """Mount a small disk at a path for a ``with`` block."""
     place.mkdir()
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", *options, "tmpfs", str(place)], capture_output=True, check=False
@@ -56,7 +56,7 @@ def disk(place: Path, *options: str) -> Iterator[Path]:
 
 @pytest.mark.parametrize("name", one_by_day(COMMANDS))
 def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name: str):
-    """Older files stay as they are (``ulimit -f``)."""
+    """Older files are unchanged if the size limit of files (``ulimit -f``) is exceeded."""
     out = tmp_path / "out"
     out.mkdir()
     for old in ("card.json", "map.csv", "errors.csv", "mine.txt"):
@@ -69,8 +69,8 @@ def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name:
 
 
 @pytest.mark.parametrize("name", one_by_day(["rig", "fit", "export c"]))
-def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
-    """The same command completes after space has been freed."""
+def test_full_disk_gives_one_message(nursery: Nursery, tmp_path: Path, name: str):
+    """The command prints one message. It succeeds after space has been freed."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:
         (small / "ballast").write_bytes(bytes(36_000))
         assert run(nursery, name, small / "out") == 3
@@ -82,7 +82,7 @@ def test_full_disk_is_one_message(nursery: Nursery, tmp_path: Path, name: str):
         assert not left_behind(small)
 
 
-def test_read_only_folder_is_one_message(nursery: Nursery, tmp_path: Path):
+def test_read_only_folder_gives_one_message(nursery: Nursery, tmp_path: Path):
     """The test uses a read-only disk because permissions do not stop the superuser."""
     if os.geteuid() == 0:
         with disk(tmp_path / "disk", "-o", "ro") as closed:
@@ -98,7 +98,7 @@ def test_read_only_folder_is_one_message(nursery: Nursery, tmp_path: Path):
         closed.chmod(0o755)
 
 
-def test_full_standard_output_is_one_message():
+def test_full_standard_output_gives_one_message():
     """Output that cannot be written is an error."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

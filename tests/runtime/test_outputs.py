@@ -1,4 +1,4 @@
-"""Outputs: no file that a job reads is replaced, by whatever name it is reached."""
+"""A job never replaces one of its input files, whether the output path is the input or a link to it."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def test_interrupt_ends_all_processes():
             time.sleep(60.0)
         return os.getpid()
 
-    with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - the interrupt comes between two results
+    with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - the interrupt occurs between two results
         for pid in Pool(2).map(work, range(6)):
             pids.append(pid)
             if len(pids) == 2:
@@ -91,7 +91,7 @@ def test_death_of_worker_process_raises_error():
 
 @FORKS
 def test_cpu_time_includes_processes():
-    """The processor time of the pool's processes counts as time of this process."""
+    """The CPU time of the pool's processes is included in the CPU time of this process."""
 
     def work(_: int) -> float:
         begun = time.process_time()

@@ -1,4 +1,4 @@
-"""Browser for the tests of the pages: the installed Chromium, with a check of errors and requests."""
+"""The installed Chromium for tests of the pages, with a check for errors and requests to other hosts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Scheme = Literal["light", "dark"]
 
 @contextmanager
 def chromium(program: Path) -> Iterator[Browser]:
-    """Start the installed browser; nothing is downloaded."""
+    """Start the installed browser. Nothing is downloaded."""
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
         try:
@@ -37,7 +37,7 @@ def chromium(program: Path) -> Iterator[Browser]:
 
 
 def log_in(context: BrowserContext, address: str) -> None:
-    """Get the cookie for the token of the server, like the first visit of the printed address."""
+    """Exchange the token of the server for a cookie, like a first visit of the printed address."""
     assert context.request.get(f"{address}?token={TOKENS[address]}").ok
 
 
@@ -45,7 +45,7 @@ def log_in(context: BrowserContext, address: str) -> None:
 def opened(
     browser: Browser, address: str, *, size: tuple[int, int] = SCREENS[0], scheme: Scheme = "light"
 ) -> Iterator[Page]:
-    """Open a window; at its end check that it had no error and no request to another host."""
+    """Open a window for a ``with`` block; then assert that there was no error and no request elsewhere."""
     context = browser.new_context(
         base_url=address,
         viewport={"width": size[0], "height": size[1]},

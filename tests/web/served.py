@@ -1,4 +1,4 @@
-"""Servers for the tests: a program on a free port, or an application that is called without a socket."""
+"""Servers for the tests: a process on a free port, or an application that is called without a socket."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from tests.support.pace import within_reach
 from tests.support.rigs import command
 
 Json = dict[str, Any]
-FOLDER_MARK = "MRDAMPER_TEST_FOLDER"  # In the environment of a server and its processes.
+FOLDER_MARK = "MRDAMPER_TEST_FOLDER"  # Environment variable of a server and its processes
 TOKENS: dict[str, str] = {}
 """Tokens of the running servers by address."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Response of an application."""
+    """HTTP response of an application."""
 
     status: int
     headers: dict[str, str]
@@ -47,7 +47,7 @@ class Answer:
 
 @contextmanager
 def started(app: ASGIApp) -> Iterator[Callable[..., Answer]]:
-    """Start an application with its processes in a thread; yield a function that calls it."""
+    """Start an application in a thread; generate a function that sends a request to the application."""
     with start_blocking_portal() as portal, portal.wrap_async_context_manager(_lifespan(app)):
         yield lambda *request, **options: portal.call(partial(_call, app, *request, **options))
 
@@ -75,7 +75,7 @@ async def _call(
     query: str = "",
     pieces: int = 1,
 ) -> Answer:
-    """Call an application without the corrections of a client."""
+    """Send a request to an application with path and headers unchanged; a client would normalise them."""
     sent = {"host": "127.0.0.1:8765", **(headers or {})}
     step = max(1, -(-len(body) // pieces))
     parts = [body[k : k + step] for k in range(0, len(body), step)] or [b""]
@@ -132,7 +132,7 @@ class Client:
         return str(answer.json()["id"])
 
     def ended(self, job_id: str, longest_s: float = 60.0) -> Json:
-        """Return a job after its end."""
+        """Wait for the end of a job and return the job."""
         return self.until(job_id, {"done", "failed", "cancelled", "interrupted"}, longest_s)
 
     def until(self, job_id: str, states: set[str], longest_s: float = 60.0) -> Json:
@@ -145,14 +145,14 @@ class Client:
         raise AssertionError(f"{job_id} is {job['state']} after {longest_s} s")
 
     def read_all(self) -> list[Json]:
-        """Return the runs after all files have been read."""
+        """Wait until the server has read all files; return the runs."""
         while (answer := self.get("/api/runs"))["reading"]:
             time.sleep(0.05)
         runs: list[Json] = answer["runs"]
         return runs
 
     def kill(self) -> None:
-        """Kill the server, like a power cut."""
+        """Kill the server without a chance to clean up, like a power cut."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -185,7 +185,7 @@ def served(folder: Path, *options: str) -> Iterator[Client]:
 
 
 def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[np.float32]]]]:
-    """Return header and columns of a binary answer, parsed by the documented format."""
+    """Parse a binary response as the documented series format; return header and columns."""
     length = int.from_bytes(content[:4], "little")
     assert (4 + length) % 4 == 0
     header = json.loads(content[4 : 4 + length])
@@ -194,7 +194,7 @@ def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[
 
 
 def is_alive(pid: int) -> bool:
-    """Return True if a process runs; a zombie does not run."""
+    """Return True if a process is running. A zombie is not running."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

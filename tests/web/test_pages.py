@@ -47,7 +47,7 @@ PATHS = """async (kind) => {
 
 
 def test_saved_plot_equals_server_values(page, site):
-    """CSV and PNG of a loop contain the values of the server and the units of the axes."""
+    """The saved CSV and PNG of a loop have the values of the server and the units of the axes."""
     page.goto(f'/#/data?view.runs=["{RUN}"]')
     page.wait_for_selector("#view-status[data-ms]")
     page.wait_for_selector("figure[data-drawing]", state="detached")
@@ -74,12 +74,12 @@ def test_decimation_keeps_single_spike(page, kind):
 
 
 def test_fit_on_page_writes_readable_card(page, site):
-    """A fit with held-out runs writes a card that the command line can read; its result is one screen."""
+    """A fit with held-out runs writes a card that the command line can read. The result fits one screen."""
     root, _ = site
     page.goto("/#/model")
     page.fill("#fit-card", "fitted")
     page.fill("#fit-hold-out", "*_060C_*")
-    page.select_option("#fit-law", "bouc-wen")  # The default compares all laws.
+    page.select_option("#fit-law", "bouc-wen")  # The default setting compares all laws and takes longer.
     page.click("#start-fit")
     page.wait_for_selector("#fit-tiles", timeout=240_000)
     page.wait_for_selector("#view-status[data-ms]")
@@ -109,7 +109,7 @@ def test_fit_on_page_writes_readable_card(page, site):
 @pytest.mark.parametrize("size", SCREENS)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_page_fits_the_screen(browser, site, size, scheme):
-    """Nothing is wider than the screen, text has contrast, controls have names, and axes have units."""
+    """No element is wider than the screen; text has contrast, controls have names, and axes have units."""
     with opened(browser, site[1].address, size=size, scheme=scheme) as page:
         for name, address in VIEWS:
             page.goto(f"/#/{address}")
@@ -125,7 +125,7 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
 
 
 def test_modules_never_parse_markup():
-    """No module parses markup or contains the address of another host, and all are small."""
+    """No JavaScript module parses markup or contains the address of another host, and all are small."""
     for path in STATIC.glob("*.js"):
         text = path.read_text()
         assert not re.search(r"(inner|outer|insertAdjacent)HTML|document\.write|\beval\(|new Function", text)
@@ -146,7 +146,7 @@ def test_vendored_files_have_their_digests():
 
 @pytest.fixture(scope="module")
 def haunted(tmp_path_factory):
-    """Return a folder whose items have names with markup, and a client."""
+    """Return a folder whose files, runs and cards have HTML in their names, and a client."""
     root = tmp_path_factory.mktemp("strangers") / "damper"
     for place in ("runs", "records", "inputs", "cards", "results"):
         (root / place).mkdir(parents=True)
@@ -196,7 +196,7 @@ def test_markup_names_stay_text(browser, haunted):
             assert page.locator("main img, main script").count() == 0, address
         page.goto("/#/data?view.tab=Files")
         page.get_by_label(re.compile("Look into <img")).click()
-        page.wait_for_selector("#save-map")  # The heads of columns contain markup, too.
+        page.wait_for_selector("#save-map")  # Headings of columns also contain markup.
         assert MARKUP in page.inner_text("#sheet")
         assert page.locator("main img").count() == 0
         assert page.evaluate("window.ran") is None

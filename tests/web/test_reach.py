@@ -1,4 +1,4 @@
-"""Every option of the command line has a field on a page, or docs/web.md gives the reason.
+"""Every option of the command line has a field on a page, or docs/web.md states why it has none.
 
 An option that is missing on the pages fails here.
 """
@@ -73,7 +73,7 @@ OPTIONS = [
 def test_option_has_field_or_reason(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
-    if told == "--resume":  # Resume is a separate request.
+    if told == "--resume":  # The option ``resume`` is a separate request.
         assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
     if command in BY_ROUTE:

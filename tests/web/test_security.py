@@ -1,4 +1,4 @@
-"""Access control: other sites, DNS rebinding, paths outside the folder, endless bodies, links."""
+"""Access control: other sites, DNS rebinding, paths outside the folder, too large uploads, links."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def snapshot(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in kept}
 
 
-# ------------------------------------------------------------------------------------------- who may come in
+# ------------------------------------------------------------------------------------------- access
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_public_server_accepts_address_not_foreign_name():
         {"origin": "https://evil.example"},
         {"origin": "null"},
         {"origin": "http://127.0.0.1:9999"},
-        {"origin": "http://localhost:8765"},  # The host differs from the host of the request.
+        {"origin": "http://localhost:8765"},  # The host of the origin differs from the host of the request.
         {"origin": "ftp://127.0.0.1:8765"},
         {"sec-fetch-site": "cross-site"},
         {"sec-fetch-site": "same-site"},
@@ -159,7 +159,7 @@ def test_token_gives_http_only_cookie(ask_locked):
     assert away.headers["location"].startswith("/evil.example")
 
 
-def test_answers_have_security_headers(ask):
+def test_responses_have_security_headers(ask):
     for path in ("/", "/api/state", "/api/nothing", "/api/files/nothing/look", "/static/nothing.js"):
         headers = ask("GET", path).headers
         assert headers["x-content-type-options"] == "nosniff", path
@@ -188,7 +188,7 @@ def test_answers_have_security_headers(ask):
         (500, "GET", "/api/runs", {}),
     ],
 )
-def test_errors_have_security_headers(ask, monkeypatch, capsys, status, method, path, options):
+def test_error_responses_have_security_headers(ask, monkeypatch, capsys, status, method, path, options):
     def broken(_self: RunIndex) -> None:
         raise RuntimeError(SECRET)
 
@@ -205,7 +205,7 @@ def test_errors_have_security_headers(ask, monkeypatch, capsys, status, method, 
     assert SECRET not in answer.body.decode()
     assert "Traceback" not in answer.body.decode()
     printed = capsys.readouterr().err
-    assert (SECRET in printed) == (status == 500)  # Only the terminal shows the traceback.
+    assert (SECRET in printed) == (status == 500)  # The traceback is printed to the terminal and not sent.
     assert ("fault of mrdamper" in answer.json["error"]) == (status == 500)
 
 
@@ -304,7 +304,7 @@ def test_folder_with_outside_link_is_refused(tmp_path):
 
 @pytest.mark.parametrize("length", [None, "40000", "10"])
 def test_large_upload_leaves_no_file(folder, ask, length):
-    """The size of the body counts, not the stated length."""
+    """The limit applies to the size of the body, not to the stated length."""
     headers = {} if length is None else {"content-length": length}
     answer = ask("PUT", "/api/files/big.csv", headers=headers, body=b"1,2,3,4\n" * 5000, pieces=20)
     assert answer.status == 413
@@ -318,7 +318,7 @@ def test_large_upload_leaves_no_file(folder, ask, length):
      b'{"kind": "heat", "options": {"card": "one", "ambient_degC": 1e999}}',
      b'{"kind": "check", "options": {"unknown": 1}}'],
 )  # fmt: skip
-def test_invalid_order_reports_error(folder, ask, body):
+def test_invalid_job_request_reports_error(folder, ask, body):
     answer = ask("POST", "/api/jobs", body=body)
     assert answer.status == 422
     assert answer.json["error"]
@@ -332,7 +332,7 @@ def test_unknown_suffix_is_refused(folder, ask):
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
 
 
-# ------------------------------------------------------------------------------------------- what is inside
+# ------------------------------------------------------------------------------------------- contents
 
 
 def test_report_is_sent_with_sandbox(ask):

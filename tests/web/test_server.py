@@ -62,7 +62,7 @@ def a_run(path, *, seconds=4.0, rate_Hz=200.0, header="time_s,displacement_mm,fo
     return table
 
 
-# ------------------------------------------------------------------------------------------- what there is
+# ------------------------------------------------------------------------------------------- initial state
 
 
 def test_empty_folder_has_initial_state(clean):
@@ -78,7 +78,7 @@ def test_empty_folder_has_initial_state(clean):
 
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)
-def test_order_defaults_equal_job_defaults(kind):
+def test_request_defaults_equal_job_defaults(kind):
     orders = {field.name: field for field in request_fields(kind)}
     for option in ORDER_JOBS[kind].fields:
         assert option.option.local or orders[option.name].default == option.default, option.name
@@ -180,7 +180,7 @@ def test_changed_file_is_read_again(clean, tmp_path):
     assert client.ask("GET", "/api/runs/run/series").status_code == 404
 
 
-def test_folder_change_changes_its_number(clean):
+def test_folder_change_changes_version_number(clean):
     root, client = clean
     before = client.get("/api/changes")
     assert client.get("/api/changes") == before
@@ -248,7 +248,7 @@ def test_unsuitable_map_is_not_saved(clean, tmp_path):
     wrong = {"channel": {"forse": {"index": 1}}}
     refused = client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": wrong})
     assert refused.status_code == 422
-    assert "force" in refused.json()["error"]  # Nearest window.
+    assert "force" in refused.json()["error"]  # The message suggests the nearest name.
 
 
 def test_model_uses_samples_of_run(clean, runs, tmp_path):
@@ -276,7 +276,7 @@ def test_model_uses_samples_of_run(clean, runs, tmp_path):
 # ------------------------------------------------------------------------------------------- heat
 
 
-def test_own_geometry_is_used(clean):
+def test_uploaded_geometry_is_used_for_heating(clean):
     root, client = clean
     (root / "cards" / "plain").mkdir()
     write_heated_card(root / "cards" / "plain")
@@ -297,7 +297,7 @@ def test_own_geometry_is_used(clean):
 
 
 def test_query_after_dead_process_succeeds():
-    """A query whose process dies raises an error; the next query gets a new process."""
+    """If the process of a query dies, the query raises an error. The next query gets a new process."""
 
     def children() -> set[int]:
         lists = Path("/proc/self/task").glob("*/children")
@@ -317,14 +317,14 @@ def test_query_after_dead_process_succeeds():
 
 
 @pytest.mark.parametrize("name", QUERIES)
-def test_queries_have_functions(name):
+def test_every_query_has_a_function(name):
     assert callable(find_function(name))
 
 
 # ------------------------------------------------------------------------------------------- the command
 
 
-def test_unusable_address_ends_with_message(site, tmp_path):
+def test_unusable_address_ends_server_with_message(site, tmp_path):
     _, client = site
     port = client.address.rstrip("/").rpartition(":")[2]
     for options, said in (

@@ -107,7 +107,7 @@ def go(page: Page, address: str) -> None:
 
 
 def test_typed_numbers_are_used_or_refused(page):
-    """Number fields accept both decimal separators; an invalid entry marks its field and starts no job."""
+    """Number fields accept both decimal separators. An invalid entry is marked and starts no job."""
     go(page, "thermal?card=own&heat.tab=Heat sink")
     assert page.evaluate(READ, SPELLINGS) == [2.5] * len(SPELLINGS)
     assert all("Frequency: " in str(text) for text in page.evaluate(READ, INVALID))
@@ -134,8 +134,8 @@ def test_typed_numbers_are_used_or_refused(page):
     assert sent.value.post_data_json["options"]["width_mm"] == 2.5
 
 
-def test_new_geometry_drops_foreign_calibration(page, folder):
-    """Calibration factors hold for the damper on which they were measured, and Heating names them."""
+def test_new_geometry_removes_calibration_of_previous_damper(page, folder):
+    """Calibration factors are valid only for the damper on which they were measured."""
     go(page, "thermal?card=own")
     expect(page.locator("#calibration")).to_contain_text("heat capacity × 0.9663")
     page.get_by_role("tab", name="Geometry").click()
@@ -156,8 +156,8 @@ def test_new_geometry_drops_foreign_calibration(page, folder):
     assert "film_multiplier" not in text
 
 
-def test_choices_travel_to_the_next_pages(page):
-    """Load cycle, geometry, design and controller stay chosen when the user changes the page."""
+def test_choices_are_kept_on_next_pages(page):
+    """Load cycle, geometry, design and controller stay selected when the user opens the next page."""
     go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&drawing=paper")
     page.fill("#drawing-sink-fins", "0")
     page.fill("#drawing-name", "bare")
@@ -202,7 +202,7 @@ def test_chosen_runs_stay_on_the_model(page):
 
 
 def test_tracked_controller_is_exported_for_the_platform(page):
-    """Tracking starts on the card itself with controllers that it supports; Export takes the tracked one."""
+    """Tracking offers controllers that the card supports. Export preselects the tracked controller."""
     plants = {}
     for card in ("own", "simulated", "chain", "late"):
         go(page, f"controller?card={card}")
@@ -226,7 +226,7 @@ def test_tracked_controller_is_exported_for_the_platform(page):
 
 
 def test_model_curves_differ_from_measured(page):
-    """Stepped runs have a colour, held-out runs are marked, and the residual axis ignores the start."""
+    """Runs with current steps have a colour, held-out runs a mark; the residual axis ignores the start."""
     go(page, "jobs")
     low, high = page.evaluate(RESIDUAL_RANGE)
     assert -60.0 < low < high < 60.0
@@ -245,8 +245,8 @@ def test_model_curves_differ_from_measured(page):
     shoot(page, "values-loops", whole=True)
 
 
-def test_nothing_is_good_before_the_check(page):
-    """A run is marked as checked after its check only; stopped fits and mixed caveats are visible."""
+def test_run_is_not_good_before_check(page):
+    """A run is marked as good only after its check. Stopped fits and caveats of a card are visible."""
 
     def partly_checked(route: Route) -> None:
         answer = route.fetch().json()
@@ -274,8 +274,8 @@ def test_nothing_is_good_before_the_check(page):
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_volts_are_offered_with_usual_gains(browser, tmp_path):
-    """Volts answer the question for a unit, and gains are entered in mm/V and kN/V."""
+def test_volts_are_offered_with_common_gains(browser, tmp_path):
+    """The question for a unit offers volts. The user then enters gains in mm/V and kN/V."""
     with served(tmp_path / "volts") as client, opened(browser, client.address) as page:
         a_logger_file(tmp_path / "volts" / "runs" / "raw.txt")
         page.goto("/#/data?file=raw.txt")
@@ -300,8 +300,8 @@ def test_volts_are_offered_with_usual_gains(browser, tmp_path):
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 
 
-def test_token_navigation_and_print_are_clean(browser, folder):
-    """The token leaves the address, the navigation has no scroll bar, and a printed page names its source."""
+def test_token_is_removed_and_print_names_source(browser, folder):
+    """The token is removed from the address, the navigation does not scroll, printed pages have a source."""
     _, client = folder
     with opened(browser, client.address) as page:
         page.goto(f"{client.address}?token={TOKENS[client.address]}#/data")

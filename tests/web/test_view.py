@@ -1,4 +1,4 @@
-"""Linked view: runs and cards with one cursor and one time span, stored in the address."""
+"""The linked view shows runs and cards with one cursor and one time span. The address stores the view."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def _pictures(page):
     return page.evaluate("() => [...document.querySelectorAll('figure canvas')].map((e) => e.toDataURL())")
 
 
-def test_two_million_samples_never_block(browser, tmp_path):
-    """All samples are drawn in 1.5 s, the cursor follows in 16 ms, and a zoom blocks for less than 100 ms."""
+def test_two_million_samples_never_block_page(browser, tmp_path):
+    """All samples are plotted in 1.5 s, the cursor moves in 16 ms, and a zoom blocks for less than 100 ms."""
     root = tmp_path / "long"
     (root / "runs").mkdir(parents=True)
     instants = np.arange(SAMPLES) / 1000.0
@@ -106,8 +106,8 @@ def test_two_million_samples_never_block(browser, tmp_path):
     assert longest <= within_reach(FRAME_MS)
 
 
-def test_address_restores_view_and_back_undoes(browser, site, page):
-    """Another browser restores runs, card, colours, hidden curve and zooms from the address."""
+def test_address_restores_view_and_back_button_undoes(browser, site, page):
+    """A different browser restores runs, card, colours, hidden curves and zooms from the address."""
     page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)
     whole = _pictures(page)
@@ -135,7 +135,7 @@ def test_address_restores_view_and_back_undoes(browser, site, page):
 
 
 def test_cursor_shows_values_of_all_curves(page):
-    """The table below the plots shows the values at the cursor, and the characteristic of the runs."""
+    """The table below the plots has the values at the cursor and the characteristic values of the runs."""
     page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)
     plot(page, "Force over time").locator(".u-over").hover()

@@ -1,4 +1,4 @@
-"""Less frequent actions: dropped files, channel maps, fits, dampers, Cancel, and a lost server."""
+"""Less frequent actions of users: dropped files, channel maps, fits, dampers, Cancel, and a lost server."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def test_dropped_file_is_stored_and_removed(page, rig, tmp_path):
 @pytest.mark.parametrize(
     ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
 )
-def test_raw_file_maps_in_three_actions(browser, tmp_path, real_data, file, offer):
-    """Look, Use and Save give the runs of the packaged map; the loop is visible before saving."""
+def test_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, file, offer):
+    """Three clicks (Look, Use, Save) give the runs of a packaged map. The loop is visible before saving."""
     with served(tmp_path / "damper") as client, opened(browser, client.address) as page:
         path = tmp_path / "damper" / "runs" / file
         shutil.copy(real_data / "raw" / file, path)
@@ -95,8 +95,8 @@ def test_raw_file_maps_in_three_actions(browser, tmp_path, real_data, file, offe
         assert names == {run.name for run in read_file(path).recordings}
 
 
-def test_unnamed_columns_map_by_answers(browser, tmp_path):
-    """Each question about unnamed columns is answered by a button, and the last answer gives a run."""
+def test_unnamed_columns_are_mapped_by_answers(browser, tmp_path):
+    """The user answers each question about unnamed columns with a button. Then the run is readable."""
     second = np.arange(2000) / 500.0
     travel, speed = 5.0 * np.sin(12.0 * second), 60.0 * np.cos(12.0 * second)
     force = 0.4 * np.tanh(speed / 5.0) + 0.002 * speed
@@ -159,7 +159,7 @@ def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
 
 
 def test_keyboard_starts_a_fit(page, rig):
-    """Tab follows the order of the page with visible focus; Space ticks a box and Enter starts the fit."""
+    """Tab moves the visible focus in page order, Space selects a box, and Enter starts the fit."""
     page.goto("/#/model")
     page.select_option("#fit-law", "bouc-wen")
     page.focus("#fit-card")
@@ -192,7 +192,7 @@ def test_keyboard_starts_a_fit(page, rig):
 
 
 def test_dampers_have_separate_files(browser, tmp_path):
-    """A second damper gets its own runs, and it can be removed and restored."""
+    """A second damper has separate runs. The user can remove and restore the damper."""
     root = tmp_path / "first"
     (root / "runs").mkdir(parents=True)
     a_sine_run(root / "runs" / "one.csv", 300.0)
@@ -210,7 +210,7 @@ def test_dampers_have_separate_files(browser, tmp_path):
         own = root / "dampers" / SECOND
         assert (own / "runs" / "second.csv").is_file()
         (own / "cards" / "soft").mkdir()
-        write_card_of(own / "cards" / "soft" / "card.json")  # By another program.
+        write_card_of(own / "cards" / "soft" / "card.json")  # A different program writes the file.
         expect(page.get_by_label("soft", exact=True)).to_be_visible()
         page.locator("#folder").click()
         page.get_by_role("link", name="first", exact=True).click()
@@ -229,7 +229,7 @@ def test_dampers_have_separate_files(browser, tmp_path):
 
 
 def test_open_page_recovers_after_power_cut(browser, tmp_path):
-    """After a power cut during a fit the open page reports it, and earlier results are still available."""
+    """After a power cut during a fit, the open page reports the lost fit and still shows earlier results."""
     root = tmp_path / "damper"
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
@@ -268,7 +268,7 @@ def test_open_page_recovers_after_power_cut(browser, tmp_path):
 
 
 def test_many_tabs_get_fast_answers(browser, rig):
-    """Each tab follows the same fit; the slowest request and Cancel take less than 0.5 s."""
+    """All tabs show the progress of the same fit. Cancel and the slowest request take less than 0.5 s."""
     client = rig[1]
     job = client.job("fit", card="long", law="chain")
     client.until(job, {"running"})

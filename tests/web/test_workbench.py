@@ -44,7 +44,7 @@ def press(page: Page, name: str, role: Literal["button", "link", "tab"] = "butto
 
 
 def map_logger_channels(page: Page) -> None:
-    """Answer the questions for the channels of a logger file in volts, and save the map."""
+    """Assign the channels of a logger file in volts on the page, and save the channel map."""
     for column, role, unit, gain in (
         ("CHANNEL0", "displacement", "mm/V", "10"),
         ("CHANNEL1", "force", "N/V", "980.665"),
@@ -59,7 +59,7 @@ def map_logger_channels(page: Page) -> None:
 
 
 def test_logger_file_becomes_verified_fmu(browser, tmp_path):
-    """A raw file and the numbers of an own geometry lead to a verified controller as an FMU.
+    """A raw file and the dimensions of the user's damper lead to a verified controller as an FMU.
 
     The user writes no TOML file and uploads no downloaded file; a changed geometry is reported.
     """
@@ -74,7 +74,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         actions.part = "model"
         press(page, "Model", "link")
         actions.part = ""
-        page.select_option("#fit-law", "bouc-wen")  # The default compares all laws.
+        page.select_option("#fit-law", "bouc-wen")  # The default setting compares all laws and takes longer.
         actions.part = "model"
         press(page, "Identify")
         page.wait_for_selector("#fit-tiles", timeout=JOB_MAX_ms)
@@ -87,7 +87,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         press(page, "Save and use it")
         page.wait_for_selector("[data-asked]")
         assert page.locator("#heat-damper").input_value() == "damper.toml"
-        # The first sine is inside the card's runs.
+        # The first sine of the load cycle is within the range of the runs that the card was fitted to.
         assert "extrapolated" not in page.inner_text("#heat-tiles")
         actions.part = "heat sink"
         press(page, "Search a heat sink")
@@ -101,7 +101,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         page.wait_for_selector("[data-asked]")
         chosen = page.locator("#heat-damper").input_value()
         states = page.locator("[data-page]").evaluate_all("all => all.map((one) => one.dataset.step)")
-        assert states == ["done", "done", "old", "open", "open"]  # The search is of another geometry.
+        assert states == ["done", "done", "old", "open", "open"]  # The search was for a different geometry.
         actions.part = "controller"
         press(page, "Controller", "link")
         press(page, "Track")
@@ -168,7 +168,7 @@ def many(tmp_path_factory):
 
 
 def test_pages_with_many_runs_stay_short(browser, many):
-    """No page is longer than two screens, and on a phone the result begins near the top."""
+    """With 91 runs, no page is longer than two screens, and on a phone the result begins near the top."""
     with opened(browser, many[1].address) as page:
         desk = page.viewport_size
         assert desk is not None
@@ -234,14 +234,14 @@ def test_shortcuts_open_help_and_pages(browser, many):
         assert page.evaluate("document.activeElement.textContent") == "Skip to the page"
 
 
-def test_form_values_return_with_address(browser, site):
-    """Back and another browser restore the entered numbers from the address."""
+def test_address_restores_form_values(browser, site):
+    """The Back button and a different browser restore the entered values from the address."""
     address = site[1].address
     with opened(browser, address) as page, opened(browser, address) as other:
         for place, field in FIELDS:
             page.goto(f"/#/{place}")
             page.fill(f"[id='{field}']", "20")
-            page.wait_for_timeout(300)  # The browser reports the new address later.
+            page.wait_for_timeout(300)  # The browser updates the address with a delay.
             copied = page.url
             page.goto("/#/jobs")
             page.wait_for_selector("[data-shown=jobs] h1")

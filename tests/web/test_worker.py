@@ -1,4 +1,4 @@
-"""Jobs in processes of their own: Cancel, reload of the page, and restart of the server."""
+"""Jobs of the server run in separate processes: Cancel, dead processes, restart of the server."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def idle(shared):
 
 
 def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
-    """Start a fit of minutes; return its id and process after its start."""
+    """Start a fit that takes minutes; wait for its start and return its id and process."""
     job_id = client.job("fit", card=name, **LONG)
     pid = int(client.until(job_id, {"running"})["pid"])
     end = time.monotonic() + within_reach(30.0)
@@ -119,7 +119,7 @@ def test_third_job_waits(folder):
         assert client.get(f"/api/jobs/{third}")["state"] == "queued"
         fourth = client.job("check")
         client.ask("POST", f"/api/jobs/{fourth}/cancel")
-        assert client.get(f"/api/jobs/{fourth}")["state"] == "cancelled"  # A waiting job ends at once.
+        assert client.get(f"/api/jobs/{fourth}")["state"] == "cancelled"  # A waiting job ends immediately.
         client.ask("POST", f"/api/jobs/{first}/cancel")
         assert client.ended(third)["state"] == "done"
         assert client.get(f"/api/jobs/{second}")["state"] == "running"
@@ -186,7 +186,7 @@ def test_cancelled_job_leaves_no_partial_files(idle, kind, options):
     before = {path.name for path in (root / "runs").iterdir()}
     job_id = client.job(kind, **options)
     pid = int(client.until(job_id, {"running"})["pid"])
-    time.sleep(1.5)  # The job computes.
+    time.sleep(1.5)  # The job is computing.
     client.ask("POST", f"/api/jobs/{job_id}/cancel")
     assert client.ended(job_id, 5.0)["state"] == "cancelled"
     assert gone_within(pid, 6.0)

@@ -125,9 +125,9 @@ ACTIONS = {"click", "fill", "type", "press", "select_option", "check", "uncheck"
 
 
 class Actions(Counter[str]):
-    """Numbers of clicks, choices, entries and key presses of a user by part of a walk.
+    """Counts clicks, choices, entries and key presses of a user for each named part of a test.
 
-    Actions with an empty part only make the test faster; they are not counted.
+    Actions outside of a named part only make the test faster and are not counted.
     """
 
     part = ""
@@ -160,7 +160,7 @@ def download(page: Page, press: Callable[[], object]) -> bytes:
 
 
 def saved_table(page: Page, figure: Locator) -> tuple[list[str], list[list[str]]]:
-    """Return header and rows of the CSV of a plot."""
+    """Download the CSV of a plot; return its header and rows."""
     text = download(page, figure.get_by_role("button", name="CSV").click).decode()
     header, *rows = csv.reader(io.StringIO(text))
     return header, rows
@@ -172,7 +172,7 @@ def plot(page: Page, title: str) -> Locator:
 
 
 def drop_files(page: Page, where: str, files: list[Path]) -> None:
-    """Drop files on an element with the events of a mouse: enter, over, drop."""
+    """Drop files on an element with the events that a mouse causes: enter, over, drop."""
     held = [[path.name, base64.b64encode(path.read_bytes()).decode()] for path in files]
     dragged = page.evaluate_handle(
         """(held) => {

@@ -23,7 +23,7 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map with which files are read again in the same way."""
+    """A channel map that describes how files were read, so that they can be read again in the same way."""
 
     document: Mapping[str, Any]
     comments: tuple[str, ...]  # differences between the files, which the map cannot express
@@ -35,7 +35,7 @@ class WrittenMap:
 
 
 def write_map(files: ReadFiles) -> WrittenMap:
-    """Return one channel map for all files; comments list the differences between the files."""
+    """Return a channel map for all files. Its comments list the differences between the files."""
     channels: dict[str, dict[str, Any]] = {}
     comments: list[str] = []
     read = [file for _, file in files.files]
@@ -84,7 +84,7 @@ _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
 
 
 def _file_constants(path: Path, file: RigFile) -> list[Inference]:
-    """Return the constants of a file that come from its name, the channel map or answers."""
+    """Return the constant values of a file, which were taken from its name, a channel map or answers."""
     given = [Inference(path.name, role, value, "map") for role, value in file.chosen.constant.items()]
     return [*file.inferred, *given]
 
@@ -101,7 +101,7 @@ def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
 
 
 def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
-    """Return the constants that are equal for all runs; append a comment for each run if they differ."""
+    """Return the constant values that are equal for all runs. If values differ, append a comment per run."""
     constant: dict[str, float] = {}
     for role, key in _KEYS.items():
         found = [each for each in inferred if each.role == role]

@@ -96,7 +96,7 @@ class CheckResult(JobResult):
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the open questions about the files; a question about several files is returned once."""
+        """Return the open questions about the files. A question about several files is returned only once."""
         asked = [question for file in self.unreadable for question in file.questions]
         return tuple({(each.role, each.topic, each.text): each for each in reversed(asked)}.values())[::-1]
 
@@ -116,7 +116,7 @@ class CheckResult(JobResult):
 
 
 def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Progress = silent) -> CheckResult:
-    """Diagnose runs one by one and in comparison; with the option ``deep``, fit one model to all runs."""
+    """Diagnose single runs, then compare the runs; with the option ``deep``, fit one model to all runs."""
     together = campaign_findings(files.runs)
     if options.deep:
         together += joint_test(files.runs)
@@ -142,7 +142,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
 
 
 def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
-    """Return findings from the comparison of runs with one another, with their names and with other dampers.
+    """Compare runs with each other and with their names; return findings, also about runs of other dampers.
 
     Invalid recordings are ignored, for example if time does not increase.
     """
@@ -181,7 +181,7 @@ def findings_of(
 
 
 def _finding_if_held_out(finding: Finding) -> Finding:
-    """Return a finding whose effect refers to the held-out error instead of the fit."""
+    """Return the finding with an effect on the held-out error instead of an effect on the fit."""
     return finding if finding.kind in HELD_OUT_KINDS else replace(finding, effect=HELD_OUT_EFFECT)
 
 

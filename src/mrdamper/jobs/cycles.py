@@ -21,14 +21,14 @@ _DEFAULT = CyclesOptions()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSummary:
-    """Statistics of a value over all cycles; ``first`` and ``last`` are means of the first and last group."""
+    """Statistics of a value in all cycles. ``first`` and ``last`` are means in the first and last group."""
 
     mean: float
     min: float
     max: float
     first: float
     last: float
-    trend_per_1000_cycles: float | None  # slope of the least-squares line; None for a single cycle
+    trend_per_1000_cycles: float | None  # slope of the least-squares line; None if there is only one cycle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -53,7 +53,7 @@ class CyclesResult(JobResult):
 
     @property
     def columns(self) -> dict[str, FloatArray]:
-        """Return the values of all cycles by name, in the units of cycles.csv, each of shape (cycles,)."""
+        """Return one array for each value, by name: the value in every cycle, in the units of cycles.csv."""
         found = self.cycles
         columns = {
             "period_s": found.period_s,
@@ -78,7 +78,7 @@ class CyclesResult(JobResult):
 
     @property
     def groups(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Return three arrays for each value: mean, min and max in each group of cycles, shape (groups,)."""
+        """Return mean, min and max of each value in every group of cycles, as arrays of shape (groups,)."""
         return {name: self._groups(values) for name, values in self.columns.items()}
 
     @property

@@ -32,15 +32,15 @@ _USUAL = EvaluateOptions()
 
 @dataclass(frozen=True, slots=True, repr=False)
 class EvaluateResult(JobResult):
-    """The errors of a model on runs, with further results. The object is a sequence of the errors."""
+    """The errors of a model on runs, force intervals and notes. The object is a sequence of the errors."""
 
     _job = "evaluate"
     law: str
     errors: tuple[RunError, ...]
-    notes: tuple[str, ...]  # notes if the runs are outside the envelope of the card
+    notes: tuple[str, ...]  # statements about runs that are outside the envelope of the card
     promised: Mapping[str, Mapping[str, float | int | None]]  # errors that are stored in the card, by split
     band: ForceBand | None = None  # expected error of new runs, from the card
-    forces: tuple[ForceInterval, ...] = ()  # 90 % interval of every run if posterior samples are requested
+    forces: tuple[ForceInterval, ...] = ()  # 90 % interval of every run; empty without posterior samples
     coefficients: tuple[CoefficientInterval, ...] = ()
     command_unit: str = ""
 
@@ -60,7 +60,7 @@ def evaluate(
     preparation: Preparation | None = None,
     options: EvaluateOptions = _USUAL,
 ) -> EvaluateResult:
-    """Compute the errors of a model on runs, which are prepared as stated in the card.
+    """Prepare runs as stated in the card, and compute the errors of a model on them.
 
     Parameters
     ----------

@@ -49,11 +49,11 @@ class FitResult(JobResult, Identification):
     assessment: Assessment
     selection: Selection | None = None  # result of the model selection; None if the user specified the law
     posterior: CardDraws | None = None
-    findings: tuple[Finding, ...] = ()  # changes of the runs while reading, and faults of the runs
+    findings: tuple[Finding, ...] = ()  # changes made to the runs while reading, and faults of the runs
     inferred: tuple[Inference, ...] = ()  # currents and temperatures that were read from names and texts
     sources: tuple[str, ...] = ()  # names of the files with the runs
     title: str = ""  # title of card and report; empty: the default title
-    simulated: str = ""  # description of the runs if they are simulated
+    simulated: str = ""  # description of simulated runs; empty: the runs were measured
 
     @property
     def errors(self) -> tuple[ErrorSummary, ...]:
@@ -69,7 +69,7 @@ class FitResult(JobResult, Identification):
     def card(
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
-        """Return the model card; default assessment, title and sources are those in this result."""
+        """Return the model card. Omitted arguments are taken from this result."""
         return super().card(
             assessment or self.assessment,
             title=title or self.title,
@@ -169,7 +169,7 @@ def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
 
 
 def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
-    """Select a law and its terms by cross-validation on windows of the runs; return the selection and notes.
+    """Select a law and its terms by cross-validation on windows of the runs; return the scores and notes.
 
     If the error on the windows is much smaller than the error on all runs, the model selection is repeated
     with more windows, until the errors agree or all data are used.
@@ -220,9 +220,9 @@ def _tracked(damper: Damper) -> bool:
 
 
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
-    """Return a note if the most accurate law differs from the best law for controllers; else no note.
+    """Return a note if no controller can be made from the most accurate law, otherwise an empty tuple.
 
-    The note names the second of the two laws with its cross-validation error.
+    The note states the cross-validation errors of that law and of the best law for controllers.
     """
     chosen = selection.scores[0]
     if _tracked(damper):
@@ -248,9 +248,9 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
 
 
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
-    """Return the fit and its posterior samples; None if they are not requested or cannot be drawn.
+    """Return the fit and its posterior samples; None instead of samples if not requested or sampling fails.
 
-    If they cannot be drawn, a note is added to the fit.
+    If sampling fails, a note is added to the fit.
     """
     if fitted.result.cancelled or not options.posterior:
         return fitted, None

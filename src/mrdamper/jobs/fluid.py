@@ -130,7 +130,7 @@ def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place:
 def _valid_range(
     valid_K: tuple[float, float], factor: TemperatureFactor, kelvin: FloatArray
 ) -> tuple[float, float]:
-    """Return ``valid_K`` if the fitted law is positive in this range, otherwise the range of the points."""
+    """Return ``valid_K`` if the fitted law is positive there, otherwise the range of the points [K]."""
     with np.errstate(all="ignore"):
         values = factor.value(np.linspace(*valid_K, 101))
     is_positive = bool((np.isfinite(values) & (values > 0.0)).all())

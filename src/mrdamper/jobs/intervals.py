@@ -25,7 +25,7 @@ PYTHON_RATE_Hz = 200.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceInterval:
-    """90 % interval of the force in the plotted cycle of a run, shape (n,), and of the error of the run."""
+    """90 % intervals of the force in the plotted cycle of a run, shape (n,), and of the error of the run."""
 
     name: str
     time_s: FloatArray  # time since the first plotted sample

@@ -5,7 +5,7 @@ are generated from these classes. The text below a field is its help. The class 
 ``HeatOptions``. Its class variables are the inputs and outputs of the job, its fields are the options. A job
 without options gets no argument ``options``.
 """
-# The formatter would give each argument of a declaration its own line.
+# The formatter would write each argument of a declaration on a separate line.
 # fmt: off
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _DESIGN = "Limits of the design"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """Options for reading inputs. Each input names those that its reader has."""
+    """Options for reading inputs. The declaration of each input names the options that its reader accepts."""
 
     law: Annotated[str | None, Option(metavar="FILE.py:CLASS", local=True)] = None
     """Load this class, if the card was fitted with a hysteresis model of your own."""

@@ -95,7 +95,7 @@ def _read_target(name: str | Path) -> Scenario:
 
 @dataclass(frozen=True, slots=True)
 class _Damper:
-    """The tracked damper as a simulated plant, and the limits of its excitation."""
+    """The damper under test as a simulated plant, with its maximum current, stroke and motions."""
 
     name: str
     plant: Plant
@@ -108,7 +108,7 @@ class _Damper:
     sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return the default targets, and True if these targets are scaled to the damper, else False."""
+        """Return the default targets and a flag, which is True if these targets are scaled to the damper."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
@@ -129,7 +129,7 @@ class _Damper:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of the result: the larger errors of the two noise seeds."""
+    """Errors of one controller on one target at one temperature, each the larger one of two noise seeds."""
 
     controller: str
     target: str
@@ -139,7 +139,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosteriorError:
-    """90 % intervals of force and error if the currents of a controller drive the posterior samples."""
+    """90 % intervals of force and error when all posterior samples get the currents of one controller."""
 
     controller: str
     low_N: FloatArray  # lower end of the force interval at each time step, shape (n,)
@@ -150,7 +150,7 @@ class PosteriorError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traced:
-    """Time curves of all controllers for one target at its highest temperature."""
+    """Force and current of all controllers versus time, for one target at its highest temperature."""
 
     target: str
     temperature_degC: float
@@ -289,7 +289,7 @@ def _run_all(
 
 
 def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
-    """Return the intervals of force and error if the currents of a run drive the posterior samples.
+    """Return the intervals of force and error when all posterior samples get the currents of a run.
 
     The currents of a controller that uses no force sensor do not depend on the damper. Therefore all
     posterior samples get the same currents.
@@ -452,7 +452,7 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
 def _scenarios(
     targets: Sequence[Scenario], options: TrackOptions, damper: _Damper, *, usual: bool, sized: bool
 ) -> list[Scenario]:
-    """Return every target at every temperature.
+    """Return one scenario for every target and temperature.
 
     ``usual`` is True for default targets, which have default temperatures. ``sized`` is True if the targets
     are scaled to the damper. Their force is then adapted to each temperature.
@@ -568,7 +568,7 @@ def _build(place: str, card: ModelCard, options: TrackOptions, largest: float) -
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
-    """Return a note if the forces of card and damper differ much at the largest current."""
+    """Return a note if card and damper have very different forces at the largest current."""
     force_ratio_max = 1.5  # A larger ratio of forces, or its inverse, indicates the card of another damper.
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A

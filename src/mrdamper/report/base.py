@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 Rows = Sequence[Mapping[str, object]]
-NOTE_COUNT_MAX = 3  # More notes would hide the values of the result in a terminal.
+NOTE_COUNT_MAX = 3  # A terminal with more notes would hide the values of the result.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How a job ended: the exit code of its command, and messages for standard error."""
+    """End of a job: the exit code of its command, and messages for standard error."""
 
     exit_code: int = 0
     messages: tuple[str, ...] = ()
@@ -42,7 +42,7 @@ def interrupted(remaining: str = BEST_SO_FAR) -> Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A folder or file that a job writes.
+    """Temporary and final path of a folder or file that a job writes.
 
     Attributes
     ----------
@@ -59,17 +59,17 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFile(Generic[Result]):
-    """A file, or a folder of files, that a result is written to.
+    """Declaration of a file, or a folder of files, to which a result is written.
 
     Attributes
     ----------
     name : name of the file; if empty, ``write`` receives the folder
-    key : key of the path in the answer; if empty, the answer has no path
-    write : writes the file; if None, the file is the answer as JSON
+    key : key in the answer under which the path is returned; if empty, the answer omits the path
+    write : writes the file; if None, the answer is written as JSON
     write_in : replaces ``write`` if the function needs the final path
     when : returns False if a result has no such file
-    folder : key of ``Report.beside``; if empty, the file is in the folder that the user names
-    output : name of the job's output that sets the path; if empty, no output does
+    folder : name of a folder in ``Report.beside``; if empty, the file is in the folder that the user names
+    output : option that sets the path of the file, such as ``write_map``; if empty, there is no such option
     """
 
     name: str | Callable[[Result], str]
@@ -90,7 +90,7 @@ class WrittenFile(Generic[Result]):
 
 
 def wrote_sentence(_: object, answer: Json) -> list[str]:
-    """Return a sentence that names the written files which a user would open."""
+    """Return a sentence with the paths of written reports, geometry files and channel maps."""
     paths = [
         answer[key] for key in ("report", "file", "drawing", "channel_map") if answer.get(key) is not None
     ]
@@ -99,22 +99,22 @@ def wrote_sentence(_: object, answer: Json) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report(Generic[Result]):
-    """The outputs of one job's result.
+    """Declaration of all outputs of a job: answer, terminal output, page and files.
 
     Attributes
     ----------
-    fields : the values of the answer by key; the keys are documented
+    fields : returns the values of the answer (the JSON object) by key; the keys are documented
     show : prints the result to a terminal, the most important values first
     closing : returns the last lines on a terminal; the first line names the written files
-    summary : returns a few lines with the main values; if None, the first screen of the page has them
+    summary : returns a few lines with the main values; if None, they are taken from the page's first screen
     page : the HTML page, with the first screen that every report has; None if there is no page
-    files : further files in the folder that the user names; all files are written, or none
-    beside : further folders, by name; each path is computed from the folder that the user names
-    in_folder : further keys of the answer that depend on that folder
+    files : further files in the folder that the user names; either all of them are written or none
+    beside : further folders by name; a function computes each path from the folder that the user names
+    in_folder : returns further keys of the answer that depend on the folder that the user names
     lists_files : True if the answer's ``files`` names all written files
-    curves : further keys of the answer, for the plots of a web page
-    rows : the result as a table, with one mapping for each row; None if the result has no rows
-    outcome : exit code and messages
+    curves : returns further keys of the answer for the plots of a web page
+    rows : returns the result as a table, with one mapping for each row; None if the result has no rows
+    outcome : returns exit code and messages
     """
 
     fields: Callable[[Result], Mapping[str, object]]
@@ -147,7 +147,7 @@ class Report(Generic[Result]):
         return () if self.page is None else self.page.first(result).lines
 
     def for_page(self, result: Result) -> Json:
-        """Return the data that a web page needs in addition to the answer: curves, first screen, tables."""
+        """Return the data that only a web page needs: curves, first screen and tables."""
         shown = {} if self.page is None else {"shown": self.page.web_json(result)}
         return {**json_value(self.curves(result)), **shown}
 
@@ -194,12 +194,12 @@ def write_report(
 
 
 def csv_file(name: str, rows: Callable[[Result], Rows]) -> WrittenFile[Result]:
-    """Return the CSV file of a result's rows."""
+    """Return the declaration of a CSV file with the rows of a result."""
     return WrittenFile(name=name, write=lambda result, path: write_table(path, rows(result)))
 
 
 def text_file(name: str, text: Callable[[Result], str], *, key: str = "") -> WrittenFile[Result]:
-    """Return a file with a text of a result."""
+    """Return the declaration of a file with a text of a result."""
     return WrittenFile(
         name=name, key=key, write=lambda result, path: path.write_text(text(result), encoding="utf-8")
     )

@@ -62,8 +62,8 @@ def _first(result: CheckResult) -> FirstScreen:
 
 
 def _figure(result: CheckResult) -> Figure | None:
-    """Return force versus displacement of the runs with the worst findings, or None without runs."""
-    # The terminal shows the most important lines. The report has all of them.
+    """Return force versus displacement of the runs with the worst findings; None if no run can be plotted."""
+    # A figure with more panels is hard to read.
     panel_count_max = 8
     drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
     if not drawable:
@@ -177,7 +177,7 @@ def _fields(result: CheckResult) -> dict[str, object]:
 
 
 def _rows(result: CheckResult) -> list[dict[str, object]]:
-    """Return the findings as a table."""
+    """Return one table row for each finding."""
     rows = [finding.to_dict() for finding in result.findings]
     return [{name: row[name] for name in _COLUMNS} for row in rows]
 
@@ -199,7 +199,7 @@ def _show(result: CheckResult, console: Console) -> None:
 
 
 def _show_questions(result: CheckResult, console: Console) -> None:
-    """Print values that were read from words, and questions that the files leave open."""
+    """Print values that were read from names of files and folders, and open questions about the files."""
     question_count_max = 4
     inference_count_max = 3
     inferred = [inference for file in result.files for inference in file.inferred]
@@ -214,7 +214,7 @@ def _show_questions(result: CheckResult, console: Console) -> None:
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
-    """Print the largest finding of each kind, the worst first."""
+    """Print the worst finding of each kind and the number of other runs with this kind, the worst first."""
     finding_count_max = 4
     kinds = by_kind(findings)
     for finding, run_count in kinds[:finding_count_max]:
@@ -226,19 +226,19 @@ def show_findings(findings: Sequence[Finding], console: Console) -> None:
 
 
 def _print_rest(count: int, name: str, console: Console) -> None:
-    """Print the number of omitted lines, if any."""
+    """Print the number of omitted lines if lines were omitted."""
     if count > 0:
         console.print(f"The report has {count} more {name}.")
 
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
-    """Return whether the runs can be fitted, and the number of findings."""
+    """Return a sentence on whether the runs can be fitted, and the number of findings of each severity."""
     counts = ", ".join(count_of(severity, number) for severity, number in result.counts.items())
     return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
-    """Return the first path and the number of other paths, by format and columns."""
+    """Group files by format and columns; return the first path and the number of others of each group."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)
@@ -267,7 +267,7 @@ REPORT: Report[CheckResult] = Report(
         csv_file("findings.csv", lambda result: _rows(result) or [dict.fromkeys(_COLUMNS)]),
         replace(
             text_file("channels.toml", lambda result: result.channel_map.text, key="channel_map"),
-            when=lambda _: False,  # Only --write-map writes it.
+            when=lambda _: False,  # Only --write-map writes the channel map.
             output="write_map",
         ),
     ),

@@ -42,7 +42,7 @@ def _fields(comparison: Comparison) -> dict[str, object]:
 
 
 def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
-    """Return the indices of temperature and current of each case, and both values as columns."""
+    """Return each pair of temperature and current: both indices, and both values as columns of a table."""
     return [
         (t, i, {"temperature_degC": in_degrees(kelvin), "command": command})
         for t, kelvin in enumerate(comparison.scope.temperatures)
@@ -51,7 +51,7 @@ def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
 
 
 def _forces(comparison: Comparison) -> list[Json]:
-    """Return the damping forces at peak velocities, one row for each temperature, current and velocity."""
+    """Return the damping forces of both dampers, one row for each temperature, current and peak velocity."""
     first, second = (found.damping for found in comparison.found)
     return [
         {
@@ -68,7 +68,7 @@ def _forces(comparison: Comparison) -> list[Json]:
 
 
 def _energies(comparison: Comparison) -> list[Json]:
-    """Return energy per cycle and gas force, one row for each temperature and current."""
+    """Return energy per cycle and gas force of both dampers, one row for each temperature and current."""
     first, second = comparison.found
     return [
         {
@@ -84,7 +84,7 @@ def _energies(comparison: Comparison) -> list[Json]:
 
 
 def _responses(comparison: Comparison) -> list[Json]:
-    """Return the times to 63 % and 90 % of a current step [s], rising and falling."""
+    """Return the times [s] to 63 % and 90 % of the change after a current step, of current and force."""
     return [
         {"card": name, **asdict(response)}
         for name, found in zip(comparison.names, comparison.found, strict=True)

@@ -36,7 +36,7 @@ _PANELS = (
 
 
 def _first(result: CyclesResult) -> FirstScreen:
-    flag_count_max = 2  # The first screen has space for two findings.
+    flag_count_max = 2  # The first screen has space for two findings only.
     count = len(result.cycles)
     stroke = f"a cycle has a stroke of more than {1e3 * result.stroke_min_m:.4g} mm"
     size = result.group_size
@@ -72,7 +72,7 @@ def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
 
 
 def _over_cycles(result: CyclesResult) -> Figure | None:
-    """Return one panel for each value versus cycle number, with the means and ranges of the groups."""
+    """Return panels of values versus cycle number: mean and range of each group of cycles."""
     groups, number = result.groups, result.group_number
     drawn = []
     for names in (panel for panel in _PANELS if panel[0] in groups):
@@ -95,7 +95,7 @@ def _sections(result: CyclesResult) -> list[Section]:
 def _figures_table(
     result: CyclesResult, title: str, words: Mapping[str, str] = TITLES
 ) -> Table[tuple[str, FigureSummary]]:
-    """Return the table of all values. The titles of the values are in ``words``."""
+    """Return the table with the statistics of all values. ``words`` has the title of each value."""
     count, figures = result.group_size, result.figures
     ends = f"means of up to {count} cycles at the start and at the end" if count > 1 else "single cycles"
 
@@ -119,7 +119,7 @@ def _figures_table(
 
 
 def _change(name: str, figure: FigureSummary) -> float | None:
-    """Return the change from the first to the last cycles [%], or None for temperatures."""
+    """Return the change from the first to the last group of cycles [%]; None for temperatures."""
     return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
 
 
@@ -139,14 +139,14 @@ def _fields(result: CyclesResult) -> dict[str, object]:
 
 
 def _rows(result: CyclesResult) -> list[dict[str, object]]:
-    """Return the means of the groups as table rows."""
+    """Return one table row for each group of cycles, with the means in the group."""
     columns = {"cycle": result.group_number, **{name: mean for name, (mean, _, _) in result.groups.items()}}
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def _write_table(result: CyclesResult, path: Path) -> None:
-    """Write all cycles as CSV. The cell of a missing value is empty."""
+    """Write one CSV row for each cycle. The cell of a missing value is empty."""
     found = result.cycles
     columns = {
         "cycle": range(1, len(found) + 1),

@@ -1,4 +1,4 @@
-"""Results of ``data list`` and ``data fetch``: the list of data sets, and the files of a fetched one."""
+"""Results of ``data list`` and ``data fetch``: the list of data sets, and the files of a fetched data set."""
 
 from __future__ import annotations
 

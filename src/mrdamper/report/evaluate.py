@@ -32,7 +32,7 @@ def _fields(result: EvaluateResult) -> dict[str, object]:
         "summary": summaries(result.errors),
         "promised": result.promised,
         "force_band": _band(result),
-        # The 90 % intervals of forces and coefficients from the posterior samples.
+        # 90 % intervals of forces and coefficients from posterior samples
         "posterior": {
             "probability": INTERVAL_PROBABILITY,
             "interval_width_N": median(each.width_N for each in result.forces),
@@ -88,7 +88,7 @@ def _new_runs(result: EvaluateResult) -> list[RunError]:
 
 
 def _band(result: EvaluateResult) -> dict[str, object] | None:
-    """Return the force band of the card, and the fractions of samples within it."""
+    """Return the force band of the card, and the percentage of measured samples within the band."""
     if result.band is None:
         return None
     inside = [each.in_band_percent for each in _new_runs(result) if each.in_band_percent is not None]

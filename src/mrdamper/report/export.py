@@ -52,7 +52,7 @@ def _code_answer(code: CodeExport, notes: tuple[str, ...]) -> Json:
 
 
 def _summary(found: ExportResult) -> list[str]:
-    """Return lines on the code, its verification and the force map."""
+    """Return lines that describe the code, its verification and the force map."""
     lines = []
     if found.code is not None:
         target = found.code.target
@@ -103,9 +103,9 @@ def _show(found: ExportResult, console: Console) -> None:
 
 
 def _closing(_: ExportResult, answer: Json) -> list[str]:
-    """Return the written files, or their number and folders if there are many."""
+    """Return a line with the written files, or with their number and folders if there are many."""
     files = [Path(name) for name in answer["files"]]
-    if len(files) <= 3:  # The closing line gives only the number of files if there are more.
+    if len(files) <= 3:  # A line with more paths is too long.
         return [f"Wrote {', '.join(map(str, files))}."]
     folders = dict.fromkeys(str(file.parent) for file in files)
     return [f"Wrote {len(files)} files to {', '.join(folders)}."]
@@ -153,7 +153,7 @@ def _size_tile(code: CodeExport | None) -> Tile:
 
 
 def _output_rows(found: ExportResult) -> list[dict[str, object]]:
-    """Return one row for each compared output."""
+    """Return the differences between compiled code and Python, one row for each output."""
     outputs = {} if found.code is None else found.code.record.outputs
     return [
         {

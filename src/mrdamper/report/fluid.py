@@ -66,7 +66,7 @@ def _fall(quantity: str, fit: LawFit) -> str:
 
 
 def _rows(result: FluidResult) -> list[dict[str, object]]:
-    """Return one row for each parameter of each law. The best law of a quantity is first."""
+    """Return one table row for each parameter of each law. The best law of each quantity is first."""
     return [
         {
             "quantity": quantity,

@@ -53,7 +53,7 @@ class FirstScreen:
     tiles : three values with their uncertainty
     subject : one line with the inputs (card, load cycle, model)
     caption : explanation of the figure
-    flags : important warnings as (title, text)
+    flags : important warnings, each a title and a text
     notes : further notes, one sentence each
     """
 
@@ -84,7 +84,7 @@ class Page(Generic[Result]):
     first : the first screen
     picture : returns the figure of the first screen, which is also the result of ``plot()`` in Python
     label : description of the figure for screen readers
-    sections : returns the tables and figures below; a web page shows the tables, too
+    sections : returns the tables and figures below the first screen; a web page also shows the tables
     template : Jinja template of the page; it receives the result (``it``), the sections and ``values``
     values : returns further values for the template
     when : returns False if a result has no page
@@ -136,7 +136,7 @@ def sentence(text: str) -> str:
 
 
 def count_of(name: str, count: int) -> str:
-    """Return a count with the singular or plural of a name."""
+    """Return a count with the name of the counted things, in singular or plural."""
     return f"{count} {name}{'' if count == 1 else 's'}"
 
 

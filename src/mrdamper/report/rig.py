@@ -43,7 +43,7 @@ def _rows(found: RigResult) -> list[Json]:
         {
             "name": each.plan.name,
             "motion": each.plan.label,
-            "current_A": each.run.constant_command,  # None if the current changes.
+            "current_A": each.run.constant_command,  # None if the current changes
             "temperature_degC": each.plan.temperature_degC,
             "duration_s": each.plan.duration_s,
             "samples": len(each.run),
@@ -54,7 +54,7 @@ def _rows(found: RigResult) -> list[Json]:
 
 
 def _in_folder(found: RigResult, out: Path) -> Json:
-    """Return the paths of the files, and a note if the folder has other runs."""
+    """Return the paths of the written files, and a note if the folder has runs of another campaign."""
     others = sorted({path.stem for path in out.glob("*.csv")} - {each.plan.name for each in found.runs})
     notes = []
     if others:
@@ -84,7 +84,7 @@ def _show(found: RigResult, console: Console) -> None:
 
 
 def _current_of(measured: MeasuredRun) -> str:
-    """Return the current of a run as text."""
+    """Return the planned current of a run as text."""
     given = measured.plan.current
     if isinstance(given, RandomCurrent):
         return f"random, up to {given.highest:g}"
@@ -92,7 +92,7 @@ def _current_of(measured: MeasuredRun) -> str:
 
 
 def _closing(found: RigResult, answer: Json) -> list[str]:
-    """Return the folder of the runs, the folder of the exact values, notes and the next command."""
+    """Return lines with the folders of the runs and of the exact values, notes and the next command."""
     folder = answer["folder"]
     held_out = [word for pattern in found.campaign.hold_out for word in ("--hold-out", f"'{pattern}'")]
     return [
@@ -136,7 +136,7 @@ def truth_folder(out: Path) -> Path:
 
 def _write_run(path: Path, run: RigRun) -> None:
     """Write a run as CSV. The first line states that the run is simulated."""
-    assert run.temperature is not None  # The virtual rig records it in every run.
+    assert run.temperature is not None  # The virtual rig measures temperature.
     header = "time_s,displacement_m,force_N,current_A,temperature_degC"
     columns = (run.time, run.displacement, run.force, run.command, run.temperature - ZERO_CELSIUS_K)
     _write(path, f"{run.source}; not measured", header, "%.4f,%.7f,%.2f,%.4f,%.2f", columns)
@@ -157,7 +157,7 @@ def _write(path: Path, label: str, header: str, form: str, columns: Iterable[Flo
 
 
 def _channel_map(damper: VirtualDamper) -> str:
-    """Return the channel map, which assigns all runs to one session; the headers name the quantities."""
+    """Return the channel map: all runs belong to one session, and columns are found by name."""
     columns = (
         ("time", "s"),
         ("displacement", "m"),

@@ -1,4 +1,4 @@
-"""Sections of a result, below its first screen: tables and figures.
+"""Tables and figures of a result, which are below the first screen of a page.
 
 A table is declared once. ``printed`` returns it for a terminal. ``shown`` returns the same cells for the HTML
 report and the web page.
@@ -37,8 +37,8 @@ class Column(Generic[Row]):
         attribute of the row
     unit : unit as text, degC for degrees Celsius
     form : format of numbers, which are aligned to the right; empty for words
-    printed : False if a terminal omits the column; a text is the heading in a terminal
-    names_run : True if the cells are names of runs, which a web page can plot
+    printed : False: a terminal omits the column; a text: heading in a terminal instead of title and unit
+    names_run : True if the cells are names of runs, so that a web page can plot the run of a row
     """
 
     title: str
@@ -69,8 +69,8 @@ class Table(Generic[Row]):
     ----------
     caption : explanation in one or more sentences
     held : returns True if a row is highlighted, such as a held-out run
-    part : returns the group of a row; a terminal separates the groups by a line
-    folded : label of the folded table on a page; empty if the table is open
+    part : returns the group of a row; a terminal draws a line between groups
+    folded : label of a table that a page initially hides; empty if the rows are visible
     """
 
     title: str
@@ -135,8 +135,8 @@ Section = Table[Any] | Picture
 
 
 def table_of(rows: Sequence[Mapping[str, object]], title: str = "Table") -> list[Table[Mapping[str, object]]]:
-    """Return a table with the first columns of a result and, of many rows, evenly spaced ones."""
-    # Limits of the general table. A page with more columns or rows is hard to read.
+    """Return a table of any result: its first seven columns, and at most 120 evenly spaced rows."""
+    # A page with more columns is hard to read.
     column_count_max = 7
     if not rows:
         return []
@@ -155,7 +155,7 @@ def table_of(rows: Sequence[Mapping[str, object]], title: str = "Table") -> list
 
 
 def _column(name: str, first: object) -> Column[Mapping[str, object]]:
-    """Return the column of a key. The type of the first cell selects the format."""
+    """Return the column for a key of the rows. The type of the first cell selects the format."""
     number = isinstance(first, int | float)
 
     def value(row: Mapping[str, object]) -> float | str | None:
@@ -183,7 +183,7 @@ def terminal_table(
     left : names of the columns with words, which are aligned to the left; long cells are broken into lines
     whole : True if no cell is broken into lines
     """
-    name_length_max = 24  # Shorter words are not broken into lines. Other columns become narrower instead.
+    name_length_max = 24  # Shorter cells are not broken. Other columns become narrower instead.
     table = RichTable(title=escape(title))
     names, cell_rows = list(columns), [None if row is None else list(row) for row in rows]
     for k, name in enumerate(names):

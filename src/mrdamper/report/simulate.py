@@ -60,7 +60,7 @@ def _show(found: SimulateResult, console: Console) -> None:
 
 
 def _figure(found: SimulateResult) -> Figure:
-    """Return the loops of force versus displacement and velocity, with a measured force in grey."""
+    """Return a figure of force versus displacement and velocity; a measured force is grey."""
     point_count_max = 4000  # More points make the figure large but not more accurate.
     path = found.trajectory
     thin = slice(None, None, max(1, len(path) // point_count_max))

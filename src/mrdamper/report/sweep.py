@@ -28,7 +28,7 @@ _TITLES = {
 
 
 def _table(run: SweepResult) -> dict[str, object]:
-    """Return the content of ``sweep.json``, which does not depend on time, machine or order."""
+    """Return the content of ``sweep.json``. It does not depend on run time, machine or order of the tasks."""
     return {
         "kind": run.plan.kind,
         "seed": run.plan.seed,
@@ -76,7 +76,7 @@ def _show(run: SweepResult, console: Console) -> None:
 
 
 def _figures_table(run: SweepResult, title: str) -> Table[tuple[str, FigureSummary]]:
-    """Return the table of minimum, percentiles and maximum of each value."""
+    """Return a table with minimum, percentiles and maximum of each value."""
 
     def figure(title: str, name: str) -> Column[tuple[str, FigureSummary]]:
         return Column(title, lambda row: getattr(row[1], name), form=".4g")
@@ -121,7 +121,7 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 
 def _figure(run: SweepResult) -> Figure | None:
-    """Return the cumulative distribution of each value, or None if all values are constant."""
+    """Return a figure of the cumulative distribution of each value; None if all values are constant."""
     panel_count_max = 12  # More panels do not fit on the page.
     names = [name for name, found in run.statistics.items() if found.least < found.most][:panel_count_max]
     if not names:

@@ -72,7 +72,7 @@ def _verdict(best: Mapping[str, Row]) -> str:
 
 
 def _columns(*first: Column[Row]) -> list[Column[Row]]:
-    """Return the columns of the tables of errors."""
+    """Return the columns of an error table: first the given columns, then controller and errors."""
     return [
         *first,
         Column("controller", "controller"),
@@ -117,18 +117,18 @@ def _sections(run: TrackResult) -> list[Section]:
 
 
 def _best(run: TrackResult, target: str) -> Row:
-    """Return the controller with the lowest RMS error on a target at its worst temperature."""
+    """Return the row of the controller with the lowest feasible RMS error at its worst temperature."""
     rows = [row for row in run.max_error_rows if row.target == target]
     return min(rows, key=lambda row: _feasible(row.score))
 
 
 def _feasible(score: Score) -> float:
-    """Return the RMS error while the target is feasible [N], or of all times if it never is."""
+    """Return the RMS error while the target is feasible [N]; if it never is, the RMS error of all samples."""
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 
 def _posterior_words(run: TrackResult) -> list[str]:
-    """Return the intervals of the errors due to the uncertainty of the parameters, one line for each run."""
+    """Return a line for each run with the interval of the RMS error due to parameter uncertainty."""
     return [
         f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: "
         f"{100.0 * INTERVAL_PROBABILITY:.0f} % interval {error.rmse_N[0]:.1f} to {error.rmse_N[1]:.1f} N "
@@ -139,7 +139,7 @@ def _posterior_words(run: TrackResult) -> list[str]:
 
 
 def _temperatures(run: TrackResult) -> str:
-    """Return the temperatures [degC] as text."""
+    """Return the tested temperatures [degC] as text, such as "20, 60"."""
     return ", ".join(f"{degrees:g}" for degrees in sorted({row.temperature_degC for row in run.rows}))
 
 
@@ -178,7 +178,7 @@ def _row(row: Row, plant: str) -> Json:
 
 
 def _trace(each: Traced) -> dict[str, object]:
-    """Return evenly spaced samples of a target's test at the highest temperature."""
+    """Return evenly spaced samples of force and current at the highest temperature of a target."""
     course, reach = each.course, each.reach
     part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer traces slowly.
     return {
@@ -196,7 +196,7 @@ def _trace(each: Traced) -> dict[str, object]:
 
 
 def _show(run: TrackResult, console: Console) -> None:
-    """Print the best controller, the errors for each target at its worst temperature, and notes."""
+    """Print the best controller, the errors for each target at the worst temperature, and notes."""
     console.print(escape(sentence(_verdict({target: _best(run, target) for target in run.targets}))))
     temperatures = _temperatures(run)
     for target in run.targets:

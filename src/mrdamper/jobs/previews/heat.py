@@ -177,9 +177,9 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
-    """Return a heat sink with the given fins and the convection model of the original heat sink.
+    """Return a heat sink with the given fins and the convection factor and contact of the original heat sink.
 
-    The search for heat sinks uses the same convection model.
+    The search for heat sinks uses the same factor and contact.
     """
     own = HeatedDamper(drawing, ()).pattern
     sink = read_record(HeatSink, fins, "fins")

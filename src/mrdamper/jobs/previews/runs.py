@@ -33,8 +33,8 @@ from mrdamper.schema import Json, finite_or_none
 if TYPE_CHECKING:  # This module is slow to load, and ``glance`` does not need it.
     from mrdamper.data.prepare import PreparedRun
 
-# Max number of points in a preview of a loop, and max number of samples (in the middle of a column) that are
-# thinned to these points.
+# Max number of points in a preview of a loop. They are chosen from the second number of samples in the
+# middle of a column.
 _LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 
@@ -81,7 +81,7 @@ def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
         return None
     with path.open("rb") as file:
         head = file.read(glance_bytes)
-    if b"\x00" in head or b"\n" not in head:  # The file is binary or has characters of several bytes.
+    if b"\x00" in head or b"\n" not in head:  # The file is binary or encoded in UTF-16.
         return None
     head = head[: head.rfind(b"\n") + 1]
     document = _document_beside(path) if given is None else dict(given)
@@ -117,9 +117,9 @@ class FileView:
 
 
 def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileView, RigFile | None]:
-    """Return the preview of a file and its recordings.
+    """Return the preview of a file, and the content that was read.
 
-    If the recordings are not readable, None is returned instead, and ``error`` of the preview has the reason.
+    If no run is readable, None replaces the content, and ``error`` of the preview has the reason.
     """
     most_columns = 64
     document = _document_beside(path) if given is None else dict(given)
@@ -149,7 +149,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return the channel maps of the package and of other files that can read this file unchanged."""
+    """Return the known channel maps that can read this file: maps of the package and of files next to it."""
     most_offers = 20  # max number of channel maps of other files that are tried
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:most_offers])
     offers: list[Json] = []
@@ -166,7 +166,7 @@ def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
 
 
 def findings_in(path: Path) -> Json:
-    """Return one list of findings for each run in a file. For very long runs, this takes minutes."""
+    """Return a list of findings for each run in a file. The diagnosis of very long runs takes minutes."""
     try:
         read = read_file(path)
     except InputError:
@@ -270,7 +270,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _thumbnail(values: FloatArray) -> list[float | None] | None:
-    """Return minima and maxima of a column in equal intervals: [min 1, max 1, min 2, ...]."""
+    """Divide a column into equal intervals; return the extremes of each as [min 1, max 1, min 2, ...]."""
     thumbnail_interval_count = 32  # number of intervals of the small plot of a column
     if len(values) < 2:
         return None
@@ -280,7 +280,7 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
 
 
 def _sample(values: FloatArray) -> list[float | None]:
-    """Return a few samples from the middle of a column. The indices are the same for all columns."""
+    """Return evenly spaced samples from the middle of a column, at the same indices for all columns."""
     begin = max(0, (len(values) - _LOOP_SAMPLES_MAX) // 2)
     part = values[begin : begin + _LOOP_SAMPLES_MAX]
     return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _LOOP_POINT_COUNT)]]

@@ -76,7 +76,7 @@ def keep_window(
     ----------
     most : maximum number of samples, at least 64; None: all samples
     from_s, to_s : start and end of the part, as time since the first sample of the run
-    samples_of : series file whose force and displacement select the samples; None: ``series`` itself
+    samples_of : series file whose extremes of force and displacement are kept; None: ``series`` itself
     """
     header, columns = read_series(series)
     deciding = columns if samples_of is None else read_series(samples_of)[1]
@@ -181,7 +181,7 @@ def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
 
 
 def _on_samples(recording: Recording, prepared: PreparedRun, values: FloatArray) -> FloatArray:
-    """Return values at the samples of the file, interpolated from the uniform grid of the prepared run."""
+    """Interpolate values on the uniform grid of a prepared run; return values at the times in the file."""
     time = recording.time - recording.time[0]
     step = prepared.trajectory.step
     if len(values) == len(time) and abs(float(time[-1]) - step * (len(time) - 1)) < 0.5 * step:

@@ -30,7 +30,7 @@ class Store:
         self._read()
 
     def begin(self, head: Mapping[str, Any]) -> None:
-        """Store the identity of the sweep, or compare it with the identity that is already stored.
+        """Store ``head``, which identifies the sweep, or compare ``head`` with the stored one.
 
         Raises
         ------

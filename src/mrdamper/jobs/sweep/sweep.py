@@ -104,7 +104,7 @@ def sweep(
     checkpoint: Store | None = None,
     on_progress: Progress = silent,
 ) -> SweepResult:
-    """Fit campaigns, track random dampers, or search a heat sink for each of several dampers.
+    """Fit campaigns, test controllers on random dampers, or search a heat sink for each of several dampers.
 
     Parameters
     ----------

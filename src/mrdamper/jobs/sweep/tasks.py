@@ -89,10 +89,10 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
-    """Search a heat sink; return the best sink, and the temperatures without, with original and best sink."""
+    """Search a heat sink; return the best one, and temperatures without sink, with original and with best."""
     run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions())
     best = run.best.sink
-    assert best is not None  # A search returns sinks.
+    assert best is not None  # The best design of a search has a sink.
     return {
         "figures": _json_values(
             {

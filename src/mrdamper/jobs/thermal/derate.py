@@ -52,7 +52,7 @@ class DerateResult(JobResult):
     limited_by: FloatArray
     limits: tuple[Limit, ...]
     probability: float = 0.9
-    notes: tuple[str, ...] = ()  # notes if the load cycle is outside the card's envelope
+    notes: tuple[str, ...] = ()  # statements about a load cycle outside the card's envelope
 
 
 def derate(
@@ -78,7 +78,7 @@ def derate(
         np.append(60.0 * np.array(options.duration_min), np.inf),
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnvelopeWarning)  # A map covers more temperatures than the card.
+        warnings.simplefilter("ignore", EnvelopeWarning)  # A map extends beyond the card's range.
         found = derate_damper(card.damper, drawing, duty, conditions, options.quantity)
     whole, unit = _unchanged_value(duty, options.quantity)
     return DerateResult(

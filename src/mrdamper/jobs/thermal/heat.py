@@ -48,12 +48,12 @@ class HeatResult(JobResult):
     # Result of the calibration with a measured curve; ``drawing`` is then the calibrated geometry.
     calibrated: CalibratedDrawing | None
     notes: tuple[str, ...]
-    # True if the load cycle is outside the runs of the card. The intervals do not include this error.
+    # True if the load cycle is outside the range of the card's runs. The intervals exclude this error.
     extrapolated: bool = False
 
     @property
     def rises(self) -> list[tuple[str, Rise]]:
-        """Return pairs of name and simulation, the requested simulation first."""
+        """Return each simulation with its name, the requested simulation first."""
         if self.bare is None:
             return [("without heat sink", self.rise)]
         return [("with heat sink", self.rise), ("without heat sink", self.bare)]

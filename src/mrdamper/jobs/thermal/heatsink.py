@@ -63,7 +63,7 @@ class HeatsinkResult(JobResult):
 
     @property
     def lightest(self) -> SinkDesign | None:
-        """Return the lightest design that is as cool as the reference."""
+        """Return the lightest design that is not warmer than the reference."""
         return lightest_as_cool(self.front, self.reference.fluid)
 
 
@@ -99,7 +99,7 @@ def heatsink(
     sweeps = _sweeps(heated, notes)
     notes += _too_hot(shown[-1], drawing)
     best = shown[-1].sink
-    assert best is not None  # A search returns sinks.
+    assert best is not None  # All designs of a search have sinks.
     return HeatsinkResult(
         drawing=drawing,
         duty=duty,

@@ -18,7 +18,7 @@ LINE_STYLES = ("-", "--")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PickPanel:
-    """The curves of each damper and the measured points (velocity [mm/s], force [N]) at one temperature.
+    """Panel for one temperature: curves of each damper, and measured points (velocity [mm/s], force [N]).
 
     ``measured`` contains the points by current.
     """
@@ -29,7 +29,7 @@ class PickPanel:
 
 
 def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
-    """Return force versus peak velocity, a panel for each temperature, coloured by current.
+    """Return a figure of force versus peak velocity, one panel for each temperature, coloured by current.
 
     Extension is above zero, retraction below. The second of two dampers is dashed; the
     legend shows their ``names``.
@@ -64,7 +64,7 @@ def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: S
 
 
 def card_figure(card: ModelCard) -> Figure:
-    """Return force versus peak velocity within the range of the card, a panel for each temperature."""
+    """Return a figure of force versus peak velocity of a card's damper, one panel for each temperature."""
     scope = default_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
     panels = [

@@ -38,7 +38,7 @@ MARGIN_INCH, TITLE_INCH = 0.45, 0.4
 
 
 def dampers_figure(dampers: Sequence[tuple[str, DamperDrawing]]) -> Figure:
-    """Return dampers, given as (title, geometry), with the same scale in rows of two."""
+    """Return a figure of several dampers (title, geometry) at the same scale, two in a row."""
     across = 1.06e3 * max(
         d.sink.tip_radius(d.body.outer_diameter) if d.sink else 0.5 * d.body.outer_diameter
         for _, d in dampers
@@ -72,7 +72,7 @@ def dampers_figure(dampers: Sequence[tuple[str, DamperDrawing]]) -> Figure:
 
 
 def field_figure(section: Section, mesh: SectionMesh, celsius: FloatArray) -> Figure:
-    """Return the temperatures at the corners of a mesh [degC] as bands of equal temperature."""
+    """Return a figure of the temperature field as filled contours. ``celsius`` has the values at corners."""
     r, z = (1e3 * mesh.corners[:, k] for k in (0, 1))
     figure = Figure(figsize=(WIDTH_INCH, 3.6), layout="constrained")
     axes = figure.subplots()
@@ -90,7 +90,7 @@ def field_figure(section: Section, mesh: SectionMesh, celsius: FloatArray) -> Fi
 
 
 def _draw(axes: Axes, drawing: DamperDrawing) -> None:
-    """Draw the blocks of a section, their mirror images, and the visible part of the rod."""
+    """Draw the rings of a damper on both sides of its axis, and the visible part of the rod."""
     section = section_of(drawing)
     for block in section.blocks:
         _add_ring(axes, block, color=_COLOURS[section.regions[block.region].role][0], linewidth=0.2)
@@ -101,7 +101,7 @@ def _draw(axes: Axes, drawing: DamperDrawing) -> None:
 
 
 def _add_ring(axes: Axes, block: Block, **style: object) -> None:
-    """Add both halves of a ring [mm]."""
+    """Add the section of a ring [mm]: one rectangle on each side of the axis."""
     wide, high = 1e3 * (block.high - block.low), 1e3 * (block.outer - block.inner)
     for low in (block.inner, -block.outer):
         axes.add_patch(Rectangle((1e3 * block.low, 1e3 * low), wide, high, **style))  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDTH_IN
 
 
 def errors_figure(errors: Sequence[RunError]) -> Figure:
-    """Return a bar with the error in percent of each of the worst runs, the worst run first."""
+    """Return a bar chart of the errors [%] of the worst runs, the worst run first."""
     worst = sorted(errors, key=lambda each: -each.nrmse_percent)[:20]
     height = 0.55 + 0.175 * len(worst)
     figure = Figure(figsize=(WIDTH_INCH, height))
@@ -38,7 +38,7 @@ def errors_figure(errors: Sequence[RunError]) -> Figure:
 def interval_figure(
     forces: Sequence[ForceInterval], coefficients: Sequence[CoefficientInterval], command_unit: str
 ) -> Figure:
-    """Return the measured and modelled force of each run, and each coefficient versus current."""
+    """Return a figure: measured and modelled force of each run, then each coefficient versus current."""
     drawn = [
         Panel(
             f"{each.name}: force, N",

@@ -1,4 +1,4 @@
-"""Figure of ``fluid``: measured points and fitted laws, one row of two panels per quantity.
+"""Figure of ``fluid``: measured points and fitted laws, one row of two panels for each quantity.
 
 Measured points are grey, hollow if they were not fitted. The best law is thick, the others are dashed.
 """
@@ -21,7 +21,7 @@ POINT_COLOUR = "#888888"
 
 
 def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
-    """Return the measured points and laws of the quantities in the tables."""
+    """Return a figure of the measured points and fitted laws of viscosity and yield stress."""
     drawn = []
     if viscosity is not None:
         drawn += [_over_temperature(viscosity, "viscosity, Pa s", 1.0), _residuals(viscosity)]
@@ -38,7 +38,7 @@ def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
 
 
 def _over_temperature(study: Study, label: str, scale: float) -> Panel:
-    """Return the quantity versus temperature, one curve for each field."""
+    """Return a panel of the quantity versus temperature, one curve for each field strength."""
     celsius = study.temperature_K - ZERO_CELSIUS_K
     grid = np.linspace(celsius.min() - 2.0, celsius.max() + 2.0, 200)
     fields = _levels(study.field_A_m[study.used])
@@ -54,7 +54,7 @@ def _over_temperature(study: Study, label: str, scale: float) -> Panel:
 
 
 def _residuals(study: Study) -> Panel:
-    """Return the deviation of the points and of the other laws from the best law."""
+    """Return a panel with the deviation from the best law, for measured points and for the other laws."""
     celsius, best = study.temperature_K - ZERO_CELSIUS_K, study.best.value(study.temperature_K)
     lines = [_points(celsius, 100.0 * (study.value / best - 1.0), study)]
     for fit, colour in zip(study.fits[1:], SERIES[1:], strict=False):
@@ -64,7 +64,7 @@ def _residuals(study: Study) -> Panel:
 
 
 def _over_field(study: Study) -> Panel:
-    """Return the yield stress versus field, one curve for each temperature."""
+    """Return a panel of the yield stress versus field strength, one curve for each temperature."""
     grid = np.linspace(0.0, 1.04 * float(study.field_A_m.max()), 150)
     levels = _levels(study.temperature_K[study.used] - ZERO_CELSIUS_K)
     lines = [_points(1e-3 * study.field_A_m, 1e-3 * study.value, study)]
@@ -84,5 +84,5 @@ def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
 
 
 def _levels(values: FloatArray) -> Sequence[float]:
-    """Return the distinct values to three digits, at most six of them."""
+    """Return at most six distinct values, rounded to three digits."""
     return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), 6)

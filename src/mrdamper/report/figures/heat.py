@@ -38,10 +38,10 @@ _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
 def temperature_figure(
     rises: Rises, intervals: Sequence[PredictionInterval] = (), measured: HeatingCurve | None = None
 ) -> Figure:
-    """Return fluid, coil and wall temperature versus time, a panel for each (title, rise), with the limit.
+    """Return a figure of fluid, coil and wall temperature versus time, one panel for each simulation.
 
-    ``intervals``, one for each rise or none, are bands of the fluid temperature. The curve
-    ``measured`` belongs to the first panel.
+    Each panel also has the temperature limit of the fluid. ``intervals`` is empty or has the interval of
+    the fluid temperature of each simulation. The curve ``measured`` is drawn in the first panel.
     """
     drawn: list[Panel] = []
     for (title, rise), interval in zip_longest(rises, intervals):
@@ -68,7 +68,7 @@ def temperature_figure(
 
 
 def _panel_end(rise: Rise, interval: PredictionInterval | None) -> float:
-    """Return the end of a panel [min]: the end of the curve, or the upper bound of the time to the limit."""
+    """Return the end of the time axis [min]. It extends to the upper bound of the time to the limit."""
     end = float(rise.time[-1])
     if interval is not None and rise.time_to_limit_s is not None:
         end = max(end, min(1.05 * interval.to_limit.high_s, float(interval.time[-1])))
@@ -76,7 +76,7 @@ def _panel_end(rise: Rise, interval: PredictionInterval | None) -> float:
 
 
 def _outlook(rise: Rise, interval: PredictionInterval) -> Line:
-    """Return the interval of the fluid temperature. The legend gives its final values."""
+    """Return the band of the fluid temperature. Its legend has the interval at the end."""
     below, above = interval.low - ZERO_CELSIUS_K, interval.high - ZERO_CELSIUS_K
     low, high = (float(np.interp(rise.time[-1], interval.time, edge)) for edge in (below, above))
     label = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * interval.probability:.0f} %"
@@ -85,7 +85,7 @@ def _outlook(rise: Rise, interval: PredictionInterval) -> Line:
 
 
 def _draw_limit(axes: Axes, rise: Rise, interval: PredictionInterval | None) -> None:
-    """Draw the limit of the fluid, the time to the limit, and the interval of this time as a thick line."""
+    """Draw the limit of the fluid temperature, the time to the limit, and the interval of this time."""
     limit, longest = rise.limit_K - ZERO_CELSIUS_K, axes.get_xlim()[1]
 
     def annotate(text: str, at: tuple[float, float], shift: tuple[float, float], align: str = "left") -> None:
@@ -104,7 +104,10 @@ def _draw_limit(axes: Axes, rise: Rise, interval: PredictionInterval | None) -> 
 
 
 def paths_figure(rises: Rises) -> Figure:
-    """Return the heat flows versus time, stacked, with the stored heat on top, one panel for each rise."""
+    """Return a figure of the heat flows versus time, stacked; one panel for each simulation.
+
+    Heat flows to the surroundings are at the bottom, the heat flow into storage is on top.
+    """
     figure, table = panels(len(rises), height=2.5, gap=0.12, right=LEGEND_INCH, share="all")
     used = {path for _, rise in rises for path in rise.paths_W}
     names = [name for name in (*PATHS, "stored") if name in used or name == "stored"]
@@ -112,7 +115,7 @@ def paths_figure(rises: Rises) -> Figure:
         minutes, total = rise.time / 60.0, rise.mechanical_W + rise.coil_W
         flows = {"stored": total - sum(rise.paths_W.values()), **rise.paths_W}
         values = [flows.get(name, np.zeros_like(total)) for name in names]
-        # The line between output at the bottom and stored heat on top is the total output.
+        # The line below the stored heat is the total heat flow to the surroundings.
         axes.stackplot(minutes, values, colors=[_PATH_COLOURS[name] for name in names], labels=names, lw=0)
         axes.plot(minutes, total, color=INK, lw=1.2, label="going in")
         axes.plot(minutes, rise.mechanical_W, color=INK, lw=0.8, ls="--", label="mechanical part")
@@ -125,7 +128,7 @@ def paths_figure(rises: Rises) -> Figure:
 
 
 def fade_figure(rises: Rises) -> Figure | None:
-    """Return the peak force of a cycle versus time and fluid temperature, or None without motion."""
+    """Return a figure of the peak force of a cycle versus time and temperature; None without motion."""
     moving = [(title, rise) for title, rise in rises if np.isfinite(rise.peak_force_N).any()]
     if not moving:
         return None

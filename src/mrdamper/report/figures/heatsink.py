@@ -13,7 +13,7 @@ from mrdamper.thermal.sinks.efficiency import Sweep
 
 
 def front_figure(run: HeatsinkResult) -> Figure:
-    """Return temperature versus mass: front of the network, designs evaluated again, and reference."""
+    """Return a figure of temperature versus mass: Pareto front, reference design, and displayed designs."""
     whole, shown, reference = run.found.designs, run.front, run.reference
     limit_K = run.drawing.filling.valid_K[1]
     figure = Figure(figsize=(WIDTH_INCH, 3.9))
@@ -48,7 +48,7 @@ def front_figure(run: HeatsinkResult) -> Figure:
 
 
 def sweeps_figure(sweeps: tuple[Sweep, Sweep]) -> Figure:
-    """Return temperature and efficiency in both parameter studies of the paper."""
+    """Return a figure of temperature and efficiency in both parameter studies of the paper."""
     drawn = []
     for sweep, label in zip(sweeps, ("width, mm", "fins"), strict=True):
         sinks = [effect.sink for effect in sweep.effects]

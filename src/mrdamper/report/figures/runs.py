@@ -19,7 +19,7 @@ PANEL_COLUMNS_MAX = 7
 
 
 def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
-    """Return force versus displacement and velocity, a column for each of at most seven runs.
+    """Return a figure of force versus displacement and velocity, one column for each of at most 7 runs.
 
     If the velocity was not measured, it is the derivative of the smoothed displacement.
     """
@@ -41,7 +41,7 @@ def plot_runs(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
 
 
 def _distinct_names(names: Sequence[str]) -> list[str]:
-    """Return names without the words that all of them begin with."""
+    """Remove the words with which all names begin; return the rest of each name."""
     words = [name.split("_") for name in names]
     same = takewhile(lambda each: len({*each}) == 1, zip(*words, strict=False))
     common = len(list(same)) if len(names) > 1 else 0

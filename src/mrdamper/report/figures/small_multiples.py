@@ -19,7 +19,7 @@ from mrdamper.report.figures.style import HELD_OUT, INK, TOP_INCH, Share, add_le
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A measured value; ``split`` is training or held_out."""
+    """A measured value; ``split`` is ``training`` or ``held_out``."""
 
     x: float
     y: float
@@ -28,7 +28,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A line, the band around it, and points.
+    """A line with a band around the line, and points.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """Lines with a common title; ``held`` marks the title of held-out runs."""
+    """Axes with a title and lines. ``held`` is True if the title is marked as a held-out run."""
 
     title: str
     x_label: str
@@ -79,7 +79,7 @@ def panel_figure(
     share: Share = "",
     legend: str | None = None,
 ) -> Figure:
-    """Return a figure of panels. Without negative values, the axes begin at zero.
+    """Return a figure of panels. If a panel has no negative values, its axis begins at zero.
 
     Parameters
     ----------
@@ -87,15 +87,15 @@ def panel_figure(
     share : see ``style.panels``
     legend : title of a common legend above the panels; None: each panel has its own legend
     """
-    letter_inch = 0.072  # Width of a letter of a title.
+    letter_inch = 0.072  # width of a letter in a title
     entries = [(line.label, line.colour, line.style) for each in drawn for line in each.lines if line.label]
     common = legend is not None and bool(entries)
     figure, table = panels(
         len(drawn),
         columns,
         height=height,
-        gap=0.2 if share else 0.5,  # Inner axes have no labels of y if the limits are shared.
-        top=0.6 if common else TOP_INCH,  # A title and one row of entries.
+        gap=0.2 if share else 0.5,  # Inner y axes have no labels if limits are shared.
+        top=0.6 if common else TOP_INCH,  # The legend has a title and one row.
         share=share,
     )
     letters = round(table[0].get_position().width * figure.get_size_inches()[0] / letter_inch)
@@ -104,7 +104,7 @@ def panel_figure(
             line.draw(axes)
         axes.set_title(shortened(panel.title, max(letters, 8)), color=HELD_OUT if panel.held else INK)
         axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
-        # The last label of x would touch the first one of the next panel.
+        # The last tick label of the x axis would touch the first label of the next panel.
         axes.locator_params(nbins=4 if share else 5, prune="upper" if share else None, axis="x")
         axes.locator_params(nbins=5, axis="y")
         if share != "row" and all(np.fmin.reduce(line.y, initial=0.0) >= 0.0 for line in panel.lines):

@@ -24,10 +24,10 @@ HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"
 INK = "#333333"
 LIMIT = "#a03020"
-SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # Colours of lines without an order.
+SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # colours of lines that do not represent a level
 DASHED = (0, (5, 2))
 WIDTH_INCH = 10.6  # The page is 1130 px wide.
-LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # Margins for labels and titles.
+LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # margins for labels and titles
 LEGEND_INCH = 1.45
 
 Share = Literal["", "all", "row"]
@@ -87,20 +87,23 @@ def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
 
 
 def shortened(name: str, longest: int = 40) -> str:
-    """Return a name without its middle part if it is too long for a figure."""
+    """Return a name of at most ``longest`` characters. A longer name loses its middle part."""
     return name if len(name) <= longest else f"{name[: longest // 2]}...{name[-longest // 2 + 3 :]}"
 
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Set the style of all figures for a block. The browser supplies letters that the font lacks."""
+    """Set the style of all figures in a ``with`` block, without warnings about letters that the font lacks.
+
+    The browser has fonts for these letters.
+    """
     with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type]  # stubs list every key
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)
         yield
 
 
 def svg_of(figure: Figure, label: str) -> str:
-    """Return the figure as an SVG element without header, dates and unused ids."""
+    """Convert a figure to an SVG element without header, dates and unused ids."""
     buffer = io.StringIO()
     FigureCanvasSVG(figure).print_svg(  # type: ignore[no-untyped-call]
         buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
@@ -118,14 +121,14 @@ def svg_of(figure: Figure, label: str) -> str:
 
 
 def svg_drawn_by(draw: Callable[[], Figure | None], label: str) -> str:
-    """Return the figure that a function draws as an SVG element, or "" without a figure."""
+    """Call ``draw`` and convert the figure to an SVG element; return "" if there is no figure."""
     with drawing_style():
         figure = draw()
         return "" if figure is None else svg_of(figure, label)
 
 
 def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
-    """Return the figure that a function draws, which notebooks display as SVG, or None."""
+    """Call ``draw``; return a figure that notebooks display as SVG, or None if there is no figure."""
     with drawing_style():
         figure = draw()
     if figure is not None:
@@ -143,16 +146,16 @@ def panels(
     top: float = TOP_INCH,
     share: Share = "",
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure and its axes in rows, from the top left.
+    """Return an empty figure and its axes, row by row from the top left.
 
     Parameters
     ----------
     height : height of the axes [inch]
     gap : space between two columns [inch]
     right, top : margins, for a legend [inch]
-    share : "all": all axes have the same limits of y; "row": the axes of a row have the same limits
+    share : "all": all y axes have the same limits; "row": the y axes of a row have the same limits
     """
-    row_gap_inch = 0.62  # Space for the labels of a row and the titles of the next one.
+    row_gap_inch = 0.62  # space for the labels of a row and the titles of the next row
     columns = min(columns, count)
     rows = -(-count // columns)
     gaps = gap * (columns - 1)

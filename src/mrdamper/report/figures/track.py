@@ -19,7 +19,7 @@ DRAWN_TIME_S_MAX = 4.0
 
 
 def tracking_figure(traced: Traced) -> Figure:
-    """Return target and attainable force, error, and current of the runs of one target."""
+    """Return a figure of one target: target and attainable force, errors and currents of the controllers."""
     course = traced.course
     thin = max(round(1.0 / (DRAWN_RATE_HZ * course.step_s)), 1)
     last = min(course.scored_from + round(DRAWN_TIME_S_MAX / course.step_s), len(course))
@@ -62,7 +62,7 @@ def tracking_figure(traced: Traced) -> Figure:
 
 
 def error_figure(run: TrackResult) -> Figure:
-    """Return the feasible RMS error versus temperature, with a panel for each target."""
+    """Return a figure of the RMS error while the target is feasible, versus temperature, by target."""
     drawn: list[Panel] = []
     for target in run.targets:
         lines = []

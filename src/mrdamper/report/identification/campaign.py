@@ -18,11 +18,11 @@ from mrdamper.report.identification.groups import OperatingPoints, levels_of, ma
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """One cycle (or a few seconds) of a run, measured and modelled, with reduced samples."""
+    """Measured and modelled force in one cycle (or a few seconds) of a run, with fewer samples for a plot."""
 
     error: RunError
-    over_time: bool  # True for a motion without a period and for current steps
-    time_s: FloatArray  # The first drawn sample is at zero.
+    over_time: bool  # True if the force is plotted versus time: motion without a period, or current steps
+    time_s: FloatArray  # time since the first drawn sample
     displacement_mm: FloatArray
     velocity_mm_s: FloatArray
     measured_N: FloatArray
@@ -31,7 +31,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A fit with the errors of its runs, and their levels of temperature or current."""
+    """A fit with the errors of its runs, which are grouped by temperature or by current (``levels_of``)."""
 
     fitted: Identification
     errors: tuple[RunError, ...]
@@ -55,7 +55,7 @@ class Campaign:
 
     @cached_property
     def main(self) -> str | None:
-        """The sine that was tested at most levels and currents."""
+        """Label of the sine with runs at the largest number of levels and currents; None without a sine."""
         return main_sine(self.errors, self.levels)
 
     @cached_property
@@ -68,7 +68,7 @@ class Campaign:
         return "current, A" if self.fitted.damper.command_unit == "A" else "voltage, V"
 
     def find_run(self, motion: str, level: float | None, command: float | None) -> RunError | None:
-        """Return the run with the median error of a motion, level and current."""
+        """Return the run with the median error among all runs with this motion, level and current."""
         found = [
             error
             for error in self.errors
@@ -96,11 +96,11 @@ class Campaign:
 
 
 def _trace(error: RunError, run: PreparedRun, force: FloatArray) -> Trace:
-    loop_point_count = 130  # A small panel needs no more points.
+    loop_point_count = 130  # More points are not visible in a small panel.
     path, over_time = run.trajectory, error.command is None or not run.period_s
     drawn = select_plot_samples(
         run,
-        seconds=7.0 if error.command is None else None,  # Runs with current steps are drawn up to this time.
+        seconds=7.0 if error.command is None else None,  # drawn duration of current steps [s]
         points=2 * loop_point_count if over_time else loop_point_count,
     )
     return Trace(

@@ -19,9 +19,10 @@ POINT_COUNT = 81
 
 
 def coefficient_figure(campaign: Campaign) -> Figure | None:
-    """Return each coefficient versus current at several temperatures, or versus temperature only.
+    """Return a figure with a panel for each coefficient that depends on current or temperature, else None.
 
-    The result is None if all coefficients are constant. Dots are the currents of the runs.
+    The coefficient is plotted versus current at several temperatures; if it is the same at all currents,
+    versus temperature. Dots mark the currents of the runs.
     """
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
@@ -59,7 +60,7 @@ def coefficient_figure(campaign: Campaign) -> Figure | None:
 def _band(
     fitted: Identification, name: str, form: ParameterLaw, command: FloatArray, kelvin: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the linearised standard error around a coefficient, or None if it is not fitted.
+    """Return the coefficient minus and plus one linearised standard error; None if it was not fitted.
 
     Parameters at a bound have no uncertainty.
     """

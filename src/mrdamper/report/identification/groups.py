@@ -23,14 +23,14 @@ from mrdamper.identify.scores import RunError
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
-    """The levels of a report: temperatures [degC], or currents [A or V]."""
+    """The levels of a report, which groups runs by temperature [degC], or by current [A] (voltage [V])."""
 
     kind: Literal["temperature", "command"]
     values: tuple[float, ...]
     unit: str
 
     def level_of(self, error: RunError) -> float | None:
-        """Return the level of a run, or None if its current changes."""
+        """Return the level nearest to the temperature (or current) of a run; None if the run has no value."""
         value = error.temperature_degC if self.kind == "temperature" else error.command
         return None if value is None else min(self.values, key=lambda level: abs(level - value))
 
@@ -39,12 +39,12 @@ class OperatingPoints:
 
 
 def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
-    """Return the temperatures of the runs if there are two or more, otherwise their currents."""
+    """Return the temperatures of the runs as levels if there are two or more, otherwise the currents."""
     known = sorted(e.temperature_degC for e in errors if e.temperature_degC is not None)
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
         for before, now in pairwise(known):
-            if now - before > 1.5:  # Mean temperatures of one level are closer [K].
+            if now - before > 1.5:  # max gap within a level [K]
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:
@@ -59,7 +59,10 @@ def pooled_rms(errors: Sequence[RunError]) -> float:
 
 
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
-    """Return the sine with runs at most levels and currents, or None. The longest stroke breaks a tie."""
+    """Return the label of the sine with the most pairs of level and current; None without a sine.
+
+    If several sines have the same number of pairs, the sine with the longest stroke is returned.
+    """
     counts: dict[str, set[tuple[float | None, float | None]]] = {}
     for error in errors:
         if error.motion.startswith("sine") and error.command is not None:
@@ -70,21 +73,21 @@ def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None
 
 
 def sine_of(runs: Sequence[PreparedRun]) -> Sine | None:
-    """Return the sine of runs with one periodic motion, or None if they are not periodic."""
+    """Return the sine with the median amplitude and period of the runs; None if no run is periodic."""
     periods = [run.period_s for run in runs if run.period_s]
     swings = [0.5 * float(np.ptp(run.trajectory.displacement[run.scored_from :])) for run in runs]
     return Sine(float(np.median(swings)), 1.0 / float(np.median(periods))) if periods else None
 
 
 def _stroke_in(motion: str) -> float:
-    """Return the amplitude in the label of a motion, for sorting."""
+    """Return the amplitude in the label of a motion, such as 10 for ``sine 10 mm 1 Hz``, for sorting."""
     parts = motion.split()
     return float(parts[1]) if len(parts) > 1 and parts[1].replace(".", "", 1).isdigit() else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """Measured force at the peak velocity of a sine, averaged over the samples near the peak."""
+    """Measured mean force at the peak velocity of a sine, in extension and in retraction."""
 
     velocity: float  # [m/s]
     extension: float  # [N]
@@ -92,7 +95,7 @@ class Pick:
 
 
 def peak_force(run: PreparedRun) -> float | None:
-    """Return the peak absolute force of the mean cycle [N], or None without a cycle."""
+    """Return the peak absolute force of the mean cycle [N]; None if the run has no complete cycle."""
     found = cycles(run)
     if run.period_s is None or not len(found):
         return None

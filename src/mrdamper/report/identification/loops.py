@@ -22,7 +22,9 @@ Drawn = tuple[str, str, RunError]  # title, colour, run
 
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
-    """Return the loops of a few motions by temperature or current, or the worst run of each motion.
+    """Return figures of force loops, one for each of at most four motions, at all temperatures or currents.
+
+    If no motion has such runs, the only figure has the worst run of each motion.
 
     The first screen already has the loops of a few runs, and of the main motion at each current.
     """
@@ -48,7 +50,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list[Drawn]:
-    """Return a run of a motion at each temperature, with constant current if there are such runs."""
+    """Return a run of a motion at each temperature: with the current ``command``, else with current steps."""
     picked = [
         (level, campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None))
         for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
@@ -79,7 +81,10 @@ def _with_names(campaign: Campaign, errors: Sequence[RunError]) -> list[Drawn]:
 
 
 def overview(campaign: Campaign) -> Figure:
-    """Return the loops of a few runs, or of the main motion at each current and the worst run."""
+    """Return a figure of all loops if there are few runs, else of the main motion at each current.
+
+    The latter figure also has the worst run.
+    """
     drawn = _with_names(campaign, campaign.errors)
     if len(drawn) > PANEL_COLUMNS_MAX:
         level = campaign.levels.values[0] if campaign.warm else None
@@ -93,7 +98,7 @@ def overview(campaign: Campaign) -> Figure:
 
 
 def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LOOPS) -> Figure:
-    """Return the force, one column for each run, and one row for each x of ``names``.
+    """Return a figure of the force: one column for each run, one row for each abscissa in ``names``.
 
     Runs without a period and runs with current steps are drawn versus time.
     """
@@ -114,9 +119,10 @@ def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LO
 
 
 def residual_figure(campaign: Campaign) -> Figure:
-    """Return measured minus modelled force versus velocity, coloured by current.
+    """Return a figure of measured minus modelled force versus velocity, coloured by current.
 
-    The panels are the temperatures of the main motion, or the motions without temperatures.
+    There is a panel for each temperature, with the main motion. If the runs have no different temperatures,
+    there is a panel for each motion.
     """
     if campaign.warm and campaign.main is not None:
         groups: list[tuple[str, str, float | None]] = [
@@ -150,9 +156,9 @@ def residual_figure(campaign: Campaign) -> Figure:
 
 
 def find_worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
-    """Return the run with the largest percent error of each motion, the worst one first.
+    """Return the run with the largest error [%] of each motion, the worst run first.
 
-    Runs with current steps are ignored if there are others because they are drawn versus time.
+    Runs with current steps are returned only if no run has a constant current, because they have no loops.
     """
     steady = [error for error in errors if error.command is not None]
     worst: dict[str, RunError] = {}

@@ -94,7 +94,7 @@ def _picture(fitted: FitResult) -> Figure:
 
 
 def _sections(fitted: FitResult) -> list[Section]:
-    """Return the tables of a fit. The page also has figures and values between them."""
+    """Return the tables of a fit. The template of the page places figures and values between the tables."""
     campaign = Campaign(fitted, fitted.assessment.runs)
     ordered = sorted(campaign.errors, key=partial(_order, levels=campaign.levels))
     selection = [] if fitted.selection is None else [candidate_table(fitted.selection)]
@@ -107,7 +107,7 @@ def _sections(fitted: FitResult) -> list[Section]:
 
 
 def _values(fitted: FitResult) -> dict[str, object]:
-    """Return the values of the template below the first screen."""
+    """Return the values for the template part below the first screen."""
     campaign = Campaign(fitted, fitted.assessment.runs)
     return {
         "unit": fitted.damper.command_unit,
@@ -130,7 +130,7 @@ def _values(fitted: FitResult) -> dict[str, object]:
 
 
 def _interval_figure(campaign: Campaign, fitted: FitResult) -> Figure | None:
-    """Return forces and coefficients with their intervals, or None without posterior samples."""
+    """Return a figure of forces and coefficients with 90 % intervals; None without posterior samples."""
     damper, samples = fitted.damper, fitted.posterior
     if samples is None:
         return None
@@ -148,7 +148,7 @@ _METHODS: Mapping[str, str] = {
 
 
 def _order(error: RunError, levels: OperatingPoints) -> tuple[list[tuple[str, float]], float, float, str]:
-    """Return the sort key of a run: motion with its numbers, temperature, current, name."""
+    """Return the sort key of a run: motion (numbers in its label as numbers), temperature, current, name."""
     parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
     motion = [(text, float(number or 0.0)) for text, number in parts]
     warm = levels.level_of(error) if levels.kind == "temperature" else None

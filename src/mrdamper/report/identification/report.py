@@ -77,7 +77,7 @@ def _fields(found: FitResult) -> dict[str, object]:
 
 
 def _rows(found: FitResult) -> list[dict[str, object]]:
-    """Return the errors as a table, one row for each run."""
+    """Return the errors as table rows, one row for each run."""
     return [row(error) for error in found.assessment.runs]
 
 
@@ -96,7 +96,7 @@ def _write_posterior(found: FitResult, path: Path) -> None:
 
 
 def _show(found: FitResult, console: Console) -> None:
-    """Print the verdict, the errors, the selected model, warnings and notes, the verdict first."""
+    """Print first the verdict, then the errors, the selected model, warnings and notes."""
     # The terminal shows the most important rows. The report has all of them.
     model_count_max = 3
     for line in verdict_lines(found):

@@ -19,14 +19,14 @@ _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
 
 def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
-    """Return median, worst, and worst with current of ``nrmse_percent``, by split."""
+    """Return statistics of ``nrmse_percent`` for each split: median, worst run, worst run with current."""
     every = tuple(errors)
     parts = {split: [error for error in every if error.split == split] for split in _SPLITS}
     return {split: summary(part) for split, part in parts.items() if part}
 
 
 def summaries(errors: Iterable[RunError]) -> Json:
-    """Return median and worst of ``nrmse_percent`` by split, with keys that contain the unit."""
+    """Return the statistics of ``by_split`` for the answer, with ``_nrmse_percent`` in every key."""
     return {
         split: {f"{name}_nrmse_percent": value for name, value in values.items()}
         for split, values in by_split(errors).items()
@@ -34,9 +34,9 @@ def summaries(errors: Iterable[RunError]) -> Json:
 
 
 def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
-    """Print the error of every run, or of many runs the pooled errors and the worst runs."""
+    """Print the error of every run. For more than 40 runs, print pooled errors and the worst runs."""
     title, shown = f"{law}: error by run", errors
-    if len(errors) > 40:  # More runs are shown by motion and temperature.
+    if len(errors) > 40:  # A longer table does not fit on a terminal.
         console.print(pooled_table(errors).printed())
         shown = sorted(errors, key=lambda error: -error.nrmse_percent)[:10]
         title += f", the {len(shown)} worst of {len(errors)} runs (errors.csv has all)"
@@ -105,7 +105,10 @@ def _command(error: RunError) -> str:
 
 
 def pooled_table(errors: Sequence[RunError]) -> Table[tuple[str, Sequence[RunError]]]:
-    """Return the RMS error by motion and temperature (or current). Held-out errors are in brackets."""
+    """Return a table of pooled RMS errors: a row for each motion, a column for each temperature or current.
+
+    Held-out errors are in brackets.
+    """
     levels = levels_of(errors)
     placed = [error for error in errors if levels.level_of(error) is not None]
 

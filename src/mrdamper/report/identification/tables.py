@@ -14,7 +14,7 @@ from mrdamper.report.sections import Column, Table
 
 
 def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
-    """Return the values with their standard errors, and whether the runs determine them."""
+    """Return the table of fitted parameters: value, standard error, and whether the runs determine it."""
     return Table(
         title="Coefficients",
         columns=[
@@ -42,7 +42,7 @@ def _identifiability(estimate: Estimate) -> str:
 
 
 def correlation_table(result: SearchResult) -> Table[tuple[str, str, float]]:
-    """Return the pairs of parameters with a strong correlation, the strongest first."""
+    """Return the table of parameter pairs with a strong correlation, the strongest first."""
     strong_correlation_min = 0.8
     names = [estimate.name for estimate in result.estimates]
     pairs = [
@@ -64,7 +64,7 @@ def correlation_table(result: SearchResult) -> Table[tuple[str, str, float]]:
 
 
 def error_summary_table(errors: Sequence[ErrorSummary]) -> Table[ErrorSummary]:
-    """Return the errors of held-out runs, training runs and cross-validation."""
+    """Return the table of error statistics of held-out runs, training runs and cross-validation."""
     return Table(
         title="Errors",
         columns=[
@@ -85,7 +85,7 @@ def error_summary_table(errors: Sequence[ErrorSummary]) -> Table[ErrorSummary]:
 
 
 def candidate_table(selection: Selection) -> Table[CandidateScore]:
-    """Return all candidates of the model selection, the selected one first."""
+    """Return the table of all candidates of the model selection, the selected candidate first."""
     return Table(
         title="Model selection",
         columns=[
@@ -106,7 +106,7 @@ def candidate_table(selection: Selection) -> Table[CandidateScore]:
 
 
 def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScore]:
-    """Return the best candidate of each model that was cross-validated, at most ``count_max``."""
+    """Return the table of the best candidate of each cross-validated law, at most ``count_max`` rows."""
     best: dict[str, CandidateScore] = {}
     for score in selection.scores:
         if score.reason == "chosen" or not math.isnan(score.cv_mean_percent):
@@ -124,7 +124,7 @@ def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScor
 
 
 def subset_sentence(selection: Selection) -> str:
-    """Return the error of the selected candidate on the windows of the selection and on all runs."""
+    """Return a sentence with the error of the selected candidate on the selection windows and on all runs."""
     if not selection.is_subset:
         return f"The selection used all {selection.sample_count} samples."
     return (

@@ -25,21 +25,21 @@ from mrdamper.report.figures.style import colour_of, svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import peak_force, pick_of, sine_of
 
-REFERENCE_DISTANCE_MAX_K = 2.5  # A level this close to 20 degC is the reference.
+REFERENCE_DISTANCE_MAX_K = 2.5  # A measured level this close to 20 degC is the reference.
 
 
 @dataclass(frozen=True, slots=True)
 class Warmth:
-    """Peak force, relative loss of force and energy versus temperature, with a summary sentence."""
+    """Figure of peak force, force loss and energy per cycle versus temperature, with a summary sentence."""
 
     motion: str
     summary: str
     svg: str
-    assumed: bool  # True if all temperature factors were taken from a fluid.
+    assumed: bool  # True if temperature factors were taken from a fluid instead of fitted
 
 
 def temperature_section(campaign: Campaign) -> Warmth | None:
-    """Return force, relative loss and energy versus temperature, or None without temperature dependence."""
+    """Return the section on force, loss and energy; None for a damper without temperature dependence."""
     damper = campaign.fitted.damper
     if not damper.temperature_dependent:
         return None
@@ -55,7 +55,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     else:
         low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
         reference = float(np.clip(REFERENCE_K, low, high))
-    count = 25 if damper.law.kernel is not None else 4  # A law in Python is slow.
+    count = 25 if damper.law.kernel is not None else 4  # Laws in Python are slow.
     grid = np.linspace(low, high, count)
     drawn: tuple[list[Line], list[Line], list[Line]] = ([], [], [])
     ends = []
@@ -87,7 +87,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
 def _measurements(
     campaign: Campaign, command: float, reference: float
 ) -> tuple[tuple[Point, ...], tuple[Point, ...], tuple[Point, ...]]:
-    """Return measured peak force [N], relative loss [%] and energy per cycle [J] at each temperature."""
+    """Return measured points versus temperature: peak force [N], relative loss [%], energy per cycle [J]."""
     if not campaign.warm or campaign.main is None:
         return (), (), ()
     runs = [(level, campaign.find_run(campaign.main, level, command)) for level in campaign.levels.values]
@@ -108,7 +108,7 @@ def _loss_sentence(
     reference: float,
     unit: str,
 ) -> str:
-    """Return a sentence on the loss at the highest temperature, and on its dependence on current."""
+    """Return sentences on the force loss at the highest temperature, and on its dependence on current."""
     losses = [
         f"{lost:.0f} %"
         + ("" if measured is None else f" (measured {measured:.0f} %)")
@@ -143,13 +143,13 @@ class Characteristics:
 
     found: Characterisation
     svg: str
-    titles: tuple[str, ...]  # One for each temperature, empty without temperature dependence.
+    titles: tuple[str, ...]  # title of each temperature; "" without temperature dependence
     motion: str
-    assumed: tuple[bool, ...]  # For each temperature: True if it was not tested and the factors are assumed.
+    assumed: tuple[bool, ...]  # True for each temperature that was not tested if factors are assumed
 
 
 def characteristics_section(campaign: Campaign) -> Characteristics:
-    """Return force-velocity curves with measured points, dynamic range, response time and gas force."""
+    """Return the section on force-velocity curves, dynamic range, response time and gas force of a damper."""
     damper = campaign.fitted.damper
     steady = [run for run in campaign.fitted.training if run.run.constant_command is not None]
     envelope = envelope_of(steady or campaign.fitted.training)
@@ -198,7 +198,10 @@ def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
 def _picks(
     campaign: Campaign, commands: Sequence[float], temperature: float | None
 ) -> dict[float, list[Point]]:
-    """Return the measured forces of all sines at a temperature, or of all without temperature dependence."""
+    """Return the measured points of the sines at a temperature, by current.
+
+    If the runs have no different temperatures, the points of all sines are returned.
+    """
     found: dict[float, list[Point]] = {}
     if not campaign.warm and not _is_tested(campaign, temperature):
         return found

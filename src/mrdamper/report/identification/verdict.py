@@ -35,7 +35,7 @@ def verdict_lines(found: FitResult) -> list[str]:
 
 
 def assumption_flags(damper: Damper) -> list[tuple[str, str]]:
-    """Return a warning if a temperature dependence was not fitted."""
+    """Return a warning if a temperature dependence was assumed instead of fitted."""
     if not damper.assumed:
         return []
     names = ", ".join(name.replace("_", " ") for name in damper.assumed)
@@ -52,7 +52,7 @@ def expected_tile(band: ForceBand | None) -> Tile | None:
 
 
 def expected_sentence(found: FitResult) -> str:
-    """Return the error to expect of new runs; an empty string if it is unknown."""
+    """Return a sentence with the expected error of new runs; an empty string if it is unknown."""
     band = found.force_band
     if band is None:
         return ""

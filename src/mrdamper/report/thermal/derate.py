@@ -58,7 +58,7 @@ def _cell(found: DerateResult, d: int, w: int, a: int) -> str:
 
 
 def _summary(found: DerateResult) -> list[str]:
-    """Return the number of conditions without a restriction, and the limit in the worst condition."""
+    """Return two lines: number of conditions that allow the full load, and value in the worst condition."""
     steady = found.largest[-1]
     allowed = int((steady >= found.whole * (1.0 - 1e-9)).sum())
     return [
@@ -86,7 +86,7 @@ def _show(found: DerateResult, console: Console) -> None:
 
 
 def _figure(found: DerateResult) -> Figure:
-    """Return a map of the permissible value versus ambient temperature and air speed for each duration."""
+    """Return a figure with one map for each duration: permissible value versus ambient and air speed."""
     figure, table = panels(len(found.duration_min), 5, gap=0.12, height=1.9, share="all")
     for axes, minutes, largest in zip(table, found.duration_min, found.largest, strict=True):
         axes.imshow(largest, origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=2.0 * found.whole)

@@ -99,7 +99,7 @@ def _means(rise: Rise) -> dict[str, FloatArray]:
 
 
 def _rows(run: HeatResult) -> list[dict[str, object]]:
-    """Return the curve as a table, one row for each time."""
+    """Return the temperature curve as table rows, one row for each time."""
     rise = run.rise
     columns: dict[str, FloatArray] = {
         "time_s": rise.time,
@@ -123,7 +123,7 @@ def summary(run: HeatResult) -> list[str]:
 
 
 def show(run: HeatResult, console: Console) -> None:
-    """Print the limits, the values at the end, the temperatures at seven times, and notes."""
+    """Print the limits, the values at the end, the temperatures at seven evenly spaced times, and notes."""
     intervals = page_intervals(run)
     lines = summary(run)
     if run.bare is not None:
@@ -182,7 +182,7 @@ def _limit_sentence(rise: Rise, interval: PredictionInterval | None, index: int)
 
 
 def _energy_sentence(rise: Rise) -> str:
-    """Return the distribution of the dissipated energy."""
+    """Return a sentence with the supplied energy, and the percentage that each heat path received."""
     energy, total = rise.energy_J, rise.input_J
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
     percents = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
@@ -190,7 +190,7 @@ def _energy_sentence(rise: Rise) -> str:
 
 
 def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
-    """Return the two factors, their standard errors and the residual."""
+    """Return lines with the factors of heat capacity and convection, their standard errors, the residual."""
     curve = calibrated.curve
     return [
         f"Calibrated with {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
@@ -204,7 +204,7 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
 
 
 def _calibrated_text(run: HeatResult) -> str:
-    """Return the calibrated geometry file in the format of the given one."""
+    """Return the text of the geometry file with calibrated values; all else is unchanged."""
     found, drawing = run.calibrated, run.drawing
     assert found is not None
     title = f"{drawing.name}, calibrated by {found.curve.name}"

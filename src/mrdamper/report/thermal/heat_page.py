@@ -100,7 +100,7 @@ def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
 
 
 def _sections(run: HeatResult) -> dict[str, object]:
-    """Return the values of the template below the first screen."""
+    """Return the values for the template part below the first screen."""
     drawing = run.drawing
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
     return {
@@ -125,7 +125,7 @@ def _figure(run: HeatResult) -> Figure:
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
-    """Return energy [kJ] and fraction of the input energy [%], by name."""
+    """Return energy [kJ] and fraction of the supplied energy [%] for each source, path and store, by name."""
     energy, total = rise.energy_J, rise.input_J
     return {
         name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
@@ -143,7 +143,7 @@ def sink_in_words(sink: HeatSink) -> str:
 
 
 def page_intervals(run: HeatResult) -> list[PredictionInterval]:
-    """Return the intervals of the curves, or an empty list if the card is extrapolated."""
+    """Return the interval of each curve; an empty list if the load cycle is outside the range of the card."""
     return [] if run.extrapolated else run.prediction_intervals
 
 
@@ -157,7 +157,7 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
 
 
 def _field_figure(rise: Rise) -> Figure | None:
-    """Return the final temperature field, or None for models without a field."""
+    """Return a figure of the final temperature field; None if the thermal model has no field."""
     reduced, heating = rise.field, rise.heating
     if reduced is None or not isinstance(heating, FieldHeating):
         return None
@@ -167,7 +167,7 @@ def _field_figure(rise: Rise) -> Figure | None:
 
 
 def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str, Any]]:
-    """Return the limits of fluid, coil and seals, each at its hottest point, for page and answer."""
+    """Return one row for each limit (fluid, coil, seals) with the temperature of the part's hottest point."""
     times = [None] * len(rise.limits) if interval is None else interval.to_limits
     return [
         {

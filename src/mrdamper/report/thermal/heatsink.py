@@ -58,8 +58,8 @@ def _first(run: HeatsinkResult) -> FirstScreen:
 
 
 def _verdict(run: HeatsinkResult) -> list[str]:
-    """Return the best sink, and its advantage over the reference with its uncertainty."""
-    assert run.best.sink is not None  # A search returns sinks.
+    """Return sentences on the best sink and on the temperature difference to the reference design."""
+    assert run.best.sink is not None  # All designs of a search have sinks.
     lines = [
         f"Best heat sink: {sink_in_words(run.best.sink)}.",
         f"It is {abs(run.gain.middle):.1f} K {_comparison(run)} {_reference(run)} (90 % interval "
@@ -75,7 +75,7 @@ def _comparison(run: HeatsinkResult) -> str:
 
 
 def _interval(run: HeatsinkResult) -> str:
-    """Return the interval of the temperature difference with the sign that ``_comparison`` states."""
+    """Return the interval of the temperature difference, positive in the direction of ``_comparison``."""
     low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
     return f"{low:.1f} to {high:.1f} K"
 
@@ -85,7 +85,7 @@ def _reference(run: HeatsinkResult) -> str:
 
 
 def _lightest(run: HeatsinkResult) -> SinkDesign | None:
-    """Return the lightest design that is as cool as the reference, if it differs from the best one."""
+    """Return the lightest design that is as cool as the reference; None if this is the best design."""
     return None if run.reference.sink is None or run.lightest is run.best else run.lightest
 
 
@@ -108,7 +108,7 @@ def _method(run: HeatsinkResult) -> str:
 
 
 def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
-    """Return the designs of the table with their labels. Most labels are empty."""
+    """Return the designs of the table, each with its label. Most labels are empty."""
     labelled = [
         ("bare", run.bare),
         *([("reference", run.reference)] if run.reference.sink is not None else []),
@@ -122,7 +122,7 @@ def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
 
 
 def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
-    """Return the table of the bare damper, the reference and the Pareto front."""
+    """Return a table of the bare damper, the reference and the Pareto front, one row for each design."""
 
     def size(title: str, name: str, least_fins: int = 1) -> Column[tuple[str, SinkDesign]]:
         def value(row: tuple[str, SinkDesign]) -> float | None:
@@ -155,7 +155,7 @@ def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
 
 
 def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
-    """Return the drawn dampers: reference, coolest, and the lightest that is as cool as the reference."""
+    """Return dampers with titles for a figure: reference, coolest, lightest as cool as the reference."""
 
     def titled(name: str, design: SinkDesign) -> tuple[str, DamperDrawing]:
         words = "no fins" if design.sink is None else sink_in_words(design.sink)
@@ -201,7 +201,7 @@ def _fields(run: HeatsinkResult) -> dict[str, object]:
 
 
 def _design(design: SinkDesign) -> Json:
-    """Return the dimensions and temperatures of a design. The bare damper has no fins."""
+    """Return dimensions, mass and temperatures of a design. The bare damper has 0 fins of size 0."""
     found = design.sink
     fins, *sizes = (0, 0.0, 0.0, 0.0)
     if found is not None:
@@ -224,7 +224,7 @@ def _rows(run: HeatsinkResult) -> list[Json]:
 
 
 def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
-    """Return the parameter studies of the paper: width of the fins, and their number."""
+    """Return the parameter studies of the paper, of width and number of the fins."""
     study: Json = {"formula": EFFICIENCY_FORMULA, "follows_paper": {}}
     for name, sweep in zip(("width", "fins"), sweeps, strict=True):
         study["follows_paper"][name] = sweep.follows_paper
@@ -243,15 +243,15 @@ def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
 
 
 def _toml(run: HeatsinkResult) -> str:
-    """Return the best sink as a file for ``mrdamper heat --sink``."""
+    """Return the TOML text of the best sink for ``mrdamper heat --sink``."""
     best = run.best.sink
-    assert best is not None  # A search returns sinks.
+    assert best is not None  # All designs of a search have sinks.
     return toml_text({"sink": write_record(best, defaults=True)}, sink_in_words(best))
 
 
 def _show(run: HeatsinkResult, console: Console) -> None:
-    """Print the verdict, the labelled designs, and evenly spaced designs of the front."""
-    design_count_max = 8  # The terminal shows evenly spaced designs of the front, the report all.
+    """Print the verdict, then a table of the labelled designs and of evenly spaced designs of the front."""
+    design_count_max = 8  # max number of unlabelled designs; the report has all
     for line in _verdict(run):
         console.print(escape(line))
     table = _front_table(run)
