@@ -88,8 +88,8 @@ class ReferenceFilter:
 class Actuation:
     """Dead time, two lags and magnetic hysteresis between command and force.
 
-    The *gap* of a lag is the input minus the output of the lag. It decays exponentially if the input is
-    constant.
+    The *gap* of a lag is the command (as flux) minus the output of the lag. The output of the first lag is
+    the input of the second lag.
     """
 
     dead_samples: int  # whole periods of the dead time
@@ -97,9 +97,9 @@ class Actuation:
     rise: float  # [-] fraction of the gap of the first lag that remains after a period, current rising
     fall: float  # [-] like ``rise``, current falling
     second: float  # [-] fraction of the gap of the second lag that remains after a period
-    rise_couple: float  # [-] gap of the second lag after a period / gap of the first before, current rising
+    rise_couple: float  # [-] fraction of the first gap that a period adds to the second gap, current rising
     fall_couple: float  # [-] like ``rise_couple``, current falling
-    second_ramp: float  # [-] gap of the second lag after a period / change of the first lag in the period
+    second_ramp: float  # [-] delay of the second lag after a ramp of the first lag / change in the ramp
     freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
     hysteresis_width: float  # [A] half width of the magnetic hysteresis after the lags

@@ -310,8 +310,9 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    given = loop.given  # In sample k, the damper first receives given[k], and after ``apart`` steps given[k +
-    1]. given[: late + 1] = 0.0
+    # In sample k, the damper first receives given[k], and after ``apart`` steps given[k + 1].
+    given = loop.given
+    given[: late + 1] = 0.0
     arrives = (np.arange(len(course)) - apart) // every + 1
     state, felt = controller.start(), 0.0
     for k in range(len(now)):
