@@ -20,7 +20,7 @@ from mrdamper.control.scenario import SCENARIOS, Scenario, VelocityTarget
 from mrdamper.excitation import motion_from_text
 
 SHARES = {"sine-900N-1Hz": 0.55, "sine-1100N-2Hz": 0.65, "non-periodic": 0.6}
-"""Amplitude of each target divided by half the force range (max - min) in its motion at the largest current."""
+"""Amplitude of each target, divided by half the force range (max - min) in its motion at full current."""
 
 _NAMES = dict(zip(SHARES, ("sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"), strict=True))
 _PERCENTILES = (2.5, 97.5)  # Percentiles exclude short peaks of the force.

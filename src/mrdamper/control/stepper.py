@@ -31,8 +31,8 @@ class Flag(IntFlag):
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
     OUTSIDE_TEMPERATURE = 512  # the temperature is outside the range of the model: the nearest end is used
     INFEASIBLE = 1024  # no current gives the wanted force
-    SATURATED = 4096  # controller: the command is at its minimum or maximum; model: the current is beyond
-    them NO_CURRENT = (
+    SATURATED = 4096  # controller: command at its minimum or maximum; model: current beyond these limits
+    NO_CURRENT = (
         8192  # model: the current is NaN or far outside its range; the last valid one is used, later zero
     )
     FROZEN_TEMPERATURE = 16384  # constant although the damper warms: estimated from the supplied energy
@@ -58,7 +58,7 @@ class StateEstimate:
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # force error found by the disturbance observer, positive against the motion [N]
+    disturbance: float  # observed force error times the sign of the velocity [N]
     flags: Flag
 
     @property
@@ -73,7 +73,7 @@ class Stepper:
 
     config: Config
     tables: DamperTables
-    single: bool = False  # use single precision, for comparison with hardware that has no double precision
+    single: bool = False  # use single precision, like hardware without double precision
     _native: core.Tracker = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
