@@ -78,8 +78,8 @@ class Safety:
     # Time for which the estimate is used without a valid reading; None: see ``thermometer``.
     hold_s: Positive | None = None
     nominal_K: float | None = None  # temperature after hold_s; None: the middle of the model's range
-    # After a jump, the new readings are accepted when they have been steady for this time, and for longer than
-    # the readings before the jump were valid.
+    # After a jump, the new readings are accepted when they have been steady for this time, and for longer
+    # than the readings before the jump were valid.
     recover_s: Positive = 2.0
 
     def __post_init__(self) -> None:
@@ -469,9 +469,9 @@ def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
 
 
 def _force_per_command(tables: DamperTables) -> float:
-    """Return the mean increase of the yield force per command [N/A] in the middle of the temperature range."""
+    """Return the mean increase of the yield force per command [N/A] at the middle temperature."""
     if tables.series is not None:
-        table = tables.yield_force_table  # One row is enough if the force does not depend on temperature.
+        table = tables.yield_force_table  # The table has one row if the force ignores temperature.
         yields = table[len(table) // 2]
     else:
         rows = tables.evaluate(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))

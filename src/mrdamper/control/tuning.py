@@ -187,7 +187,7 @@ def motion_of(
 ) -> config.MotionFilter:
     """Return the motion filter for a displacement that is read every ``held_s`` [s].
 
-    If ``is_harmonic`` is False, the motion is arbitrary, and constant acceleration is assumed between readings.
+    If ``is_harmonic`` is False, constant acceleration is assumed between readings.
     """
     gains, spread = motion_filter(held_s, noise, density * (HARMONIC_JERK_RATIO if is_harmonic else 1.0))
     filter_s = _filter_time(held_s, float(gains[2]))
