@@ -58,7 +58,7 @@ def c_files(target: Target, record: Verification | None = None) -> dict[str, str
 
 
 def sources_sha256(sources: Mapping[str, str]) -> str:
-    """Return the hash of the C files in ``sources``. A verification is valid only for files with this hash."""
+    """Return the hash of the C files in ``sources``. A verification is valid only for this hash."""
     digest = hashlib.sha256()
     for name, text in sorted(sources.items()):
         if name.endswith((".c", ".h")):
@@ -228,7 +228,7 @@ class _Print:
 
 @lru_cache(maxsize=8)
 def _print_parts(target: Target, *, thermal: bool = False) -> _Print:
-    """Return the C text of a target or of its thermal model. The text is cached because several files need it."""
+    """Return the C text of a target or of its thermal model. It is cached for several files."""
     return _Print(target, thermal=thermal)
 
 

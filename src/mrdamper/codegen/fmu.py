@@ -153,7 +153,7 @@ def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
 
 def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
     """Write a ZIP archive atomically. The same content always gives the same bytes."""
-    zip_date = (1980, 1, 1, 0, 0, 0)  # The date is constant because archives of the same target must be equal.
+    zip_date = (1980, 1, 1, 0, 0, 0)  # A constant date makes archives of the same target equal.
     beside = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         with zipfile.ZipFile(beside, "w") as archive:
