@@ -57,13 +57,13 @@ def main() -> NoReturn:
 
 
 def _limit_libraries_to_one_thread() -> None:
-    """Use one thread for linear algebra by default: the matrices are small, and jobs use several processes."""
+    """Use one thread for linear algebra by default: matrices are small and jobs use several processes."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
 
 def _interruption_message(error: BaseException) -> str:
-    """Return the message after an interrupt: the files written so far, and notes of all chained exceptions."""
+    """Return the message after an interrupt: files written so far, notes of all chained exceptions."""
     from mrdamper.runtime.outputs import output_folders
 
     paths = ", ".join(dict.fromkeys(map(str, output_folders())))

@@ -35,7 +35,7 @@ class Job:
     out_required: bool = False
     out_default: str = ""
     progress_word: str = ""  # unit in which progress is counted; empty if ``run`` has no ``on_progress``
-    checkpoint: str = ""  # module:function(folder, resume=) that returns the argument ``checkpoint`` of ``run``
+    checkpoint: str = ""  # module:function(folder, resume=) that opens the ``checkpoint`` for ``run``
     ctrl_c: str = ""  # effect of Ctrl-C for the user; empty if Ctrl-C ends the job without files
     out: str = ""  # output folder on the server: "card", "runs", or empty for a new folder in results/
 
@@ -240,7 +240,7 @@ class Job:
 
 
 def _files_read(given: Mapping[str, Any]) -> list[Path]:
-    """Return all files that the inputs of a job refer to, including files in folders and matches of patterns."""
+    """Return all files that the inputs of a job refer to, including those in folders and patterns."""
     parts = [value if isinstance(value, list | tuple) else [value] for value in given.values()]
     paths = [Path(each) for part in parts for each in part if isinstance(each, str | Path)]
     files = [path for path in paths if is_there(path) and not is_folder(path)]

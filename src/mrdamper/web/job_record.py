@@ -4,8 +4,8 @@
     progress.jsonl  one line for each progress step
     answer.json     the output of ``mrdamper KIND --json``
 
-A restarted server needs only these files. A small reserve file is created with the record. On a full disk, it
-is deleted to make space for the end of the job.
+A restarted server needs only these files. A small reserve file is created with the record. It is deleted when
+the job ends, so that the end can be written even on a full disk.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class JobRecord:
         return asdict(job) | more
 
     def _files(self) -> list[Json]:
-        """Return path and size of the job's files. Files that a running job moves meanwhile are omitted."""
+        """Return path and size of the job's files. Files that a running job is moving are omitted."""
         rows = []
         for folder, _, names in os.walk(self.folder):
             for path in (Path(folder) / name for name in names):
