@@ -31,7 +31,7 @@ _RETRY_S = 30.0  # If the disk is full, the attempt to read a file is repeated a
 
 @dataclass(frozen=True, slots=True)
 class CachedRun:
-    """A run of a measured file. ``number`` is the index of the run in the file, ``place`` the cache folder."""
+    """A run of a measured file. ``number`` is the index in the file, ``place`` the cache folder."""
 
     file: Path
     number: int

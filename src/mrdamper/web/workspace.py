@@ -153,7 +153,7 @@ class WorkFolder:
         return place / name
 
     def there(self, place: Path, *names: str, folder: bool = False) -> Path:
-        """Return the path of an existing file (or folder) in a subfolder; ``names`` are the parts of the path.
+        """Return the path of an existing file or folder; ``names`` are the parts of the path below ``place``.
 
         Raises
         ------
