@@ -76,7 +76,7 @@ class Descents:
         self.done = self.converged.copy()
 
     def advance(self) -> BoolArray:
-        """Make one trial step of every unfinished descent; return True for descents that accepted the step."""
+        """Make one trial step of every unfinished descent; return which descents accepted it."""
         accepted = np.zeros(len(self.done), dtype=np.bool_)
         k = np.flatnonzero(~self.done)
         step, gain = self._steps(k)

@@ -63,8 +63,8 @@ class GramSums:
         self._records = tuple(run.drive.record for run in self._runs)
         self._measured = tuple(run.force for run in self._runs)
         self._starts = tuple(run.start for run in self._runs)
-        # For each group of runs, this matrix converts the kernel's columns (tangents of coefficients, residual)
-        # to the rows of the result (tangents of parameters, residual).
+        # For each group of runs, this matrix converts the kernel's columns (tangents of coefficients,
+        # residual) to the rows of the result (tangents of parameters, residual).
         width = len(self._levels.places) + 1
         self._spread = np.zeros((1, len(groups), self._size, width))
         self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine

@@ -319,7 +319,7 @@ def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
 def best_different(
     objective: Objective, dampers: Sequence[Damper], count: int = 1, ratio: float = 0.0
 ) -> list[Damper]:
-    """Return the dampers with the smallest costs, smallest first. Of dampers with nearly equal costs, keep one.
+    """Return the dampers with the smallest costs, one of several with nearly equal costs.
 
     Two costs are nearly equal if their relative difference is at most ``ratio``.
     """

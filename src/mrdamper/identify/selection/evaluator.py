@@ -176,7 +176,7 @@ class CandidateEvaluator:
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
         """Descend from the start values of an archetype; return the resulting dampers, best first.
 
-        An archetype that is a variant of the previous one starts at the fit of the previous one. Only the
+        An alternative archetype starts at the fit of the previous archetype. Only the
         coefficients that differ have separate start values.
         """
         if archetype.is_alternative:
@@ -209,7 +209,7 @@ class CandidateEvaluator:
         ]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the names of a candidate's terms that can be removed: no other of its terms requires them."""
+        """Return the names of a candidate's terms that none of its other terms requires."""
         if self._terms is not None:
             return []
         known = terms_of(LAWS[candidate.law])
