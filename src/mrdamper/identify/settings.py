@@ -107,9 +107,9 @@ class NumericalSettings:
     gain_step_count: int = 10
 
     # Search: linear parameters
-    regularisation_cost: float = 1e-6  # cost [%^2] of a parameter at its bound, so that unused ones stay near 0
+    regularisation_cost: float = 1e-6  # cost [%^2] of a parameter at a bound; unused parameters stay near 0
     eigenvalue_min: float = 1e-12  # regularisation of a matrix with a unit diagonal
-    # Relative regularisation of the dual problem, in which conditions at neighbouring currents are nearly equal
+    # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal
     multiplier_regularisation: float = 1e-10
     resolved_cost_ratio: float = 1e-9  # If cost / cost of the guess is smaller, rounding errors dominate.
     active_stiffness: float = 1e8  # relative stiffness of an active condition
@@ -122,7 +122,7 @@ class NumericalSettings:
     # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    perturbation_range_ratio: float = 0.1  # change on a linear scale that equals 1 e-fold / range of the bounds
+    perturbation_range_ratio: float = 0.1  # change on a linear scale for 1 e-fold / range of the bounds
     exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # coefficients taken from a second minimum
     python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
 
@@ -136,7 +136,7 @@ class NumericalSettings:
     position_change_max: float = 0.99
 
     # Temperature
-    linear_decrease_max: float = 0.95  # below 1, so that a linear factor is positive at all measured temperatures
+    linear_decrease_max: float = 0.95  # below 1: a linear factor is positive at all measured temperatures
     temperature_margin_K: float = 5.0  # Coefficients are valid this far beyond the temperatures of the runs.
     sharpness_level_count_min: int = 5  # min number of currents for fitting the sharpness of a saturation
 

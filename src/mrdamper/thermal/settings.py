@@ -15,7 +15,7 @@ class ThermalSettings:
     mixed_fraction: float = 0.5  # fraction of the displaced fluid that mixes with a chamber before it returns
 
     # Load cycles and their power
-    motion_time_s: float = 120.0  # time for which a non-periodic motion is simulated to compute the mean power
+    motion_time_s: float = 120.0  # simulated time of a non-periodic motion, for the mean power
     measured_motion_time_s: float = 20.0  # duration of each segment into which a measured motion is divided
     step_deviation_ratio_max: float = 1e-3  # deviation of a time step from the mean step
     duration_max_s: float = 1e6

@@ -44,7 +44,7 @@ class ReadingSettings:
     swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal
     reversal_count_min: int = 5
     half_period_ratio_max: float = 0.2  # deviation of half periods from their median
-    level_part_count: int = 16  # number of parts of a column whose medians are compared to find a step in noise
+    level_part_count: int = 16  # number of parts of a column; their medians reveal a step in noise
 
 
 SETTINGS = ReadingSettings()

@@ -22,7 +22,7 @@ class ActuationSettings:
     response_duration_min_s: float = 0.04  # A shorter response is ignored because it may not reach 63 %.
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # min change of force in a step / largest force of the run
-    change_force_min: float = 0.003  # min change of force due to the command in a usable run / force of all runs
+    change_force_min: float = 0.003  # min change of force in a usable run / force of all runs
     # Samples near a reversal are ignored because laws have larger errors there. Unit: stroke of the run
     stroke_after_reversal_min: float = 0.15
     stroke_before_reversal_min: float = 0.03
@@ -46,7 +46,7 @@ class ActuationSettings:
     time_correction_count: int = 3  # number of corrections of rise and fall times by measured response times
     follow_share_step: float = 0.25  # first step of the pattern search for ``follow_share``
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.
-    hysteresis_agreement: float = 2.0  # Runs whose loop widths differ by more standard errors are not averaged.
+    hysteresis_agreement: float = 2.0  # Loop widths that differ by more standard errors are not averaged.
 
     # Search for all parameters over whole runs. Currents are divided by the largest command.
     saturation_min: float = 0.05

@@ -16,7 +16,7 @@ class ConsistencySettings:
     run_count_min: int = 6  # min number of fitted runs; the scatter of fewer runs is not significant
     # Smaller delays, divided by the period, are ignored: the model error of a slow motion resembles a delay.
     delay_period_ratio_min: float = 0.002
-    # A simpler cause is reported if its strength is at least this fraction of the strength of a complex cause.
+    # A simpler cause is reported if its strength is at least this fraction of a complex cause.
     simple_cause_ratio_min: float = 0.9
     # Deviations below this fraction of the worst run's deviation are ignored, because the worst run distorts
     # the fit and therefore the residuals of all runs.
@@ -36,7 +36,7 @@ class ConsistencySettings:
     exchange_ratio_max: float = 3.0
 
     # Groups of runs
-    gain_difference_min: float = 0.04  # min relative difference of the gains of two groups, and min gain drift
+    gain_difference_min: float = 0.04  # min relative gain difference of two groups, and min gain drift
     group_scatter_ratio_min: float = 5.0  # min difference of two groups / scatter within the groups
     drift_fraction_min: float = 0.1  # min fraction of the mean squared residual that a drift explains
     common_delay_min_s: float = 1.2e-3

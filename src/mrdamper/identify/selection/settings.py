@@ -37,8 +37,8 @@ class SelectionSettings:
     term_count_max: int = 3  # max number of terms that are fitted in each round
     # Candidates with a smaller training gain are not cross-validated, because they hardly ever win.
     training_gain_min: float = 0.003
-    # A second term is cross-validated in a round only if its training gain is this fraction of the gain of the
-    # accepted term.
+    # A second term is cross-validated in a round only if its training gain is this fraction of the gain of
+    # the accepted term.
     training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates: a candidate is better if its cross-validation gain and the Student's t of
@@ -64,7 +64,7 @@ class SelectionSettings:
     screening_iterations: int = 8  # iterations of a fit with one additional term
     # The archetypes get a gas force if temperature as a cause reduces the error of the mean forces by more.
     gas_error_percent_min: float = 2.0
-    # Asymmetric archetypes are added if force and speed as causes reduce the error of the mean forces by more.
+    # Asymmetric archetypes are added if force and speed as causes reduce this error by more.
     asymmetry_error_percent_min: float = 5.0
 
     # Response to the current
