@@ -25,7 +25,7 @@ def progress_line(word: str = "run", *, ctrl_c: str) -> Iterator[Progress]:
 
     Parameters
     ----------
-    word : unit in which progress is counted, such as "run"
+    word : unit of the progress count, such as "run"
     ctrl_c : effect of Ctrl-C, as a verb with an object, such as "writes no files"
     """
     if not sys.stderr.isatty():

@@ -38,7 +38,7 @@ class Verification:
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()
     machine: str = ""
-    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # by C function
+    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # C functions
     sizes_bytes: Mapping[str, int] = field(default_factory=dict)  # sizes of code, tables and state
     mrdamper: str = ""
 

@@ -39,7 +39,7 @@ _KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # The names of kernel 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """The input of an export. ``model`` or ``controller`` is None if it is not exported."""
+    """The input of an export. ``model`` or ``controller`` is None unless it is exported."""
 
     name: str  # C identifier with which all names and file names of the code begin
     card: ModelCard

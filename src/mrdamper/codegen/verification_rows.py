@@ -200,8 +200,8 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             length = int(rng.choice([1, 3, 15, 60, 150]))
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
-    # With 1e5 samples at 1 kHz, these faults last long enough that the controller changes to the nominal
-    # temperature and detects the stuck displacement sensor.
+    # If there are 1e5 samples at 1 kHz, these faults last long enough that the controller changes to the
+    # nominal temperature and detects the stuck displacement sensor.
     temperature, displacement = (rows[name] for name in ("temperature", "displacement"))
     temperature[int(0.5 * count) : int(0.95 * count)] = np.nan
     temperature[int(0.45 * count) : int(0.46 * count)] += 40.0

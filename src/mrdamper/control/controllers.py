@@ -55,7 +55,7 @@ A larger command sets a flag.
 _WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
 _BANKS = ("paper", "paper-unaware")
 NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
-"""Controllers that require a card in which the force follows the current with a delay or lag."""
+"""Controllers that require a card with a delay or lag between current and force."""
 
 # Max time without a valid reading for which the temperature estimate is held constant, or is extrapolated.
 _HELD_S, _LONGEST_S = 10.0, 1800.0
@@ -78,8 +78,8 @@ class Safety:
     # Time for which the estimate is used without a valid reading; None: see ``thermometer``.
     hold_s: Positive | None = None
     nominal_K: float | None = None  # temperature after hold_s; None: the middle of the model's range
-    # After a jump, the new readings are accepted when they have been steady for this time, and for longer
-    # than the readings before the jump were valid.
+    # New readings after a jump are accepted when they have been steady for this time, and for longer than
+    # the readings before the jump were valid.
     recover_s: Positive = 2.0
 
     def __post_init__(self) -> None:

@@ -310,7 +310,7 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    # In sample k, the damper first receives given[k], and after ``apart`` steps given[k + 1].
+    # The damper receives given[k] at the start of sample k, and given[k + 1] after ``apart`` steps.
     given = loop.given
     given[: late + 1] = 0.0
     arrives = (np.arange(len(course)) - apart) // every + 1

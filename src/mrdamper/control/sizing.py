@@ -27,7 +27,7 @@ _PERCENTILES = (2.5, 97.5)  # Percentiles exclude short peaks of the force.
 SIZING_TEMPERATURE_DEGC = 20.0
 _FORMS = ("sine:{:.2g}mm:1Hz", "sine:{:.2g}mm:2Hz", "random:{:.2g}mm:0.4-3Hz:1")
 RANGE_RATIO_MAX = 0.8  # A motion uses at most this fraction of the stroke and speed of the fitted runs.
-PROBE_TIMES_S = np.linspace(0.0, 10.0, 5001)  # At these times, the peaks of a motion are searched.
+PROBE_TIMES_S = np.linspace(0.0, 10.0, 5001)  # times at which the peaks of a motion are searched
 
 
 def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> tuple[str, ...]:

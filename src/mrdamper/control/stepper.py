@@ -1,8 +1,8 @@
 """Common base of the controllers and the real-time model, whose steps are computed in C.
 
-A stepper is a small frozen object with a configuration and tables, from which the kernel object
-(``core/kernel/track_*.h``) is built once. The state is an object of type bytes. ``StateEstimate`` contains
-the values in the state, and ``Flag`` the faults and events of the last step.
+A stepper is a small frozen object with a configuration and tables. The kernel object
+(``core/kernel/track_*.h``) is built from them once. The state is an object of type bytes. ``StateEstimate``
+contains the values in the state, and ``Flag`` the faults and events of the last step.
 """
 
 from __future__ import annotations

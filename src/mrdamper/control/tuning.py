@@ -70,7 +70,7 @@ the virtual dampers of the rig, a value of 0 lets the force overshoot by up to 2
 """
 
 FREQUENCY_FILTER_S = 1.0
-"""Time constant of the averages of v^2 and a^2, from which the frequency of the motion is estimated [s]."""
+"""Time constant of the averages of v^2 and a^2 in the frequency estimate of the motion [s]."""
 
 HARMONIC_JERK_RATIO = 0.3
 """Factor on the jerk density if the motion is assumed to be harmonic."""
@@ -171,7 +171,7 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
             found=f"noise {noise} and density {density}",
             expected="two positive numbers",
         )
-    # With the period and the noise as units, the problem depends on one dimensionless number, ``power``.
+    # If period and noise are the units, the problem depends on one dimensionless number, ``power``.
     power = (density / noise) ** 2 * period_s**5
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])

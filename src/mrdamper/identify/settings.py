@@ -23,8 +23,8 @@ class FitSettings:
     rate_Hz: float = 200.0  # max sampling rate in a fit; runs with a lower rate are not resampled
     samples_per_period: float = 200.0  # max number of samples per period; limits the rate of slow motions
 
-    # Windows. After a warm-up of one period, the remaining force error is 0.02 % (median) or 1 % (worst run)
-    # of the standard deviation of the force.
+    # Windows. The force error that remains after a warm-up of one period is 0.02 % (median) or 1 % (worst run)
+    # measured against the standard deviation of the force.
     window_periods: float = 1.0  # scored length of a window, in periods of the motion
     warm_up_periods: float = 1.0  # length of the unscored simulation before a window, in periods
     window_samples_min: int = 32  # min length of a window, and also of the warm-up, in samples
@@ -81,7 +81,7 @@ class NumericalSettings:
     # Windows
     same_weight_tolerance: float = 1e-6  # relative difference of two weights that count as equal
     steps_per_period_min: int = 400  # integration steps for slow motions
-    steps_per_sample: int = 4  # With more integration steps, a sample counts as several samples of work.
+    steps_per_sample: int = 4  # A sample with more integration steps counts as several samples of work.
     parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5
     # Runs have the same motion, which one fold holds out, if their standard deviations have a smaller ratio.
@@ -114,7 +114,7 @@ class NumericalSettings:
     resolved_cost_ratio: float = 1e-9  # If cost / cost of the guess is smaller, rounding errors dominate.
     active_stiffness: float = 1e8  # relative stiffness of an active condition
     sum_count_max: int = 1 << 21  # max number of sums of single runs in memory
-    # Up to this product size, OpenBLAS uses one thread. Several threads would waste time in busy waiting.
+    # OpenBLAS uses one thread up to this product size. Several threads would waste time in busy waiting.
     one_thread_size_max: int = 1 << 17
     invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]
 
@@ -136,7 +136,7 @@ class NumericalSettings:
     position_change_max: float = 0.99
 
     # Temperature
-    linear_decrease_max: float = 0.95  # below 1: a linear factor is positive at all measured temperatures
+    linear_decrease_max: float = 0.95  # less than 1 keeps a linear factor positive at measured temperatures
     temperature_margin_K: float = 5.0  # Coefficients are valid this far beyond the temperatures of the runs.
     sharpness_level_count_min: int = 5  # min number of currents for fitting the sharpness of a saturation
 

@@ -25,7 +25,7 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Declaration of a job, from which all interfaces of the job are generated."""
+    """Declaration of a job. All interfaces of the job are generated from this declaration."""
 
     name: str
     help: str
@@ -34,7 +34,7 @@ class Job:
     files_help: str = ""  # help text of the option --out; empty if the job writes no folder
     out_required: bool = False
     out_default: str = ""
-    progress_word: str = ""  # unit in which progress is counted; empty if ``run`` has no ``on_progress``
+    progress_word: str = ""  # unit of the progress count; empty if ``run`` has no ``on_progress``
     checkpoint: str = ""  # module:function(folder, resume=) that opens the ``checkpoint`` for ``run``
     ctrl_c: str = ""  # effect of Ctrl-C for the user; empty if Ctrl-C ends the job without files
     out: str = ""  # output folder on the server: "card", "runs", or empty for a new folder in results/
@@ -61,7 +61,7 @@ class Job:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Return the options of the job. If there are none, ``run`` has no argument ``options``."""
+        """Return the options of the job. Without options, ``run`` has no argument ``options``."""
         return fields_of(self.options_type)
 
     @property

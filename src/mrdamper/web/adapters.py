@@ -51,7 +51,7 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
 
 
 def _located(folder: WorkFolder, field: Field, value: Any) -> Any:  # noqa: ANN401 - a path, a name, or several
-    """Return the value of a job input, in which names of items in the folder are replaced by paths."""
+    """Return the value of a job input. Names of items in the folder are replaced by paths."""
     option = field.option
     if option.places == ("runs",):
         return _runs(folder, value) if field.required or value is not None else None

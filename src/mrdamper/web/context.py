@@ -88,7 +88,7 @@ class Dampers:
             "slots": asyncio.Semaphore(JOBS_AT_ONCE_MAX),
         }
         self.main = AppContext(root, **self._options)
-        self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # with folder locks
+        self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # contexts and folder locks
 
     def find(self, name: str | None) -> AppContext:
         """Return the context of a damper; the first request opens it. None means the server's work folder."""

@@ -153,7 +153,7 @@ class JobQueue:
         async with self._slots:
             work.waiting, code = False, None
             try:
-                # With -P, Python imports no file from the current folder.
+                # Option -P: Python imports no file from the current folder.
                 work.process = await asyncio.create_subprocess_exec(
                     *(sys.executable, "-P", "-m", "mrdamper.web.job_worker", str(self._folder.root), job_id),
                     stdin=asyncio.subprocess.PIPE,

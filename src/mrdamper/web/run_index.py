@@ -94,7 +94,7 @@ class RunIndex:
     def __init__(self, folder: WorkFolder, formats: tuple[str, ...]) -> None:
         self._folder, self._formats = folder, formats
         self._queries = QueryLine()
-        self._contents: dict[str, _Contents] = {}  # by cache key
+        self._contents: dict[str, _Contents] = {}  # cache key: content
         self._pending: dict[str, asyncio.Task[None]] = {}
         self.changes = 0
 

@@ -138,7 +138,7 @@ def _kept_token(place: Path) -> str:
 
 def _listening(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # With an explicit protocol, asyncio disables Nagle's algorithm, which would delay each response by 40 ms.
+    # An explicit protocol makes asyncio disable Nagle's algorithm, which would delay responses by 40 ms.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

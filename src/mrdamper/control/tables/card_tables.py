@@ -81,14 +81,14 @@ class DamperTables:
 
     currents: FloatArray  # [A or V], rising from 0, denser where the force curve bends, shape (n,)
     temperatures: FloatArray  # ends of the equal pieces of the temperature range [K], shape (pieces + 1,)
-    rows: tuple[int, ...]  # for each term, the index of its row in ROWS; levels first, then by row
+    rows: tuple[int, ...]  # index in ROWS of the row of each term; levels first, then by row
     factor: FloatArray  # coefficients of each term's parabolas in temperature, shape (pieces, terms, 3)
     column: FloatArray  # functions of current of all terms that are not levels, shape (n, columns)
     elements: int
     saturating: bool
     curve: CurveTables
     speed: SpeedTables
-    series: SeriesTables | None = None  # for series valve and chain, which use none of the tables above
+    series: SeriesTables | None = None  # series valve and chain use only these tables
 
     @property
     def lookups(self) -> tuple[LookupTable, ...]:

@@ -51,7 +51,7 @@ _INVERTED = (
 )  # fmt: skip
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
 _GAS_EXPONENT = -1.3  # exponent of the gas volume, the same value as in chain.c
-SPEED_MIN_M_S = 2.0**-20  # Below this speed, a power function is replaced by a straight line through zero.
+SPEED_MIN_M_S = 2.0**-20  # Lower speeds: a straight line through zero replaces the power function.
 OCTAVE_COUNT = 23  # Octaves above the minimum speed, up to 8 m/s.
 _TEMPERATURE_STEP_K = {"series-valve": 5.0, "chain": 10.0}
 CELL_BITS = 3

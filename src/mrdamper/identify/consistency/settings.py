@@ -53,7 +53,7 @@ class ConsistencySettings:
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
     singular_value_ratio_min: float = 1e-9
-    cause_power_ratio_min: float = 1e-9  # With less power, the fitted parameters can imitate a cause fully.
+    cause_power_ratio_min: float = 1e-9  # The fitted parameters can imitate a cause with less power fully.
     correlated_samples: float = 10.0  # samples that count as one independent sample of the residual
 
 

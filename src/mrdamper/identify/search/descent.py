@@ -82,7 +82,7 @@ class Descents:
         step, gain = self._steps(k)
         is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
         is_useless |= (gain >= 0.0) & (gain <= NUMERICS.predicted_gain_min * self.costs[k])
-        is_downhill = ~is_useless & (gain > 0.0)  # At a bound, the clipped step can increase the cost.
+        is_downhill = ~is_useless & (gain > 0.0)  # A step that is clipped at a bound can increase the cost.
         self._fail(k[is_useless], self._finish)
         self._fail(k[~is_useless & ~is_downhill], self._shorten)
         k, step, gain = k[is_downhill], step[is_downhill], gain[is_downhill]

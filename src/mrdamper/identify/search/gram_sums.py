@@ -63,7 +63,7 @@ class GramSums:
         self._records = tuple(run.drive.record for run in self._runs)
         self._measured = tuple(run.force for run in self._runs)
         self._starts = tuple(run.start for run in self._runs)
-        # For each group of runs, this matrix converts the kernel's columns (tangents of coefficients,
+        # This matrix, one per group of runs, converts the kernel's columns (tangents of coefficients,
         # residual) to the rows of the result (tangents of parameters, residual).
         width = len(self._levels.places) + 1
         self._spread = np.zeros((1, len(groups), self._size, width))

@@ -156,7 +156,7 @@ class Objective:
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
         if g.shape[1] == n + 1:
             return hessian, gradient, np.empty((len(g), 0, n))
-        # Without regularisation, a linear parameter without effect could get an arbitrarily large value.
+        # Otherwise a linear parameter without effect could get an arbitrarily large value.
         inner = g[:, n:-1, n:-1] + np.diag(self._light)
         both = np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
         rows = self._rows

@@ -172,7 +172,7 @@ def thorough_starts(
     """Search for local minima of the cost on some windows; return the different minima, best first.
 
     First, descents start from given dampers and random points. Then rounds of further descents follow. Some
-    start from the best minimum after some of its coefficients are replaced by those of a different minimum
+    start from the best minimum after some of its coefficients are replaced by values from a different minimum
     (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One starts from a random
     perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997) 5111-5116). The
     replacement helps because a minimum with a wrong friction can have the right free play. The random numbers

@@ -117,7 +117,7 @@ class CandidateEvaluator:
     def fit_initial(
         self, law: str, archetype: Archetype | None, error_percent_max: float = np.inf
     ) -> FittedCandidate:
-        """Fit the first candidate of a law, from which the selection of terms starts.
+        """Fit the first candidate of a law, where the selection of terms starts.
 
         If the error of the best start exceeds ``error_percent_max``, this start is returned without a fit.
         """

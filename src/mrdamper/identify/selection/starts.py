@@ -14,7 +14,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import REFERENCE_K
 
-# Factors by which the default start value of a new term is multiplied. The best factor is used.
+# Factors on the default start value of a new term. The best factor is used.
 START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
@@ -79,7 +79,7 @@ def _period_forces(run: PreparedRun) -> FloatArray:
 
 
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:
-    """Return several copies of the start values, in which the new terms have different sizes, smallest last.
+    """Return several copies of the start values with different sizes of the new terms, smallest last.
 
     The size of a term is the start value of its first coefficient.
     """

@@ -100,7 +100,7 @@ def _require_items(folder: WorkFolder, options: Json) -> None:
     for name in options.get("files") or ():
         folder.run_file(name)
     finders = {"first": folder.card, "second": folder.card}
-    if "replace" not in options:  # In the request of a fit, the card is an output.
+    if "replace" not in options:  # The card in the request of a fit is an output.
         finders["card"] = folder.card
     if "record" in options:
         finders |= {"record": folder.record, "channels": folder.channel_map, "model": folder.card}

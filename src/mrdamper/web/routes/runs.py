@@ -85,7 +85,7 @@ async def _part(
 
 
 def _window(request: Request) -> tuple[int | None, float | None, float | None]:
-    """Return the window that a request asks for: maximum number of samples, start time and end time [s]."""
+    """Return the requested window: maximum number of samples, start time and end time [s]."""
     asked = request.query_params
     try:
         most = int(asked["max"]) if "max" in asked else None
