@@ -23,8 +23,8 @@ class FitSettings:
     rate_Hz: float = 200.0  # max sampling rate in a fit; runs with a lower rate are not resampled
     samples_per_period: float = 200.0  # max number of samples per period; limits the rate of slow motions
 
-    # Windows. The force error that remains after a warm-up of one period is 0.02 % (median) or 1 % (worst run)
-    # measured against the standard deviation of the force.
+    # Windows. The force error that remains after a warm-up of one period is 0.02 % (median) or 1 % (worst
+    # run), relative to the standard deviation of the force.
     window_periods: float = 1.0  # scored length of a window, in periods of the motion
     warm_up_periods: float = 1.0  # length of the unscored simulation before a window, in periods
     window_samples_min: int = 32  # min length of a window, and also of the warm-up, in samples
