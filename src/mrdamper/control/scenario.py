@@ -208,7 +208,7 @@ class Scenario(_Conditions):
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "scenario") -> Scenario:
-        """Return the scenario of a TOML document. Its key ``like`` names a scenario for missing values."""
+        """Return the scenario of a TOML document. The scenario in ``like`` supplies missing values."""
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:

@@ -84,7 +84,7 @@ class NumericalSettings:
     steps_per_sample: int = 4  # A sample with more integration steps counts as several samples of work.
     parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5
-    # Runs have the same motion, which one fold holds out, if their standard deviations have a smaller ratio.
+    # Runs have the same motion if their standard deviations have a smaller ratio. A fold holds out a motion.
     fold_motion_ratio: float = 1.3
     # Limits in the fit of the actuation. Long runs are resampled, but not below 200 Hz, which is necessary to
     # resolve time constants of 5 ms.

@@ -6,7 +6,7 @@
     cards/NAME/   output of ``mrdamper fit --out``
     results/ID/   one job: job.json, progress.jsonl, answer.json and output files
     dampers/NAME/ another damper: a folder with the same structure
-    .trash/ID/    removed items below copies of their original folders
+    .trash/ID/    removed items, in subfolders with the names of their original folders
     .cache/       samples of runs for plots; may be deleted at any time
 
 Only this module turns the name in a request into a path. The item must be directly in the folder of its kind,

@@ -327,9 +327,10 @@ def _current_fractions(
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
     """Decompose the rows into terms; return rows, factors and columns of the terms, and the piece count.
 
-    Each row is a matrix of temperatures and currents. The cross approximation subtracts the rank-one matrix
-    that agrees with it in the column and the line of its largest entry. This is a term. The remainder is
-    decomposed in the same way. The piece count is the number of pieces of the temperature axis.
+    Each row is a matrix whose axes are temperature and current. It is decomposed by cross approximation: the
+    first term is the rank-one matrix that equals the row at the temperature and at the current of the row's
+    largest entry. The remainder is decomposed in the same way. The piece count is the number of pieces of the
+    temperature axis.
     """
     levels: list[tuple[int, FloatArray]] = []
     columns: list[tuple[int, FloatArray, FloatArray]] = []

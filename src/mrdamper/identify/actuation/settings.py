@@ -61,7 +61,7 @@ class ActuationSettings:
     short_evaluation_count_max: int = 6  # max function evaluations in a fit of the cross-validation
 
     # Error ratios that decide between variants of the actuation: saturation, hysteresis loops, free-wheeling
-    # The simplest variant is kept unless the error with all parameters / its error is smaller than this.
+    # The simplest variant is kept unless the error with all parameters / error of this variant is smaller.
     saturation_ratio_max: float = 0.95
     one_loop_ratio: float = 0.98  # factor on the error of variants with a single loop, which are preferred
     # The driver is one-quadrant if free-wheeling reduces the error to less than this fraction.

@@ -16,7 +16,7 @@ class ConsistencySettings:
     run_count_min: int = 6  # min number of fitted runs; the scatter of fewer runs is not significant
     # Smaller delays, divided by the period, are ignored: the model error of a slow motion resembles a delay.
     delay_period_ratio_min: float = 0.002
-    # A simpler cause is reported if its strength is at least this fraction of a complex cause.
+    # The simpler of two causes is reported if its strength / strength of the other cause is at least this.
     simple_cause_ratio_min: float = 0.9
     # Deviations below this fraction of the worst run's deviation are ignored, because the worst run distorts
     # the fit and therefore the residuals of all runs.
