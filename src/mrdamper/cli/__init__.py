@@ -28,7 +28,7 @@ _EXIT_INTERNAL, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 3, 4
 
 
 def main() -> NoReturn:
-    """Run the command line. Every error ends with one message and an exit code."""
+    """Run the command line. Every error causes one message and an exit code."""
     _replace_closed_streams()
     _limit_libraries_to_one_thread()
     try:
@@ -45,7 +45,7 @@ def main() -> NoReturn:
     except BrokenPipeError:  # The program that reads the output has ended.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
-    except Exception as error:  # No other code handles these errors.
+    except Exception as error:  # All expected errors are handled above.
         if message := _resource_message(error):
             _exit(message, _EXIT_INPUT)
         if os.environ.get("MRDAMPER_DEBUG") == "1":
@@ -57,13 +57,13 @@ def main() -> NoReturn:
 
 
 def _limit_libraries_to_one_thread() -> None:
-    """Use one thread in linear algebra by default because the matrices are small and jobs use processes."""
+    """Use one thread for linear algebra by default: matrices are small and jobs use several processes."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
 
 def _interruption_message(error: BaseException) -> str:
-    """Return the message about an interrupt: the written files, and the notes of all chained exceptions."""
+    """Return the message after an interrupt: files written so far, notes of all chained exceptions."""
     from mrdamper.runtime.outputs import output_folders
 
     paths = ", ".join(dict.fromkeys(map(str, output_folders())))
@@ -77,10 +77,10 @@ def _interruption_message(error: BaseException) -> str:
 
 
 def _replace_closed_streams() -> None:
-    """Open the null device in place of a closed standard output or error (``>&-``).
+    """Replace a closed standard output or standard error (``>&-``) by the null device.
 
-    This also reserves the numbers of the streams. Otherwise a file of a job could receive the output of a
-    library.
+    Otherwise the next file that a job opens would get the file descriptor of the closed stream, and a library
+    could write its output into this file.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -90,7 +90,7 @@ def _replace_closed_streams() -> None:
 
 
 def _resource_message(error: Exception) -> str:
-    """Return the message about a full disk or a lack of memory; empty if the error has another cause."""
+    """Return the message about a full disk or missing memory; empty if the error has a different cause."""
     from mrdamper.runtime.outputs import no_room
 
     # SciPy's sparse solver reports a lack of memory as text.
@@ -102,7 +102,7 @@ def _resource_message(error: Exception) -> str:
     path = error.filename
     if path is None:
         path = "standard output or a temporary file"
-        with suppress(OSError):  # Python flushes the stream again at exit, which would fail, too.
+        with suppress(OSError):  # Otherwise Python would flush the stream again at exit and fail again.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"{path}: {reason}; free some space, or write to another folder"
 

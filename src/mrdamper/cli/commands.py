@@ -33,7 +33,7 @@ def print_message(message: str) -> None:
 
 
 def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
-    """Run a job with the values of its command, print the result, and return the exit code."""
+    """Run a job with the values from the command line, print the result, and return the exit code."""
     from mrdamper.cli.terminal import open_console, progress_line
 
     given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
@@ -78,7 +78,7 @@ def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = Fal
 
 
 class GroupedCommands(click.Group):
-    """The program: its help lists the commands by group."""
+    """The top-level command, whose help lists the commands by group."""
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         width = max(map(len, self.commands))
@@ -91,7 +91,7 @@ class GroupedCommands(click.Group):
 
 
 class HelpfulCommand(click.Command):
-    """A command whose help ends with examples and exit codes."""
+    """A command with examples and exit codes at the end of the help."""
 
     example_name = ""
 
@@ -105,7 +105,7 @@ class HelpfulCommand(click.Command):
 
 
 class JobCommand(HelpfulCommand):
-    """The command of a job. Its parameters are built on first use because the command list needs none."""
+    """The command of a job. Parameters are built on first use because the list of commands needs none."""
 
     def __init__(self, job: Job) -> None:
         super().__init__(job.name.split()[-1], help=job.help, callback=partial(_run, job))
@@ -118,7 +118,7 @@ class JobCommand(HelpfulCommand):
 
 
 def parameters_of(job: Job) -> Iterator[click.Parameter]:
-    """Yield the arguments and options of a job: inputs, output paths, own options, ``--json``."""
+    """Generate the arguments and options of a job: inputs, output paths, options of the job, ``--json``."""
     paths = (*job.inputs, *job.reading, *job.outputs)
     yield from (_parameter(field) for field in paths if field.option.flag != "-")
     if job.files_help:
@@ -142,7 +142,7 @@ def _parameter(field: Field) -> click.Parameter:
     """Return the argument or option of a field. The placeholder of a number is its unit."""
     option, names, help_text = field.option, [field.flag, field.name], field.help
     if field.type is bool:
-        # The flag inverts the default. An option that is on by default has a flag that turns it off.
+        # A flag sets the opposite of the default: if an option is on by default, the flag turns it off.
         return click.Option(names, is_flag=True, flag_value=not field.default, default=None, help=help_text)
     unit = _UNIT_METAVARS.get(option.unit, option.unit.upper()) if field.item in (int, float) else None
     common: Json = {"type": _type(field), "required": field.required, "metavar": option.metavar or unit}
@@ -170,7 +170,7 @@ def _time(text: str) -> float:
 
 
 def _number_type(field: Field) -> Callable[[str], float]:
-    """Return the function that reads a number. Its message about a wrong number has range and unit."""
+    """Return a function that converts text to a number and reports range and unit if the number is wrong."""
     option = field.item_option
     words = [field.item_words, option.range_words if field.many else ""]
     expected = f"{', '.join(filter(None, words))}. {field.option.remedy}".removesuffix(". ")
@@ -188,7 +188,7 @@ def _number_type(field: Field) -> Callable[[str], float]:
 
 
 def _type(field: Field) -> click.ParamType[Any] | Callable[[str], float]:
-    """Return the type with which click checks a value."""
+    """Return the click type, or the function, that converts and checks the value of a field."""
     option = field.item_option
     if option.metavar == "TIME":
         return _time

@@ -9,7 +9,7 @@ GROUPS = {
     "Control": ("track", "export"),
     "Tools": ("rig", "sweep", "serve", "demo"),
 }
-"""Commands in the order of the help, by group."""
+"""Groups of commands with their commands, in the order of the help."""
 
 EXAMPLES = {
     "check": ("lab", "lab --answer force.unit=kN --out findings"),
@@ -37,7 +37,7 @@ EXAMPLES = {
     "sweep": ("labs/* --out fits", "--card card.json --samples 200 --out tolerance"),
     "serve": ("--open", "--folder work --port 9000"),
 }
-"""Arguments of two calls of each command."""
+"""Arguments of two example calls of each command."""
 
 EXIT_CODES = (
     ("0", "The command is complete."),

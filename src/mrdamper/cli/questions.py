@@ -1,4 +1,4 @@
-"""Questions that files leave open. A terminal prompts for the answers. Scripts use ``--answer``."""
+"""Questions about input files, such as an unknown unit. The user answers at a prompt or by ``--answer``."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import click
 
 
 def answer_questions(source: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
-    """Return the user's answers to the open questions, in the form of ``--answer``.
+    """Prompt for answers to the open questions; return the answers in the syntax of ``--answer``.
 
-    Nothing is prompted if the command runs in a script or has no ``--answer``. An empty line leaves a
-    question open. A question that has an answer is not repeated. With ``--json``, the questions of an
+    If the command runs in a script or has no option ``--answer``, there is no prompt. An empty line leaves a
+    question open. A question that has been answered is not repeated. With ``--json``, the questions of an
     exception are printed in the format of ``check --json``.
 
     Parameters

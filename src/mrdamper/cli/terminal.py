@@ -1,4 +1,4 @@
-"""Output for people: progress on standard error, tables on standard output."""
+"""Terminal output: progress on standard error, tables on standard output."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from rich.text import Text
 
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-REFRESH_INTERVAL_MIN_S = 0.1  # Terminals over a network are slow.
-FILE_WIDTH = 110  # Tables in a file need not fit a window.
+REFRESH_INTERVAL_MIN_S = 0.1  # More frequent updates would be too much for a terminal on a slow network.
+FILE_WIDTH = 110  # width of tables if the output is a file, which has no window width [characters]
 
 
 @contextmanager
 def progress_line(word: str = "run", *, ctrl_c: str) -> Iterator[Progress]:
-    """Yield a function that shows the progress of a job. It does nothing if there is no terminal.
+    """Generate one function that displays the progress of a job, for a with statement.
+
+    If there is no terminal, the function does nothing.
 
     Parameters
     ----------
-    word : name of the counted unit
-    ctrl_c : what Ctrl-C does, as a verb and its object
+    word : unit of the progress count, such as "run"
+    ctrl_c : effect of Ctrl-C, as a verb with an object, such as "writes no files"
     """
     if not sys.stderr.isatty():
         yield silent

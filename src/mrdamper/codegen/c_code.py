@@ -1,8 +1,8 @@
-"""Generate C99 source code for a target: unchanged files of the kernel, tables, and thin wrappers.
+"""Generate C99 source code for a target: unchanged kernel files, tables, and thin wrappers.
 
 The templates print the values of a ``Target``. Each number is printed as the shortest decimal that a compiler
 converts to the same float or double. Therefore a card gives the same files on every machine, and the compiled
-code uses exactly the numbers of the Python extension.
+code computes with exactly the same numbers as Python.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _REAL_BYTES = {"float": 4, "double": 8}
 
 
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:
-    """Return the texts of all files of the C folder by name, without ``verification.json``.
+    """Return the texts of all files in the C folder except ``verification.json``, by file name.
 
-    If the ``record`` of a verification is given, the README contains the code sizes in this record.
+    If the ``record`` of a verification is given, the README contains the code sizes from this record.
     """
     name = target.name
     context = _context(target) | {"record": record}
@@ -69,7 +69,7 @@ def sources_sha256(sources: Mapping[str, str]) -> str:
 
 
 def tables_bytes(target: Target) -> int:
-    """Return the total size of all tables in the compiled code [bytes]; a shared table is counted once."""
+    """Return the total size of all tables in the compiled code [bytes]. Shared tables are counted once."""
     return sum(_print_parts(target, thermal=thermal).table_bytes for thermal in (False, True))
 
 
@@ -97,7 +97,7 @@ def literal(value: float, precision: Precision) -> str:
 
 
 def banner(target: Target) -> str:
-    """Return the header text of all generated files, without comment marks."""
+    """Return the text at the beginning of every generated file, without comment marks."""
     damper = target.card.damper
     warm = damper.temperature_range
     held = "" if warm is None else f", temperatures held at {warm[0]:g} and {warm[1]:g} K"
@@ -228,7 +228,7 @@ class _Print:
 
 @lru_cache(maxsize=8)
 def _print_parts(target: Target, *, thermal: bool = False) -> _Print:
-    """Return the C text of a target or of its thermal model; cached because it is used repeatedly."""
+    """Return the C text of a target or of its thermal model. It is cached for several files."""
     return _Print(target, thermal=thermal)
 
 
@@ -261,6 +261,6 @@ def _context(target: Target) -> dict[str, Any]:
 
 
 def _escape(text: str) -> str:
-    """Return a text of the user as one line of ASCII that is safe in a C comment."""
+    """Convert a user's text to one line of ASCII that is safe in a C comment."""
     one_line = " ".join(text.split()).encode("ascii", "backslashreplace").decode("ascii")
     return re.sub(r"\?(?=\?)", "? ", one_line.replace("*/", "* /").replace("/*", "/ *")).rstrip("\\")

@@ -1,8 +1,8 @@
 """Write an FMU for co-simulation (FMI 2.0) with C sources and a binary for this machine.
 
-The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance of
-the FMU has its own parameters and state. The same target gives the same sources and the same token (GUID). An
-FMU is written only if its sources are verified.
+The FMU contains the unchanged C files of ``c_code``, and the file ``fmi2.c``, which includes them. Each
+instance of the FMU has separate parameters and a separate state. The same target gives the same sources and
+the same token (GUID). An FMU is written only if its sources passed the verification.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def write_fmu(target: Target, path: str | Path, *, verification: Verification) -
 
 
 def fmu_files(target: Target) -> dict[str, str]:
-    """Return the text files of the FMU by path in the archive, without the verification record."""
+    """Return the text files of the FMU, except the verification record, by path in the archive."""
     variables = variables_of(target)
     blank = _texts(target, variables, token="")
     digest = hashlib.sha256("\0".join(f"{name}\0{text}" for name, text in sorted(blank.items())).encode())
@@ -88,9 +88,9 @@ def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict
 
 
 def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[str, Any]:
-    # The inputs are known only at the beginning of a communication step. Therefore the motion is extrapolated
-    # by a parabola. With the longest step, the force deviates by 0.1 % (RMS) for a motion at 1 Hz and by 6 %
-    # at 5 Hz.
+    # The inputs are known only at the beginning of a communication step. During the step, the motion is
+    # extrapolated by a parabola. For the longest permitted step, the RMS error of the force is 0.1 % for a
+    # motion at 1 Hz, and 6 % at 5 Hz.
     step_max_s = 10e-3
     largest_double = 1.7976931348623157e308
 
@@ -153,7 +153,7 @@ def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
 
 def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
     """Write a ZIP archive atomically. The same content always gives the same bytes."""
-    zip_date = (1980, 1, 1, 0, 0, 0)  # A constant date makes the archive of a target always the same.
+    zip_date = (1980, 1, 1, 0, 0, 0)  # A constant date makes archives of the same target equal.
     beside = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         with zipfile.ZipFile(beside, "w") as archive:

@@ -9,12 +9,12 @@ from functools import cache
 from importlib.resources import files
 
 _ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"
-"""Main files of the kernel. An export also contains the files that they include."""
+"""Main kernel files of an export. The files that they include are exported as well."""
 
 
 @cache
 def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
-    """Return the texts of the kernel files that an export needs, with all included files, by name."""
+    """Return the texts of all kernel files that an export needs, by file name."""
     folder = files("mrdamper.core").joinpath("kernel")
     found: dict[str, str] = {}
     waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else [])]

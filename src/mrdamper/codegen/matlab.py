@@ -1,10 +1,11 @@
 """Write the MATLAB folder: a MAT file with card and force map, functions that read it, and tables as text.
 
-``damper.mat`` (version 5) contains the struct ``damper``: description and coefficients of the card, and
-``map`` with breakpoints and tables. The dimensions of the tables are (temperature, command, velocity), as the
-n-D Lookup Table of Simulink expects. MATLAB, Octave and the vehicle libraries of Modelica read version 5.
-``damper_tables.txt`` contains the same tables as text: for each temperature, one table of force versus
-velocity (rows) and command (columns), in the format of ``CombiTable2Ds`` in Modelica.
+``damper.mat`` contains the struct ``damper``: description and coefficients of the card, and a field ``map``
+with breakpoints and tables. The dimensions of the tables are (temperature, command, velocity), as the n-D
+Lookup Table of Simulink expects. The file format is MAT version 5, which MATLAB, Octave and the vehicle
+libraries of Modelica can read. ``damper_tables.txt`` contains the same tables as text in the format of
+``CombiTable2Ds`` in Modelica: for each temperature, one table of force versus velocity (rows) and command
+(columns).
 """
 
 from __future__ import annotations
@@ -67,7 +68,10 @@ def _struct(table: ForceMap) -> dict[str, Any]:
 
 
 def tables_text(table: ForceMap) -> str:
-    """Return the force tables in the text format of Modelica; breakpoints are in the first row and column."""
+    """Return the force tables in the text format of Modelica.
+
+    The first row and the first column of each table contain the breakpoints.
+    """
     lines = ["#1", "# force [N] over velocity [m/s] (down) and command (across); extension positive"]
     for kelvin, forces in zip(table.temperature, table.pick, strict=True):
         name = f"force_{kelvin - ZERO_CELSIUS_K:.0f}degC".replace("-", "minus")

@@ -18,7 +18,7 @@ _LOGGED = {
     "logStatusError": "a call that failed",
     "logAll": "everything",
 }
-_NO_DEPENDENCIES = ""  # Outputs change only in a time step, so that there is no direct feed-through.
+_NO_DEPENDENCIES = ""  # Outputs change only in a time step. Therefore no output depends directly on an input.
 
 
 def description_of(target: Target) -> str:
@@ -35,7 +35,7 @@ def description_of(target: Target) -> str:
 def model_description(
     target: Target, variables: Sequence[Variable], *, token: str, sources: Sequence[str]
 ) -> str:
-    """Return the text of modelDescription.xml; ``sources`` are the names of the C files to compile."""
+    """Return the text of modelDescription.xml. A simulator has to compile the C files ``sources``."""
     about = {
         "fmiVersion": "2.0",
         "modelName": target.name,
@@ -81,7 +81,7 @@ def _add(parent: Tree.Element, tag: str, attributes: dict[str, str] | None = Non
 
 
 def _add_surroundings(root: Tree.Element, target: Target, variables: Sequence[Variable]) -> None:
-    """Add the elements for units, log categories and the default experiment."""
+    """Add the XML elements for units, log categories and the default experiment."""
     units = _add(root, "UnitDefinitions")
     for name in dict.fromkeys(each.unit for each in variables if each.unit):
         unit = UNITS[name]
@@ -129,7 +129,7 @@ def _values(variable: Variable) -> dict[str, str]:
 
 
 def _number(value: float) -> str:
-    """Return the shortest decimal text that is converted to the same double."""
+    """Return the shortest decimal text that a parser converts to exactly this double."""
     return repr(float(value))
 
 

@@ -25,20 +25,20 @@ class Verification:
     """Inputs and results of a verification."""
 
     passed: bool
-    sources_sha256: str  # hash of the .c and .h files by ``c_code.sources_sha256``
+    sources_sha256: str  # hash of the verified .c and .h files, see ``c_code.sources_sha256``
     precision: str
     samples: int
     seed: int = 0
-    tolerance_relative: float = 0.0  # 0: bit-identical
+    tolerance_relative: float = 0.0  # 0: C and Python must be bit-identical
     outputs: Mapping[str, Difference] = field(default_factory=dict)
-    thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference by temperature
+    thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference of each temperature
     problems: tuple[str, ...] = ()  # reasons why the verification failed
-    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # samples by part and flag
+    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # counts by part and flag
     compiler: str = ""
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()
     machine: str = ""
-    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # stack frame by function
+    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # C functions
     sizes_bytes: Mapping[str, int] = field(default_factory=dict)  # sizes of code, tables and state
     mrdamper: str = ""
 

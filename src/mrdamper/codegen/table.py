@@ -1,10 +1,11 @@
 """The force map: force against temperature, command and velocity, for vehicle simulators.
 
-A damper has memory but a map has none. The map therefore contains three forces. ``pick`` is single-valued:
-the peak-velocity pick of a dynamometer, which is the force at mid-stroke of a steady sine with this peak
-velocity, settled hysteresis and no acceleration. ``rising`` and ``falling`` are the two branches of the loop
-of the fastest sine with the same stroke, where its velocity rises or falls through the value. All forces come
-from ``models.simulate`` at constant command and temperature.
+The force of a damper depends on the past motion, but a map has no memory. The map therefore contains three
+forces for each velocity. ``pick`` is the peak-velocity pick of a dynamometer: the force at mid-stroke of a
+steady sine with this peak velocity, where the hysteresis is complete and the acceleration is zero. ``rising``
+and ``falling`` are the two branches of the force-velocity loop of the fastest sine with the same stroke, for
+rising and for falling velocity. All forces are computed by ``models.simulate`` at constant command and
+temperature.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ TEMPERATURE_STEP_K = 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceMap:
-    """Force [N] against temperature, command and velocity; the arrays have shape (t, c, v)."""
+    """Force [N] versus temperature, command and velocity. The three force arrays have shape (t, c, v)."""
 
     card: ModelCard
-    amplitude: float  # half the stroke of all sines [m]
+    amplitude: float  # amplitude of all sines [m]
     temperature: FloatArray  # [K], shape (t,)
     command: FloatArray  # [A or V], shape (c,)
     velocity: FloatArray  # [m/s], rising, shape (v,)
@@ -44,7 +45,7 @@ class ForceMap:
     falling: FloatArray
 
     def as_csv(self) -> str:
-        """Return the map as CSV: a description in lines that begin with #, a header, a row for each point."""
+        """Return the map as CSV: description lines that begin with #, a header, and one row per point."""
         card, unit = self.card, self.card.damper.command_unit
         column = "current_A" if unit == "A" else "voltage_V"
         fastest = float(self.velocity[-1])
@@ -76,14 +77,14 @@ class ForceMap:
 
 
 def force_map(card: ModelCard) -> ForceMap:
-    """Return the force map of a card in its envelope.
+    """Return the force map of a card within the card's envelope.
 
     Raises
     ------
     InputError
         If the envelope of the card has no motion, or the card has a user-defined law.
     """
-    speed_count = 12  # Speeds in each direction, denser at low speeds.
+    speed_count = 12  # number of speeds in each direction; low speeds have a finer grid
     damper, envelope = card.damper, card.envelope
     amplitude, fastest = max(map(abs, envelope.displacement)), max(map(abs, envelope.velocity))
     if not (amplitude > 0.0 and fastest > 0.0):
@@ -119,8 +120,8 @@ def force_map(card: ModelCard) -> ForceMap:
 def _branches(
     card: ModelCard, amplitude: float, command: float, kelvin: float, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the force where a steady sine passes each velocity upwards, and where downwards."""
-    loop_sample_count = 4000  # Samples of one period of the loop.
+    """Return two forces of a steady sine at each velocity: while the velocity rises, and while it falls."""
+    loop_sample_count = 4000  # number of samples in one period of the sine
     fastest = float(velocity[-1])
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))
     path = drive(

@@ -1,7 +1,7 @@
 """The input of an export: one object that contains all values for the templates.
 
-A ``Target`` has a card, its real-time model, its force controller, and the options of the export (number
-type, sampling period, name). The C folder, the FMU and the verification depend only on the target.
+A ``Target`` contains a card, the card's real-time model and force controller, and the options of the export
+(number type, sampling period, name). The C folder, the FMU and the verification depend only on the target.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ _KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # The names of kernel 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """The input of an export. The field of an excluded part (model or controller) has the value None."""
+    """The input of an export. ``model`` or ``controller`` is None unless it is exported."""
 
-    name: str  # C identifier; prefix of all names and files of the code
+    name: str  # C identifier with which all names and file names of the code begin
     card: ModelCard
     content: Content
     precision: Precision
     period_s: float
     model: RealtimeDamper | None
     controller: ForceController | None
-    heating: Heating  # heat balance for the detection of a frozen temperature sensor
+    heating: Heating  # heat balance for the detection of a stuck temperature sensor
     fingerprint: str  # hash of the card
     thermal: CompactModel | None = None  # thermal model; None if there is no geometry file
 
@@ -121,13 +121,14 @@ def target_of(
     controller : name of the controller, one of ``control.controllers.NAMES``
     name : C identifier that is the prefix of every name in the code
     largest : largest command [A or V]; None: from the card
-    heating : heat balance for the detection of a frozen thermometer; None: values of the paper's damper
+    heating : heat balance for the detection of a stuck thermometer; None: values of the paper's damper
 
     Raises
     ------
     InputError
-        If an option or the name is invalid, the law has no real-time model, the period is too long for the
-        lags of the card, or the period is so short that the delay line cannot hold the dead time.
+        If an option or the name is invalid, the law has no real-time model, or the period is too long for the
+        lags of the card. Also if the period is so short that the dead time has more periods than the delay
+        line of the kernel.
     """
     for what, found, choices in (("content", content, CONTENTS), ("precision", precision, PRECISIONS)):
         if found not in choices:
@@ -171,7 +172,7 @@ def _check_name(name: str) -> None:
 
 
 def _check_step(period_s: float) -> None:
-    step_range_s = (50e-6, 10e-3)  # The filter of the motion signal is designed for this range.
+    step_range_s = (50e-6, 10e-3)  # The motion filter is designed for sampling periods in this range.
     low, high = step_range_s
     if not low <= period_s <= high:
         raise InputError(

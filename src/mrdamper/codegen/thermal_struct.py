@@ -24,11 +24,11 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
 
     ``amperes_per_command`` is the coil current divided by the command [A/A or A/V]; 0 if it is unknown.
     """
-    power_filter_s = 30.0  # time constant of the filtered power that predicts the time to the limit
+    power_filter_s = 30.0  # time constant of the power filter for the predicted time to the limit
     # *Missing heat* is the estimated heat flow that the model does not contain. Without a valid reading, the
     # estimate decays with this time constant.
     missing_heat_decay_s = 1800.0
-    missing_heat_max_ratio = 0.3  # maximum missing heat, divided by the typical power
+    missing_heat_max_ratio = 0.3  # max missing heat, divided by the typical power
     command_min_A = 0.2  # The coil resistance is used as a measurement only above this current.
     surface_kind_count_max = 8
     n, kinds, every = model.states, len(model.law), steps_between_updates(period_s)

@@ -1,7 +1,7 @@
 """Compute the values of the C struct ``mrd_track`` of the kernel for a real-time model or a controller.
 
-This module assigns the tables in Python to the struct members in C, which are declared in ``controller.h``.
-``c_code`` prints the result.
+This module assigns the tables that Python computed to the members of the C struct, which ``controller.h``
+declares. ``c_code`` prints the result.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Nested:
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """A struct member that points to a struct of the C type ``kind``; members None: a null pointer."""
+    """A struct member that points to a struct of the C type ``kind``, or to nothing if members is None."""
 
     kind: str
     members: Mapping[str, Value] | None
@@ -68,7 +68,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
 
 
 def _config(config: Config) -> dict[str, Nested]:
-    """Return the parts of a configuration as structs, with members in the order of the C structs."""
+    """Return each part of a configuration as a struct whose members are in the order of the C struct."""
     return {
         part: Nested(
             {name: value if isinstance(value, float) else int(value) for name, value in values.items()}

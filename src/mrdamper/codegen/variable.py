@@ -16,7 +16,7 @@ Variability = Literal["continuous", "discrete", "tunable", "constant"]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit as powers of SI base units, with the unit for display: displayed = factor * value + offset."""
+    """A unit as powers of SI base units, and its display unit: displayed = factor * value + offset."""
 
     base: Mapping[str, int]
     display: str = ""
@@ -46,7 +46,8 @@ UNITS: Mapping[str, Unit] = {
 class Variable:
     """One variable of an FMU.
 
-    ``place`` is the C struct member that a parameter sets. ``bits`` are the flags that an output reports.
+    ``place`` is the C struct member that a parameter sets. An output of flags is true if one of the flags in
+    ``bits`` is set.
     """
 
     name: str
@@ -63,7 +64,7 @@ class Variable:
 
     @property
     def label(self) -> str:
-        """Return the name of the C constant with the value reference of the variable."""
+        """Return the name of the C constant that contains the value reference of the variable."""
         return f"VR_{self.name.upper()}"
 
 

@@ -245,9 +245,9 @@ def _command_name(target: Target) -> str:
 
 
 def _rounded(variable: Variable) -> Variable:
-    """Return the variable with start value and range in single precision if it is a C parameter.
+    """Round start value and range of a C parameter to single precision.
 
-    Other variables, which are double in C, stay unchanged.
+    Variables that are not C parameters are double in C and stay unchanged.
     """
     if not (variable.place and variable.start is not None):
         return variable

@@ -1,8 +1,8 @@
 """Generate random inputs for the verification of an export, inside and outside the envelope of the card.
 
-The segments of the inputs are random motion, sharp reversals with steps of command and target, values outside
-the envelope, and failing sensors. The length of a segment is a fraction of all samples, so that a short
-verification also contains every segment.
+The inputs consist of segments: random motion; sharp reversals with sudden changes of command and target;
+values outside the envelope; failing sensors. The length of a segment is a fraction of all samples. Therefore
+a short verification contains every segment as well.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from mrdamper.models.characteristics import steady_cycle
 COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force")
 """Names of the inputs. Their units are m, m/s, A or V, K, N, N, N.
 
-``wanted_ahead`` is the target force a preview time later. NaN means that an input is unknown.
+``wanted`` is the target force now, and ``wanted_ahead`` the target force after the preview time of the
+controller. NaN means that an input is unknown.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Time step [s], and amplitudes of motion, command, force and temperature for the segments."""
+    """Time step [s], and limits of motion, command, force and temperature in the envelope."""
 
     step: float
     stroke: float
@@ -40,9 +41,10 @@ _Segment = Callable[[_Limits, int, np.random.Generator], dict[str, FloatArray]]
 
 
 def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict[str, FloatArray]:
-    """Return inputs inside and outside the envelope of a target, by name, each of shape (samples,).
+    """Return the inputs of a verification by name, each of shape (samples,).
 
-    The same arguments give the same inputs. ``velocity`` is NaN in half of the samples.
+    The values are inside and outside the envelope of the target. The same arguments give the same inputs.
+    ``velocity`` is NaN (unknown) in half of the samples.
     """
     rng = np.random.default_rng(seed)
     limits = _limits_of(target)
@@ -60,7 +62,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
 
 
 def replay_columns(target: Target) -> dict[str, str]:
-    """Return the inputs of a target with their column names in the CSV file of the replay program."""
+    """Return the name of each input's column in the CSV file of the replay program."""
     both = {"displacement": "displacement_m", "temperature": "temperature_K"}
     model = {"velocity": "velocity_m_s", "current": command_column(target)}
     controller = {
@@ -74,7 +76,7 @@ def replay_columns(target: Target) -> dict[str, str]:
 
 
 def replay_outputs(target: Target) -> dict[str, dict[str, str]]:
-    """Return the outputs of each part with their column names in the CSV file of the replay program."""
+    """Return, for each part, the name of each output's column in the CSV file of the replay program."""
     columns = {
         "model": {"force": "force_N", "applied": f"applied_{target.command_unit}", "flags": "model_flags"},
         "controller": {
@@ -114,9 +116,9 @@ def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fa
 
 
 def _moving(limits: _Limits, count: int, rng: np.random.Generator, times: float = 1.0) -> FloatArray:
-    """Return a random displacement [m] with the stroke and approximately the speed of the envelope.
+    """Return a random displacement [m] whose stroke and approximate speed are those in ``limits``.
 
-    The displacement is multiplied by ``times``.
+    The result is multiplied by ``times``.
     """
     slow = 2.0 * np.pi * limits.stroke / limits.speed
     return times * limits.stroke * _noise(rng, count, limits.step, 0.3 * slow, 3.0 * slow) * 2.0
@@ -159,7 +161,7 @@ def _random(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, 
 
 
 def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return a segment with constant speed between sharp reversals, and steps of command and target."""
+    """Return a segment with constant speed between sharp reversals, and jumps of command and target."""
 
     def random_steps(shortest: int, longest: int) -> FloatArray:
         lengths = rng.integers(shortest, longest, count // shortest + 1)
@@ -189,7 +191,7 @@ def _outside_envelope(limits: _Limits, count: int, rng: np.random.Generator) -> 
 
 
 def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return a segment with short and long sequences of invalid readings, also of several sensors at once."""
+    """Return a segment with short and long failures of one sensor or of several sensors simultaneously."""
     rows = _rows(limits, rng, _moving(limits, count, rng))
     for name in COLUMNS:
         start = 0
@@ -198,8 +200,8 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             length = int(rng.choice([1, 3, 15, 60, 150]))
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
-    # These faults are long enough (at 1 kHz, 1e5 samples) that the controller uses the nominal temperature
-    # and detects the frozen displacement.
+    # If there are 1e5 samples at 1 kHz, these faults last long enough that the controller changes to the
+    # nominal temperature and detects the stuck displacement sensor.
     temperature, displacement = (rows[name] for name in ("temperature", "displacement"))
     temperature[int(0.5 * count) : int(0.95 * count)] = np.nan
     temperature[int(0.45 * count) : int(0.46 * count)] += 40.0

@@ -45,14 +45,14 @@ STATE_SAMPLE_COUNT = 500  # Internal forces and commands are compared only at ev
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
-    """Compile the C code of a target, run it, and compare its outputs with Python; return the record.
+    """Compile and run the C code of a target, compare its outputs with Python, and return the record.
 
     Raises
     ------
     InputError
         If there is no C compiler.
     CheckError
-        If the compiler rejects the code or its program fails.
+        If the compiler rejects the code or the compiled program fails.
     """
     compiler = find_compiler()
     sources = c_files(target)
@@ -106,7 +106,7 @@ def find_compiler() -> tuple[str, ...]:
 
 
 def round_rows(target: Target, rows: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return the columns with all values rounded to the number type of the target (float or double)."""
+    """Round all inputs to the number type of the target (float or double)."""
     if not target.single:
         return dict(rows)
     with np.errstate(over="ignore"):
@@ -145,8 +145,8 @@ def compare(
 ) -> tuple[dict[str, Difference], list[str], dict[str, dict[str, int]]]:
     """Compare the outputs of a replay with Python; return differences, problems and flag counts.
 
-    The first result is the largest difference of each output. The second result is one sentence for each
-    problem. The third result is the number of samples with each flag, for each part.
+    The differences are the largest difference of each output. The problems are one sentence each. The flag
+    counts are the number of samples with each flag, for each part (model, controller).
     """
     outputs: dict[str, Difference] = {}
     problems: list[str] = []
@@ -166,9 +166,9 @@ def compare(
 
 
 def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Difference:
-    """Return the largest difference of two columns, in units in the last place and relative.
+    """Return the largest difference of two columns: relative, and in units in the last place (ulp).
 
-    ``single`` is True for float and False for double.
+    ``single`` is True if an ulp refers to float, and False for double.
     """
     kind, bits = (np.float32, np.int32) if single else (np.float64, np.int64)
     patterns = [values.astype(kind).view(bits) for values in (given, expected)]
@@ -188,11 +188,11 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return the expected outputs of each part (model, controller) as a tuple of three items.
+    """Return columns, expected outputs and compared samples for each part (model, controller).
 
-    The first item maps each output to its column of the replay program. The second item has the outputs that
-    Python computes. The third item selects the samples for outputs that depend on the internal state (applied
-    command, controller force), because these are compared only at every ``STATE_SAMPLE_COUNT``-th sample.
+    The first item of each tuple maps the outputs to the columns of the replay program. The second item
+    contains the outputs as computed in Python. Outputs from the internal state (applied command, controller
+    force) are compared only at every ``STATE_SAMPLE_COUNT``-th sample, which the third item selects.
     """
     expected: dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]] = {}
     at = slice(STATE_SAMPLE_COUNT - 1, None, STATE_SAMPLE_COUNT)
@@ -233,7 +233,7 @@ def _by_blocks(
 
 
 def _summed(estimate: StateEstimate, *, single: bool) -> float:
-    """Return the sum of the model forces [N], added in the number type of the target."""
+    """Return the sum of the four force parts of the model [N], added in the number type of the target."""
     kind = np.float32 if single else np.float64
     parts = (estimate.yield_force, estimate.viscous_force, estimate.friction_force, estimate.other_force)
     total = kind(parts[0])
@@ -278,7 +278,7 @@ def _build(
 def _link(
     compiler: Sequence[str], flags: Sequence[str], place: Path, units: Sequence[str], program: str
 ) -> list[str]:
-    """Compile the units that are not compiled yet, and link all units; return the command of the program."""
+    """Compile the C files that have no object file yet, and link all; return the command of the program."""
     for unit in units:
         if not (place / f"{unit}.o").exists():
             compile_c([*compiler, *flags, "-c", f"{unit}.c", "-o", f"{unit}.o"], place)
@@ -299,7 +299,7 @@ def compile_c(command: Sequence[str], place: Path) -> None:
 
 
 def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str]:
-    program_time_max_s = 300.0  # time limit for the compiler and for the compiled program
+    program_time_max_s = 300.0  # time limit for each call of the compiler or of the compiled program
     plain = {**os.environ, "LC_ALL": "C"}
     try:
         return subprocess.run(
@@ -322,14 +322,14 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
 
 
 def _first(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the first error message in the output of a finished program."""
+    """Return the first error message in the output of a finished process."""
     lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
     worst = [line for line in lines if "error" in line]
     return (worst or lines)[0].strip()
 
 
 def _is_gnu(compiler: Sequence[str]) -> bool:
-    """Return True if the compiler is gcc or clang, so that it accepts their flags."""
+    """Return True if the compiler accepts the flags of gcc and clang."""
     return bool(re.search(r"gcc|clang|free software foundation", _version_text(compiler), re.IGNORECASE))
 
 
@@ -339,7 +339,7 @@ def _version_text(compiler: Sequence[str]) -> str:
 
 
 def _stack_of(place: Path) -> dict[str, int]:
-    """Return the size of the stack frame of each C function [bytes], from the files of the compiler."""
+    """Return the stack frame size of each C function [bytes], which the compiler writes into files."""
     found: dict[str, int] = {}
     for path in place.glob("*.su"):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -349,7 +349,10 @@ def _stack_of(place: Path) -> dict[str, int]:
 
 
 def _sizes_of(target: Target, place: Path, compiler: Sequence[str]) -> dict[str, int]:
-    """Return the sizes [bytes] of tables, state and, if the program ``size`` exists, machine code."""
+    """Return the sizes of tables, state and machine code [bytes].
+
+    The size of the machine code is missing if this computer has no program ``size``.
+    """
     probe = (
         f'#include <stdio.h>\n#include "{target.name}.h"\n'
         'int main(void) { printf("%lu", (unsigned long)sizeof(mrd_track_state)); return 0; }\n'

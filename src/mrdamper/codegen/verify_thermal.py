@@ -1,7 +1,7 @@
 """Verify an exported thermal model: simulate half an hour of a random load in compiled C and in Python.
 
-Power, ambient temperature and air speed change every few minutes. No sensor readings correct the model, so
-that all errors accumulate.
+Power, ambient temperature and air speed change every few minutes. The model receives no sensor readings,
+which would correct errors; therefore all errors accumulate.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ LOAD_COMMAND = 1.0
 PROGRAM_TIME_MAX_S = 120.0
 
 Build = Callable[[Sequence[str], str], list[str]]
-"""Compiles units, links them to a program with the given name, and returns the command to run it."""
+"""Function that compiles C files, links them to a program of the given name, and returns its command."""
 
 
 def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float]:
-    """Return the largest difference between compiled C and Python for each temperature of the model [K].
+    """Return, for each temperature of the model, the largest difference between compiled C and Python [K].
 
-    The result is empty if there is no thermal model.
+    The result is empty if the target has no thermal model.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def thermal_problems(differences: Mapping[str, float], *, single: bool) -> list[
 
 
 def _draw_load(power: float, coil_W: float) -> CompactLoad:
-    """Return a random load with up to twice the typical power [W] and a constant command.
+    """Return a random load: powers up to twice the typical power [W], and a constant command.
 
     Power, ambient temperature and air speed change at random times.
     """
@@ -94,7 +94,10 @@ def _draw_load(power: float, coil_W: float) -> CompactLoad:
 
 
 def _program(target: Target) -> str:
-    """Return a C program that reads power, ambient and air speed of each update and prints temperatures."""
+    """Return the C source of a program that computes the temperatures of the thermal model.
+
+    For each update, the program reads power, ambient temperature and air speed, and prints the temperatures.
+    """
     name, every = target.name, steps_between_updates(target.period_s)
     return f"""#include <math.h>
 #include <stdio.h>

@@ -1,1 +1,1 @@
-"""Force tracking: controllers, estimators, the sampled loop and its scores."""
+"""Force tracking: controllers, state estimators, the sampled closed loop, and scores of tracking runs."""

@@ -1,8 +1,8 @@
-"""The damper of a card as a plant: the closed loop with a perfect model.
+"""The damper of a card as the plant of a closed loop, for control with a perfect model.
 
-The command passes the actuation of the damper (or its lag). The kernel then steps the law sample by sample. A
-controller that is made from the same card has no model error on this plant. The result therefore contains
-only the effects of lag and noise. It does not validate a card.
+The command passes the actuation of the damper (delay and lags, or one lag). The kernel then steps the law
+sample by sample. A controller that is made from the same card has no model error on this plant. The result
+therefore contains only the effects of lag and noise. It does not validate a card.
 
 The plant starts with zero force and zero command. Extension is positive.
 """
@@ -21,7 +21,7 @@ from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-COMMAND_COUNT = 401  # Commands in the table of the coefficients.
+COMMAND_COUNT = 401  # number of commands at which the coefficients are tabulated
 _SHAPE = ("kappa", "n")  # Coefficients of the universal curve, which the kernel tabulates once.
 
 
@@ -83,13 +83,13 @@ class CardPlant:
         if self._before is not None:
             x, v, a, applied = map(np.concatenate, zip(self._before, (x, v, a, applied), strict=True))
         self._before = x[-1:].copy(), v[-1:].copy(), a[-1:].copy(), applied[-1:].copy()
-        # Each block is treated as the last one, because later samples must not change the returned forces.
+        # Treat each block as the last one, because later samples must not change forces already returned.
         batch = core.open_batch(self.step_s, (x, v, a), self._motion, patience=1, last=True)
         coefficients = self._coefficients(applied, temperature_degC)
         return core.carry(self._kernel, batch, coefficients, self._law, self._workspace)[batch.behind :]
 
     def _coefficients(self, applied: FloatArray, temperature_degC: float) -> FloatArray:
-        """Return the law's coefficients at the applied commands, from the table at a temperature, (m, n)."""
+        """Interpolate the law's coefficients at n applied commands and a temperature, shape (m, n)."""
         if self._table is None or self._table[0] != temperature_degC:
             levels = np.linspace(0.0, self._highest, COMMAND_COUNT)
             warm = temperature_degC + ZERO_CELSIUS_K if self._damper.temperature_dependent else None

@@ -1,7 +1,7 @@
 """The configuration of a controller: frozen dataclasses with the parts and values of ``controller_config.h``.
 
-The extension reads the values by name, and an export prints them by name. SI and kelvin; "A" is the unit of
-the command, which is volts if the card has volts.
+The C extension reads the values by name, and an export prints them by name. Units are SI and kelvin. "A" is
+the unit of the command; if the command of the card is a voltage, read "V" instead.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from enum import IntEnum
 
 
 class InverseMethod(IntEnum):
-    """Source of the command."""
+    """Method that computes the command from the wanted force."""
 
     NONE = 0  # feedback only
     BANK = 1  # five models at constant currents at the present instant; the preview must be 0
@@ -20,7 +20,7 @@ class InverseMethod(IntEnum):
 
 
 class FeedbackKind(IntEnum):
-    """Feedback law of a measured force."""
+    """Feedback law for a measured force."""
 
     NONE = 0
     PI = 1
@@ -29,7 +29,7 @@ class FeedbackKind(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axes:
-    """Sampling period and range of the tables."""
+    """Sampling period, and ranges of current and temperature of the tables."""
 
     period: float  # [s] sampling period
     largest: float  # [A] current of the last column of the tables; the first column is 0
@@ -46,12 +46,12 @@ class Law:
     elements: int  # hysteretic elements: 0 (the force follows the sign of the velocity), 1 or 2
     saturating: bool  # the second yield force saturates with speed and uses the first element
     unloaded: float  # [-] travel of the universal curve from w = -1 to 0
-    substeps: int  # series valve and chain: steps of the law in a period
+    substeps: int  # integration steps in a period, for series valve and chain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gains:
-    """Factors on the parts of the force: 1 for the identified damper, else for an aged or similar one."""
+    """Factors on the parts of the force: 1 for the identified damper, other values for an aged damper."""
 
     yield_force: float = 1.0  # [-] of the yield force
     viscous_force: float = 1.0  # [-] of the viscous force
@@ -67,17 +67,17 @@ class MotionFilter:
     gain_a: float  # [1/s2] gain of the acceleration
     holds_readings: bool  # a reading is held for several periods, so a repeated reading is ignored
     frequency_filter_gain: (
-        float  # [-] weight of a period in the means of v^2 and a^2; 0: constant acceleration
+        float  # [-] weight of a new sample in the means of v^2 and a^2; 0: constant acceleration is assumed
     )
     settle_samples: int  # periods until the filter has settled
-    omega_squared_max: float  # [1/s2] maximum of mean a^2 divided by mean v^2
+    omega_squared_max: float  # [1/s2] upper limit of the squared frequency, (mean a^2) / (mean v^2)
     velocity_noise_variance: float  # [m2/s2] variance of v caused by sensor noise
     acceleration_noise_variance: float  # [m2/s4] variance of a caused by sensor noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceFilter:
-    """Filter that extrapolates the wanted force if its future values are unknown."""
+    """Filter that extrapolates the wanted force if the future wanted force is unknown."""
 
     gain_f: float  # [-] gain of the force
     gain_rate: float  # [1/s] gain of the rate of the force
@@ -88,52 +88,57 @@ class ReferenceFilter:
 class Actuation:
     """Dead time, two lags and magnetic hysteresis between command and force.
 
-    The gap of a lag is the difference between its input and its output.
+    The *gap* of a lag is the command (as flux) minus the output of the lag. The output of the first lag is
+    the input of the second lag.
     """
 
     dead_samples: int  # whole periods of the dead time
-    dead_part: float  # [-] remaining fraction of a period of the dead time
-    rise: float  # [-] remaining fraction of the gap of the first lag after a period, command above the lag
-    fall: float  # [-] the same, command below the lag
-    second: float  # [-] remaining fraction of the gap of the second lag after a period
-    rise_couple: float  # [-] fraction of the first gap that is in the second after a period, command above
-    fall_couple: float  # [-] the same, command below
-    second_ramp: float  # [-] fraction of a ramp of the first lag by which the second is late
+    dead_part: float  # [-] rest of the dead time, as a fraction of a period
+    rise: float  # [-] fraction of the gap of the first lag that remains after a period, current rising
+    fall: float  # [-] like ``rise``, current falling
+    second: float  # [-] fraction of the gap of the second lag that remains after a period
+    rise_couple: float  # [-] fraction of the first gap that a period adds to the second gap, current rising
+    fall_couple: float  # [-] like ``rise_couple``, current falling
+    second_ramp: float  # [-] delay of the second lag after a ramp of the first lag / change in the ramp
     freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
-    hysteresis_width: float  # [A] half width of the magnetic hysteresis behind the lags
-    hysteresis_weight: float  # [-] weight of the field that has this hysteresis, below 1
+    hysteresis_width: float  # [A] half width of the magnetic hysteresis after the lags
+    hysteresis_weight: float  # [-] weight of the part of the field with this hysteresis, below 1
     wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: none
-    wide_hysteresis_weight: float  # [-] weight of the field that has the wider hysteresis
+    wide_hysteresis_weight: float  # [-] weight of the part of the field with the wider hysteresis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inverse:
-    """Source of the command, and its preview of the wanted force."""
+    """Method that computes the command from the wanted force, and the preview of the wanted force."""
 
-    method: InverseMethod  # source of the command
-    preview: float  # [s] the wanted force is known this time ahead
+    method: InverseMethod
+    preview: float  # [s] time from now to the second given value of the wanted force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """Horizon over which the law is stepped, and the moves of the command in it."""
+    """Prediction horizon of the model-predictive controller, and costs of its command changes (moves).
 
-    steps: int  # steps of the horizon behind the dead time
+    *Step* means a time step of the horizon. ``rise`` to ``freewheel_ratio`` have the same meaning as in
+    ``Actuation``, for a step instead of a period.
+    """
+
+    steps: int  # number of steps of the horizon, which starts after the dead time
     samples: int  # periods over which the computation of a prediction is spread, before it is applied
-    together: int  # periods of the dead time for each step of the law
-    step: float  # [s] length of a step of the horizon
+    together: int  # periods that one integration step of the law covers during the dead time
+    step: float  # [s] length of a step
     stretch: int  # factor on the step length from the fourth step on
     dead: float  # [s] time from now to the start of the horizon
     fade: float  # [-] error weight of a step divided by the error weight of the previous step
     settled: float  # [-] fraction of the unfinished hysteresis that is assumed to be complete
     calm: float  # [N/A] cost of a command change of one ampere, expressed as a force error
-    rise: float  # [-] remaining fraction of the gap of the first lag after a step, command above the lag
-    fall: float  # [-] the same, command below the lag
-    second: float  # [-] remaining fraction of the gap of the second lag after a step
-    rise_couple: float  # [-] fraction of the first gap that is in the second after a step, command above
-    fall_couple: float  # [-] the same, command below
-    second_ramp: float  # [-] fraction of a ramp of the first lag by which the second is late
+    rise: float  # [-]
+    fall: float  # [-]
+    second: float  # [-]
+    rise_couple: float  # [-]
+    fall_couple: float  # [-]
+    second_ramp: float  # [-]
     freewheel_ratio: float  # [-] step divided by the free-wheeling time constant; 0: no free-wheeling
 
 
@@ -144,13 +149,13 @@ class Feedback:
     kind: FeedbackKind  # feedback law
     gain: float  # [A/N] gain of the force error
     rate: float  # [A/(N s)] gain of the integral of the force error
-    full_speed: float  # [m/s] speed above which the feedback has its full gain
-    observe: float  # [-] weight of the force error in the disturbance observer in a period; 0: disabled
+    full_speed: float  # [m/s] speed above which the full gain is used; the gain is smaller at lower speeds
+    observe: float  # [-] weight of the force error in each update of the disturbance observer; 0: disabled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
-    """Range of the data; a flag is raised outside it."""
+    """Range of the data to which the card was fitted. The controller sets a flag outside this range."""
 
     displacement_min: float  # [m] lowest displacement
     displacement_max: float  # [m] highest displacement
@@ -163,11 +168,11 @@ class Faults:
 
     displacement_limit: float  # [m] maximum absolute displacement
     speed_limit: float  # [m/s] maximum absolute velocity
-    frozen_samples: int  # this number of equal consecutive readings is a fault
-    frozen_speed_min: float  # [m/s] minimum speed before equal readings are a fault
-    coast_samples: int  # samples without displacement before the fall-back
-    recovery_samples: int  # samples with displacement before the fall-back ends
-    fall_back: float  # [A] command while the motion is unknown
+    frozen_samples: int  # number of equal consecutive readings that is a fault
+    frozen_speed_min: float  # [m/s] Equal readings are a fault only if the previous speed was higher.
+    coast_samples: int  # samples without displacement until the fall-back command is used
+    recovery_samples: int  # samples with displacement until the fall-back ends
+    fall_back: float  # [A] command that is used while the motion is unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,24 +183,24 @@ class Thermometer:
     hot_limit: float  # [K] maximum of a reading
     jump: float  # [K] maximum difference between a reading and the estimate
     change_max: float  # [K] maximum change of the estimate in a period
-    filter_decay: float  # [-] remaining fraction of the gap between estimate and reading after a period
+    filter_decay: float  # [-] fraction of the gap between estimate and reading that remains after a period
     hold_samples: int  # samples for which the estimate is used without a valid reading
     recover_samples: int  # steady samples after which a reading that has jumped is accepted
-    nominal: float  # [K] temperature used when none is known
+    nominal: float  # [K] temperature that is used when there is neither a valid reading nor an estimate
     fixed: float  # [K] temperature used instead of readings; 0: readings are used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatBalance:
-    """The damper as one body; detects a frozen thermometer."""
+    """Heat balance of the damper as one body, which detects a stuck thermometer (constant reading)."""
 
-    heat_capacity: float  # [J/K] heat capacity; 0: a frozen thermometer is not detected
-    loss_conductance: float  # [W/K] loss to the surroundings
+    heat_capacity: float  # [J/K] heat capacity; 0: a stuck thermometer is not detected
+    loss_conductance: float  # [W/K] thermal conductance to the surroundings
     loss_ratio_max: float  # [-] upper limit of the loss as a multiple of ``loss_conductance``
     ambient: float  # [K] temperature of the surroundings
     coil_heat: float  # [W/A2] heat of the coil divided by the square of the applied current
     frozen_rise_max: float  # [K] a constant reading is a fault if the expected warming is larger
-    extrapolate: bool  # a frozen temperature is extrapolated by the energy put in; otherwise only flagged
+    extrapolate: bool  # True: estimate the temperature from the supplied energy while the sensor is stuck
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

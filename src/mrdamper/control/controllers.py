@@ -1,16 +1,16 @@
 """Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
 
-Each controller is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), which
-is the same for all controllers and for an export. Only the configuration (``config``) differs:
+Each controller is a small frozen object. All controllers and exports share one step function in C
+(``core/kernel/controller.c``). Only the configuration (``config``) differs:
 
-- ``recommended``: model-predictive control with the model of the card: the command is optimised over the
-  horizon in which it acts. After a reversal it assumes that the hysteresis builds up faster than in the model
-  (``tuning.SETTLED_RATIO``). ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a
-  disturbance observer for a measured force;
-- ``predictive``: the same, but it trusts the hysteresis of the card. For the laws ``chain`` and
-  ``series-valve`` both are equal;
-- ``paper``: five models at constant currents, evaluated at the present instant; the command is interpolated
-  linearly between them. ``paper-unaware`` assumes 20 degC at all temperatures;
+- ``recommended``: model-predictive control with the model of the card. The command is optimised over the
+  horizon in which it acts. After a reversal, the controller assumes that the hysteresis builds up faster than
+  in the model (``tuning.SETTLED_RATIO``). ``recommended-causal`` extrapolates the target.
+  ``recommended-observer`` adds a disturbance observer for a measured force.
+- ``predictive``: like ``recommended``, but with the hysteresis exactly as in the model of the card. For the
+  laws ``chain`` and ``series-valve``, ``predictive`` and ``recommended`` are equal.
+- ``paper``: five models at constant currents compute the force at the present instant. The command follows
+  from linear interpolation between these forces. ``paper-unaware`` assumes 20 degC at all temperatures.
 - ``pi`` and ``clipped-on-off``: baselines with a force sensor.
 
 The rules in ``tuning`` choose every value that the card does not contain.
@@ -47,35 +47,39 @@ NAMES = (
 """Names of all controllers."""
 
 UNPOWERED_COMMAND_MAX = 1e-3
-"""Largest command of a card of runs at zero command [A or V]. A larger one is flagged."""
+"""Largest command [A or V] of a card that was fitted only to runs at zero command.
+
+A larger command sets a flag.
+"""
 
 _WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
 _BANKS = ("paper", "paper-unaware")
 NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
-"""Controllers that need a card with the delay of the force after the current."""
+"""Controllers that require a card with a delay or lag between current and force."""
 
-# Time for which the temperature estimate is held, and maximum time for which it is extrapolated.
+# Max time without a valid reading for which the temperature estimate is held constant, or is extrapolated.
 _HELD_S, _LONGEST_S = 10.0, 1800.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Safety:
-    """Limits beyond which a reading is a fault, and the reaction to it. SI and kelvin."""
+    """Limits beyond which a reading is a fault, and the reaction to a fault. Units are SI and kelvin."""
 
-    stroke_times: Positive = 10.0  # fault limits of displacement and velocity as multiples of the data range
-    frozen_s: Positive = 0.02  # equal readings for this time are a fault
-    coast_s: Positive = 0.12  # the motion is extrapolated for this time without displacement
-    fall_back: NotNegative = 0.0  # command after that time [A or V]
-    back_s: Positive = 0.03  # time with displacement after which the fall-back ends
+    stroke_times: Positive = 10.0  # fault limits of displacement and velocity / largest value in the data
+    frozen_s: Positive = 0.02  # equal displacement readings for this time are a fault
+    coast_s: Positive = 0.12  # time for which a missing displacement is replaced by an extrapolated motion
+    fall_back: NotNegative = 0.0  # command if the displacement is missing for longer than coast_s [A or V]
+    back_s: Positive = 0.03  # The fall-back command ends after this time with displacement readings.
     cold_K: Positive = 233.15
     hot_K: Positive = 423.15
-    slew_K_s: Positive = 20.0  # maximum rate of the temperature estimate; no damper warms faster
-    jump_K: Positive = 10.0  # maximum difference between reading and estimate
-    smooth_s: Positive = 0.2  # time constant of the temperature estimate
+    slew_K_s: Positive = 20.0  # max rate of change of the temperature estimate; no damper warms faster
+    jump_K: Positive = 10.0  # max difference between temperature reading and estimate
+    smooth_s: Positive = 0.2  # time constant of the filter for the temperature readings
     # Time for which the estimate is used without a valid reading; None: see ``thermometer``.
     hold_s: Positive | None = None
-    nominal_K: float | None = None  # temperature after that time; None: the middle of the model's range
-    # A reading that has jumped is accepted after this time, or after as long as the estimate was valid.
+    nominal_K: float | None = None  # temperature after hold_s; None: the middle of the model's range
+    # New readings after a jump are accepted when they have been steady for this time, and for longer than
+    # the readings before the jump were valid.
     recover_s: Positive = 2.0
 
     def __post_init__(self) -> None:
@@ -88,7 +92,10 @@ class Safety:
     def faults(
         self, axes: config.Axes, envelope: OperatingEnvelope | None, *, frozen_speed_min: float
     ) -> config.Faults:
-        """Return the fault limits of displacement and velocity in the kernel; ``frozen_speed_min`` [m/s]."""
+        """Return the fault limits of displacement and velocity for the kernel.
+
+        ``frozen_speed_min`` is the minimum speed [m/s] at which equal readings are a fault.
+        """
         displacement_limit, speed_limit = 1.0, 100.0
         if envelope is not None:
             displacement_limit = self.stroke_times * max(map(abs, envelope.displacement))
@@ -130,9 +137,9 @@ class Safety:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceController(Stepper):
-    """A controller: ``step(state, reference, measurement)`` gives the next state (bytes) and the command.
+    """A controller: ``step(state, reference, measurement)`` returns the next state (bytes) and the command.
 
-    The command stays within 0 and ``largest`` [A or V] for all inputs.
+    For all inputs, the command is between 0 and ``largest`` [A or V].
     """
 
     name: str = field(kw_only=True)
@@ -141,7 +148,10 @@ class ForceController(Stepper):
 
     @property
     def preview_s(self) -> float:
-        """Return the preview of the target [s]; 0 if the controller has none, or extrapolates the target."""
+        """Return how far ahead the controller needs the target [s].
+
+        The value is 0 if the controller needs only the present target, or extrapolates the target.
+        """
         return self.config.inverse.preview if self.known_ahead else 0.0
 
     def step(self, state: bytes, reference: Reference, measurement: Measurement) -> tuple[bytes, float]:
@@ -157,10 +167,10 @@ class ForceController(Stepper):
         )
 
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Take many steps at once; return the last state, the commands and the flags, shape (n,).
+        """Compute n steps in one call; return the last state, the commands and the flags, each of n steps.
 
-        ``inputs`` contains wanted force now and at the preview time [N], displacement [m], temperature [K]
-        and force [N], shape (n, 5); NaN for an unknown value.
+        ``inputs`` has shape (n, 5) and the columns wanted force now [N], wanted force after ``preview_s``
+        [N], displacement [m], temperature [K] and measured force [N]. Unknown values are NaN.
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 5:
@@ -172,13 +182,16 @@ class ForceController(Stepper):
 
     @property
     def compiled(self) -> Tracker | None:
-        """The controller in C; None in single precision, or if a subclass has its own step in Python."""
+        """The kernel object for the closed loop in C.
+
+        None in single precision, or if a subclass defines its own step in Python.
+        """
         return self._native if type(self).step is ForceController.step and not self.single else None
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> ForceController:
-        """Return the controller for an aged or similar damper: the parts of the force times these gains."""
+        """Return the controller for an aged or similar damper, whose force parts are multiplied by gains."""
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
@@ -191,15 +204,15 @@ def names_for(law: str, *, has_lag: bool = True) -> tuple[str, ...]:
 
     Parameters
     ----------
-    law : a law with an implicit step has no bank of models
-    has_lag : whether the card contains the delay of the force after the current
+    law : name of the law; a law with an implicit step has no bank of models
+    has_lag : True if the force of the card follows the current with a delay or lag
     """
     excluded = (_BANKS if law in STEPPED else ()) + (() if has_lag else NEED_LAG)
     return tuple(name for name in NAMES if name not in excluded)
 
 
 def check_name(name: str, law: str) -> None:
-    """Raise ``InputError`` if a known controller is not available for this law."""
+    """Raise ``InputError`` if the name is a controller that is not available for this law."""
     if name in NAMES and name not in names_for(law):
         raise InputError(
             place="controller",
@@ -224,27 +237,27 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     """Return every controller of a card or damper, by name.
 
     All controllers use the temperature dependence of the card, except ``paper-unaware``, which uses the card
-    at 20 degC. Another controller that ignores temperature needs a card that was fitted at one temperature,
-    or to pooled runs.
+    at 20 degC. For any other controller without temperature dependence, use a card that was fitted to runs at
+    one temperature, or to runs at all temperatures without a temperature model.
 
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest command [A or V]; None: from the actuation, otherwise from the envelope
+    largest : largest command [A or V]; None: from the actuation of the card, or else from the envelope
     displacement_noise_m : noise of the displacement sensor, RMS [m]
-    displacement_period_s : period of the readings [s], if a slow bus holds each reading for several
-        controller periods; equal readings then count as frozen only after 2.5 of these periods
-    jerk_density : jerk density of the motion that the filter expects [m/s^3 per root Hz]
+    displacement_period_s : time between new displacement readings [s], if a slow bus repeats each reading for
+        several controller periods; equal readings are then a fault only after 2.5 of these periods
+    jerk_density : jerk density of the motion for which the motion filter is designed [m/s^3 per root Hz]
     extra_delay_s : dead time of sensing, computing and driver in addition to the dead time of the card [s]
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
-    speed_m_s : speed up to which the tables reach [m/s]
+    heating : heat balance that detects a stuck thermometer; None: the paper's damper; ``NO_HEATING``: none
+    speed_m_s : maximum speed of the tables [m/s]
 
     Raises
     ------
     InputError
-        If the law has no tables, the card does not depend on the command, or the sampling is too slow for the
-        lag.
+        If the law has no tables, the force of the card does not depend on the command, or the sampling is too
+        slow for the lag.
     """
     damper = source.damper if isinstance(source, ModelCard) else source
     if not (math.isfinite(extra_delay_s) and extra_delay_s >= 0.0):
@@ -304,7 +317,7 @@ def tables_of(
     largest: float | None,
     speed_m_s: float,
 ) -> DamperTables:
-    """Return the tables of a damper, for its model and its controllers.
+    """Return the tables of a damper for the real-time model and the controllers.
 
     Parameters
     ----------
@@ -340,7 +353,7 @@ def check_period(place: str, period_s: float) -> None:
 
 
 def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
-    """Raise ``InputError`` if the command for a wanted yield force does not exist or is not unique."""
+    """Raise ``InputError`` if a yield force does not have exactly one command."""
     yields = tables.yield_force_table
     if float(np.ptp(yields, axis=1).min()) <= 1e-9 * float(yields.max()):
         raise InputError(
@@ -374,18 +387,18 @@ def _variants(
     actuation: Actuation,
     force_per_command: float,
 ) -> dict[str, Config]:
-    """Return the configuration of every controller.
+    """Return the configuration of every controller, by name.
 
     Parameters
     ----------
-    base : configuration without a source of the command
-    harmonic : motion filter of a prediction
-    force_per_command : growth of the force with the command in a steady, fast motion [N/A]
+    base : configuration that the controllers share, without a method that computes the command
+    harmonic : motion filter of the predictive controllers
+    force_per_command : increase of the force with the command in a steady, fast motion [N/A]
     """
     period = base.axes.period
     method = config.Inverse(method=InverseMethod.PREDICTIVE, preview=tuning.horizon_end(prediction))
     recommended = replace(base, motion=harmonic, inverse=method, prediction=prediction)
-    # The paper assumes that the current is known and has neither lag nor magnetic hysteresis.
+    # The paper's controller assumes that the current follows the command without lag or magnetic hysteresis.
     paper = replace(
         base,
         actuation=tuning.sampled_actuation(Actuation(0.0, 0.0), period),
@@ -421,14 +434,17 @@ def base_configuration(
     actuation: config.Actuation,
     heating: config.HeatBalance,
 ) -> Config:
-    """Return the configuration that the real-time model and all controllers share, for a period [s]."""
+    """Return the configuration that the real-time model and all controllers share.
+
+    ``period`` is the sampling period [s].
+    """
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.velocity_noise_variance)
     return Config(
         axes=axes,
         law=tables.law(substeps=max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
         motion=motion,
-        # The filter of the target has the bandwidth of the motion filter.
+        # The filter that extrapolates the target has the bandwidth of the motion filter.
         reference=config.ReferenceFilter(
             gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_second_derivative=motion.gain_a
         ),
@@ -453,9 +469,9 @@ def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
 
 
 def _force_per_command(tables: DamperTables) -> float:
-    """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
+    """Return the mean increase of the yield force per command [N/A] at the middle temperature."""
     if tables.series is not None:
-        table = tables.yield_force_table  # It has one row if the force does not depend on temperature.
+        table = tables.yield_force_table  # The table has one row if the force ignores temperature.
         yields = table[len(table) // 2]
     else:
         rows = tables.evaluate(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
@@ -464,6 +480,6 @@ def _force_per_command(tables: DamperTables) -> float:
 
 
 def _claimed_error(card: ModelCard) -> float:
-    """Return the force error that a card states [N]; 0 if it was not measured."""
+    """Return the median RMS force error of the runs of a card [N]; 0 if the card contains no run errors."""
     runs = card.evidence.runs
     return float(statistics.median(run["rmse_N"] for run in runs)) if runs else 0.0

@@ -1,15 +1,17 @@
-"""The sampled closed loop: one controller step per sample, several finer steps of the damper in between.
+"""The sampled closed loop: one controller step per sample, and several plant steps between two samples.
 
-At sample k (time k P) the sensors are read and the controller returns a current. The driver limits it to 0 to
-highest, rounds it to the step of its converter, and holds it until the next sample, delayed by the dead time
-of the command. The damper is a ``Plant`` that follows the prescribed motion. The loop does not depend on the
-physics of the plant. The same scenario, damper and controller give the same run, bit for bit.
+At sample k (time k P, with the sampling period P) the sensors are read and the controller returns a current.
+The driver rounds the current to its resolution and limits it to the range from 0 to the highest current.
+After the command delay, the driver holds this current for one sampling period. The damper is a ``Plant`` that
+follows the prescribed motion. The loop does not depend on the physics of the plant. The same scenario, damper
+and controller give the same run, bit for bit.
 
-Controllers made from cards run on a virtual damper in one call in C (``core/binding/closed_loop.c``), several
-dampers in parallel. All other pairs run in Python, sample by sample, with the same bits.
+Controllers made from cards run on virtual dampers in C (``core/binding/closed_loop.c``); one call computes
+several loops in parallel. All other controllers and plants run in Python, sample by sample. Both ways give
+identical bits.
 
-Arrays at the steps of the plant, shape (n,), contain the value at the end of each step: time h, 2 h, ..., n
-h.
+Arrays at the time steps of the plant, shape (n,), contain the value at the end of each step h, at the times
+h, 2 h, ..., n h.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import motion_from_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-LOOP_COUNT_MAX = 64  # Loops in one call in C.
+LOOP_COUNT_MAX = 64  # max number of loops in one call of the C code
 CACHED_SAMPLE_COUNT_MAX = 300_000  # A cached motion of this length needs 7 MB.
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
@@ -73,7 +75,7 @@ class LoopRun:
 
     @property
     def error(self) -> FloatArray:
-        """Return the force minus the target [N]."""
+        """Return the tracking error [N]: force minus target."""
         return self.force - self.course.target
 
 
@@ -96,19 +98,19 @@ def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajecto
 def _sampled(motion: str, count: int, step_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return time [s], displacement [m] and velocity [m/s] of a motion, read-only, each of shape (count,).
 
-    The result is cached because a target is evaluated many times on one motion.
+    The result is cached because many targets are evaluated on the same motion.
     """
     path, time = motion_from_text(motion), step_s * np.arange(1.0, count + 1.0)
     return read_only(time), read_only(path.displacement(time)), read_only(path.velocity(time))
 
 
 def steps_per_sample(period_s: float, step_s: float) -> int:
-    """Return the number of plant time steps in one sample of a controller.
+    """Return the number of plant time steps in one sampling period of a controller.
 
     Raises
     ------
     InputError
-        If the rate is outside 100 Hz to 5 kHz, or the sample is not a whole number of steps.
+        If the sampling rate is outside 100 Hz to 5 kHz, or the period is not a whole number of plant steps.
     """
     if not (math.isfinite(period_s) and 0.999 / FASTEST_HZ <= period_s <= 1.001 / SLOWEST_HZ):
         raise InputError(
@@ -144,11 +146,11 @@ def run_loops(
     scenarios: Sequence[Scenario],
     course: ReferenceTrajectory | None = None,
 ) -> list[list[LoopRun]]:
-    """Run each controller in each scenario, on copies of the plant in its present state.
+    """Run each controller in each scenario; return for each controller the runs of all scenarios.
 
-    The scenarios may differ only in seed, sensors and disturbance. Dampers in C are stepped in parallel, with
-    the same bits as in single runs. ``course`` is the motion and target at the time steps of the plant; None:
-    computed from the scenario.
+    Every run starts with a copy of the plant in its present state. The scenarios may differ only in seed,
+    sensors and disturbance. Loops in C run in parallel and give the same bits as single runs. ``course`` is
+    the motion and target at the time steps of the plant; if None, it is computed from the scenario.
 
     Raises
     ------
@@ -182,32 +184,32 @@ def run_loops(
 
 @dataclass(slots=True, eq=False)
 class _Loop:
-    """A controller in a scenario: its inputs and its results."""
+    """One closed loop: a controller, a scenario, and the inputs and results of the loop."""
 
     controller: Controller
     scenario: Scenario
     settings: LoopSettings
-    wanted: FloatArray  # force now and ahead [N], shape (2, samples)
+    wanted: FloatArray  # wanted force at each sample and a preview time later [N], shape (2, samples)
     sensed: _Sensed
     force: FloatArray  # [N] force of the damper
-    given: FloatArray  # commands [A]: first those in the dead time, then one per sample
+    given: FloatArray  # commands [A]: first the zero commands of the delay, then one command per sample
 
     @property
     def tracker(self) -> Tracker | None:
-        """Return the controller in C; None if its step is in Python."""
+        """Return the compiled controller; None if the step of the controller is written in Python."""
         return self.controller.compiled if isinstance(self.controller, CompiledController) else None
 
     def run(self, course: ReferenceTrajectory) -> LoopRun:
         every, apart = self.settings.every, self.settings.apart
         held = np.empty((len(self.given), every))
-        held[:] = self.given[:, None]  # This is ten times as fast as np.repeat.
+        held[:] = self.given[:, None]  # Broadcasting is ten times as fast as np.repeat.
         applied = held.ravel()[every - apart :][: len(course)]
         force = self.settings.force_gain * self.force + self.settings.force_offset_N
         return LoopRun(self.controller.name, self.scenario, course, force, applied, every)
 
 
 class _Prepared:
-    """Inputs of loops on one motion. Equal inputs are computed once."""
+    """Factory of loops on one motion. Inputs that several loops share are computed once."""
 
     def __init__(self, step_s: float, course: ReferenceTrajectory) -> None:
         self._step, self._course = step_s, course
@@ -235,7 +237,7 @@ class _Prepared:
         )
 
     def _target_ahead(self, scenario: Scenario, every: int, ahead_s: float) -> FloatArray:
-        """Return the wanted force [N] at the samples, shifted by the preview."""
+        """Return the wanted force [N] ``ahead_s`` after each sample."""
         if (every, ahead_s) not in self._wanted:
             now = every * self._step * np.arange(-(-len(self._course) // every))
             self._wanted[every, ahead_s] = np.asarray(scenario.force(now + ahead_s))
@@ -259,10 +261,10 @@ def _settings(controller: Controller, scenario: Scenario, every: int, step_s: fl
 
 
 def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> None:
-    """Compute force and commands of loops on one motion: in parallel in C if possible, otherwise in Python.
+    """Compute the forces and commands of loops on one motion, in parallel in C if possible.
 
-    User-defined controllers and dampers run in Python. Loops that C rejects are repeated in Python, which
-    raises the error with its message.
+    User-defined controllers and dampers run in Python. If the C code rejects a loop, Python repeats the loop
+    and raises the error with a message.
     """
     abreast: dict[tuple[int, int], list[_Loop]] = {}
     for loop in loops:
@@ -279,7 +281,7 @@ def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajecto
 
 
 def _loops_in_c(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> bool:
-    """Run loops with equal motion and timing in C. Return False if C rejects a loop."""
+    """Run loops with equal motion and timing in C. Return False if the C code rejects one of the loops."""
     members = tuple(
         (
             loop.tracker,
@@ -300,7 +302,7 @@ def _loops_in_c(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajector
 
 
 def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> None:
-    """Run the loop in Python for any controller and damper, with the same bits as C."""
+    """Run one loop in Python, for any controller and damper. The result is bit-identical to the C code."""
     settings, sensed, controller = loop.settings, loop.sensed, loop.controller
     degrees, force = loop.scenario.temperature_degC, loop.force
     every, late, apart = settings.every, settings.late, settings.apart
@@ -308,7 +310,8 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    given = loop.given  # commands in the dead time: sample k begins with given[k], then given[k + 1] arrives
+    # The damper receives given[k] at the start of sample k, and given[k + 1] after ``apart`` steps.
+    given = loop.given
     given[: late + 1] = 0.0
     arrives = (np.arange(len(course)) - apart) // every + 1
     state, felt = controller.start(), 0.0
@@ -329,12 +332,12 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
             part = slice(k * every, (k + 1) * every)
             force[part] = advance(x[part], v[part], given[arrives[part]], degrees)
             felt = settings.force_gain * float(force[part][-1]) + settings.force_offset_N
-    if not settings.reads_force:  # The readings do not depend on the damper, so it advances at once.
+    if not settings.reads_force:  # No reading depends on the damper, so one call computes the whole run.
         force[:] = advance(x, v, given[arrives], degrees)
 
 
 def _driver_current(current: float, settings: LoopSettings) -> float:
-    """Return the current after the driver: rounded to its converter step and limited."""
+    """Return the output of the current driver: the current rounded to the driver's resolution and limited."""
     if settings.command_step_A > 0.0:
         current = settings.command_step_A * round(current / settings.command_step_A)
     return min(max(current, 0.0), settings.highest_A)
@@ -342,21 +345,27 @@ def _driver_current(current: float, settings: LoopSettings) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sensed:
-    """Sensor readings at the samples, shape (n,). Of the force, only the noise is known before the run."""
+    """Sensor readings at the samples, shape (n,).
+
+    The force itself is computed during the run. Therefore only noise and offset of its readings are stored.
+    """
 
     displacement: FloatArray  # [m]
     temperature: FloatArray  # [K]
     force_noise: FloatArray  # [N] noise and offset; NaN: no reading
-    frozen: FloatArray  # 1 if the force sensor repeats its last value, otherwise 0
+    frozen: FloatArray  # 1 if the force sensor is stuck and repeats its last value, otherwise 0
 
     def rows(self, wanted: FloatArray) -> FloatArray:
-        """Return the inputs of a controller in C, with the wanted force now and ahead, shape (n, 5)."""
+        """Return the inputs of a compiled controller, shape (n, 5): the columns of ``wanted``, then readings.
+
+        The readings are displacement, temperature and force noise.
+        """
         columns = (*wanted, self.displacement, self.temperature, self.force_noise)
         return np.ascontiguousarray(np.transpose(columns))
 
 
 class _ForceSensor:
-    """Force sensor. A frozen sensor repeats its last reading, which is stored here."""
+    """Force sensor. It stores the last reading because a stuck sensor repeats this reading."""
 
     __slots__ = ("_frozen", "_last", "_noise", "_step")
 
@@ -408,7 +417,7 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
-    """Return the samples at which a sensor has a fault, for each of its dropouts in the run."""
+    """Return one mask of samples for each dropout of a sensor in the run: True during the given fault."""
     spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
     found = [(time >= start) & (time < end) for start, end in spans]
     return [inside for inside in found if inside.any()]

@@ -1,8 +1,8 @@
 """Interfaces of controllers and plants.
 
-A controller is a small frozen value; its memory is a state that each step returns. One step per sample maps
-the wanted force and the readings of the sensors to a current. Extension is positive, a
-force that resists extension is positive.
+A controller is a small frozen object. At each sample, its step computes the current from the state, the
+wanted force and the sensor readings, and also returns the next state. Extension is positive, and a force that
+resists extension is positive.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ __all__ = [
 ]
 
 SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
-"""Sampling of a controller."""
+"""Min and max sampling rate of a controller [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The wanted force [N] at this sample, and at the time ``preview_s`` of the controller after it.
+    """The wanted force [N]: ``now`` at this sample, ``ahead`` after the controller's ``preview_s``.
 
-    If the future target is unknown, ``ahead`` is None and the controller extrapolates.
+    If the future target is unknown, ``ahead`` is None and the controller extrapolates the target.
     """
 
     now: float
@@ -61,7 +61,7 @@ class Controller(Protocol):
 
     @property
     def preview_s(self) -> float:
-        """Return the preview of the target [s]; 0: none."""
+        """Return how far ahead the controller needs the target [s]; 0 if it needs only the present target."""
         ...
 
     @property
@@ -84,7 +84,7 @@ class Controller(Protocol):
 
 
 class Plant(Protocol):
-    """A simulated damper with its own time step, which is shorter than the sample of the controller."""
+    """A simulated damper. Its time step is shorter than the sampling period of the controller."""
 
     @property
     def step_s(self) -> float: ...
@@ -96,7 +96,10 @@ class Plant(Protocol):
         current: float | FloatArray,
         temperature_degC: float,
     ) -> FloatArray:
-        """Advance one time step per array element; return the forces [N]. The current may be constant."""
+        """Advance one time step per array element; return the force [N] at the end of each time step.
+
+        A scalar ``current`` is constant for all time steps.
+        """
         ...
 
     def copy(self) -> Plant:
@@ -109,7 +112,10 @@ class CompiledPlant(Plant, Protocol):
     """A damper that the closed loop in C can step."""
 
     def hold(self, temperature_degC: float, count: int) -> object:
-        """Return up to 64 copies at one temperature in a capsule (``core/binding/loop_plant.h``)."""
+        """Return ``count`` copies (at most 64) of the damper at one temperature for the closed loop in C.
+
+        The result is a capsule with the struct in ``core/binding/loop_plant.h``.
+        """
         ...
 
 
@@ -117,14 +123,14 @@ class LoopSettings(NamedTuple):
     """Settings of a closed loop in C."""
 
     every: int  # plant steps per sample
-    late: int  # delay of a command: number of whole samples
-    apart: int  # delay of a command: number of additional plant steps
+    late: int  # whole samples in the delay of a command
+    apart: int  # plant steps in the delay of a command, in addition to ``late``
     reads_force: bool
     force_gain: float
     force_offset_N: float
     highest_A: float
-    command_step_A: float  # step of the driver's converter; 0: none
-    force_step_N: float  # step of the force sensor's converter; 0: none
+    command_step_A: float  # resolution of the current driver; 0: exact
+    force_step_N: float  # resolution of the force sensor; 0: exact
 
 
 @runtime_checkable
@@ -133,5 +139,5 @@ class CompiledController(Controller, Protocol):
 
     @property
     def compiled(self) -> Tracker | None:
-        """Return the controller in C; None if its step is in Python."""
+        """Return the compiled controller; None if the step of the controller is written in Python."""
         ...

@@ -1,13 +1,13 @@
 """Real-time model of the damper: displacement, current and temperature in, force out.
 
 The model has the same tables, configuration and C code as the controllers (``core/kernel/track_model.h``).
-Use it for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use it for fitting:
-``models.simulate`` integrates the law itself.
+Use the model for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use the model for
+fitting, because its tables approximate the law; ``models.simulate`` integrates the law itself.
 
-The current of a row is held during the period that ends with it. If the velocity is given, the model uses
-displacement and velocity unchanged. Otherwise it estimates the velocity by the motion filter of the
-controllers, which is designed for a displacement without noise. For a sensor with 10 um noise pass
-``displacement_noise_m=10e-6, jerk_density=1.0``.
+The current of a row is constant during the sampling period that ends at this row. If the velocity is given,
+the model uses displacement and velocity unchanged. Otherwise the model estimates the velocity by the motion
+filter of the controllers. By default, this filter is designed for a displacement without noise. For a sensor
+with 10 um noise, pass ``displacement_noise_m=10e-6, jerk_density=1.0``.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
 DISPLACEMENT_NOISE_M = 1e-8
-"""Noise for the motion filter without velocity. The displacement of a simulation has no noise.
+"""Displacement noise [m] for which the motion filter is designed if the velocity is unknown.
 
-It was chosen by measurement on five motions of 0.4 to 20 Hz at 1 kHz: below 1e-7 the force is as accurate as
-with a given velocity, and from 1e-8 on the gains no longer change.
+The displacement of a simulation has no noise. Tests with five motions of 0.4 to 20 Hz at 1 kHz showed: below
+1e-7 m, the force is as accurate as with a given velocity. Below 1e-8 m, the gains no longer change.
 """
 
 JERK_DENSITY = 30.0
@@ -65,10 +65,10 @@ class RealtimeDamper(Stepper):
         return self._native.model(state, displacement, velocity, current, temperature)
 
     def run(self, state: bytes, rows: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Take many steps at once; return the last state, the forces [N] and the flags, shape (n,).
+        """Compute n steps in one call; return the last state, the forces [N] and the flags, each of n steps.
 
-        ``rows`` holds displacement [m], velocity [m/s] or NaN, current [A or V] and temperature [K], shape
-        (n, 4).
+        ``rows`` has shape (n, 4) and the columns displacement [m], velocity [m/s] or NaN, current [A or V]
+        and temperature [K].
         """
         inputs = np.ascontiguousarray(rows, dtype=np.float64)
         if inputs.ndim != 2 or inputs.shape[1] != 4:
@@ -96,14 +96,14 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest current [A or V]; None: from the actuation, otherwise from the envelope
+    largest : largest current [A or V]; None: from the actuation of the card, or else from the envelope
     displacement_noise_m, jerk_density : parameters of the motion filter [m], [m/s^3 per root Hz]
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
-    extrapolate_temperature : True: a frozen temperature is extrapolated from the supplied energy, as in a
-        controller. False: a frozen temperature is flagged and used, because a simulation may have a constant
-        temperature
-    speed_m_s : speed up to which the tables reach [m/s]
+    heating : heat balance that detects a stuck thermometer; None: the paper's damper; ``NO_HEATING``: none
+    extrapolate_temperature : True: if the thermometer is stuck, the temperature is estimated from the
+        supplied energy, as in a controller. False: the model sets a flag and uses the constant reading,
+        because a simulation may have a constant temperature
+    speed_m_s : maximum speed of the tables [m/s]
     single : True for single precision
 
     Raises
@@ -114,7 +114,8 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     check_period("real-time model", period_s)
     damper = source.damper if isinstance(source, ModelCard) else source
     actuation = tuning.actuation_of(damper)
-    # The filter for harmonic motion is more accurate for a chain on a road (0.8 instead of 1.1 % RMS).
+    # Even for a motion on a road, the chain law is more accurate with the filter for harmonic motions (0.8
+    # instead of 1.1 % RMS error).
     is_harmonic = damper.law.name == "chain"
     motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
     tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)

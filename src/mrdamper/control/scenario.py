@@ -1,7 +1,8 @@
-"""Scenarios of force tracking as data: target, motion, temperature, sensors, disturbances, seed.
+"""Scenarios of force tracking: target, motion, temperature, sensors, disturbances and seed.
 
-A scenario contains the task and the disturbances. The loop adds damper and controller. User scenarios are
-TOML files. The targets of the virtual rig have names in ``SCENARIOS``; they are in phase with the velocity.
+A scenario defines the task and the disturbances. The closed loop adds a damper and a controller. Users write
+scenarios as TOML files. ``SCENARIOS`` contains the scenarios of the virtual rig by name. Their targets are in
+phase with the velocity.
 
 Sign convention: extension is positive, a force that resists extension is positive. Temperatures are in degC.
 """
@@ -34,13 +35,16 @@ class Target(Protocol):
     """A wanted force as a function of time."""
 
     def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
-        """Return the wanted force [N] at times [s] for given velocities of the motion [m/s]."""
+        """Return the wanted force [N] at times [s], at which the motion has the given velocities [m/s]."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SineTarget:
-    """F* = offset + amplitude cos(2 pi f t + phase); phase 0: like the velocity of A sin(2 pi f t)."""
+    """F* = offset + amplitude cos(2 pi f t + phase).
+
+    With phase 0, the target is in phase with the velocity of the motion A sin(2 pi f t).
+    """
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
@@ -145,7 +149,7 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Conditions:
-    """A scenario without its target: the plain values of its file."""
+    """All values of a scenario except the target."""
 
     name: str = "sine-900N-1Hz"
     motion: str = "sine5mm1Hz"
@@ -175,7 +179,7 @@ class _Conditions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ScenarioTable(_Conditions):
-    """The content of a scenario file: conditions, the scenario with defaults, and the table of the target."""
+    """Content of a scenario file: conditions, name of the scenario with the defaults, table of the target."""
 
     like: str | None = None
     target: Mapping[str, Any] | None = None
@@ -204,7 +208,7 @@ class Scenario(_Conditions):
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "scenario") -> Scenario:
-        """Return the scenario of a TOML document. Its key ``like`` names the scenario with the defaults."""
+        """Return the scenario of a TOML document. The scenario in ``like`` supplies missing values."""
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:
@@ -243,7 +247,7 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
 
 
 def find_scenario(name: object) -> Scenario:
-    """Return a scenario by name. An error for an unknown name suggests the nearest name."""
+    """Return a scenario by name. The error about an unknown name suggests the most similar name."""
     if not isinstance(name, str) or name not in SCENARIOS:
         raise unknown_name(f"there is no target {name!r}", str(name), SCENARIOS)
     return SCENARIOS[name]

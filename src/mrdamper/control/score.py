@@ -1,12 +1,12 @@
-"""Scores of a tracking run, for all samples and for the feasible samples only.
+"""Scores of a tracking run, once for all samples and once for the feasible samples.
 
-A semi-active damper cannot push. Its attainable range at an instant is given by its forces along the same
-motion, at the actual temperature, at constant zero and at constant highest current: lo(t) is the lower, hi(t)
-the higher force. A sample is feasible if lo + 20 N <= target <= hi - 20 N. The error always refers to the
-original target. A target clipped to the range would depend on history, and even the best current would have
-an error.
+A semi-active damper cannot push. Its attainable range is found by two simulations of the same motion at the
+actual temperature, one at zero current and one at the highest current. At each time t, lo(t) is the lower and
+hi(t) the higher of the two forces. A sample is feasible if lo + 20 N <= target <= hi - 20 N. The error always
+refers to the original target, because a target clipped to the range would depend on history and even the best
+current would have an error.
 
-All scores are computed at the steps of the plant, after the unscored beginning of the scenario.
+All scores are computed at the time steps of the plant, without the unscored beginning of the scenario.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
 
-# Distance of a feasible target from the ends of the range, limited to a fraction of the largest target.
+# Min distance of a feasible target from both ends of the range. It is at most a fraction of the peak target.
 MARGIN_N = 20.0
 MARGIN_RATIO_MAX = 0.025
 
@@ -34,9 +34,10 @@ class AttainableRange:
     high: FloatArray  # [N]
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
-        """Return True for samples whose target [N] is inside the range by at least a margin.
+        """Return True for every sample at which the target [N] is feasible.
 
-        The default margin is 20 N, or 2.5 % of the largest absolute target if this is smaller.
+        A feasible target is inside the range and at least the margin away from both ends. The default margin
+        is 20 N, or 2.5 % of the largest absolute target if this is smaller.
         """
         if margin_N is None:
             margin_N = min(MARGIN_N, MARGIN_RATIO_MAX * float(np.abs(target).max()))
@@ -49,7 +50,11 @@ class AttainableRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Tracking errors, coil power and current changes; None if no sample is feasible or data are missing."""
+    """Tracking errors, coil power and current changes of a run.
+
+    Scores of feasible samples are None if no sample is feasible. The coil power is None if the coil
+    resistance is unknown.
+    """
 
     max_N: float
     rmse_N: float
@@ -57,9 +62,9 @@ class Score:
     rmse_feasible_N: float | None
     p99_feasible_N: float | None
     feasible_share: float
-    rmse_over_range_percent: float  # divided by max - min of the target
-    coil_power_W: float | None  # mean i^2 R
-    chatter_A_per_s: float  # sum of |dI| divided by the time
+    rmse_over_range_percent: float  # RMS error divided by (max - min) of the target
+    coil_power_W: float | None  # mean of i^2 R
+    chatter_A_per_s: float  # sum of the absolute current changes, divided by the duration
     rmse_feasible_percent: float | None = None  # rmse_feasible_N divided by the RMS of the target
     within_5_percent_share: float = 0.0  # fraction of time with an error within 5 % of the target's peak
 
@@ -67,7 +72,7 @@ class Score:
 def attainable_range(
     plant: Plant, course: ReferenceTrajectory, temperature_degC: float, highest_A: float
 ) -> AttainableRange:
-    """Return the attainable force range of a plant along a motion, from the present state of the plant."""
+    """Return the attainable force range along a motion that starts in the present state of the plant."""
     ends = [
         plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
         for current in (0.0, highest_A)
@@ -97,13 +102,15 @@ def score_forces(
     step_s: float,
     resistance_ohm: float | None = None,
 ) -> Score:
-    """Return the scores of a force [N] for a target [N], both shape (n,); all samples are scored.
+    """Return the scores of a force [N] that has to follow a target [N], both of shape (n,).
+
+    All samples are scored.
 
     Parameters
     ----------
     current : current of the driver [A], shape (n,)
     step_s : time between samples [s]
-    resistance_ohm : resistance of the coil; None: its power is unknown
+    resistance_ohm : resistance of the coil; None: the coil power is not computed
     """
     shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
     if len(shapes) != 1 or 0 in shapes:
@@ -144,4 +151,4 @@ def combine_worst(scores: Sequence[Score]) -> Score:
         values = [value for score in scores if (value := getattr(score, each.name)) is not None]
         pick = min if each.name.endswith("_share") else max
         found[each.name] = pick(values) if values else None
-    return Score(**found)  # type: ignore[arg-type]  # a figure that is never None has values
+    return Score(**found)  # type: ignore[arg-type]  # a score that is never None has values

@@ -1,7 +1,8 @@
-"""Targets for a damper of any size, as fractions of its force at the largest current and 20 degC.
+"""Targets for a damper of any size, as fractions of the damper's force at the largest current and 20 degC.
 
-The three targets of the virtual rig suit a damper of 1.7 kN and 12 mm. For other dampers the targets have the
-same fraction of the force, a motion of suitable size, and the offset of the gas force at the temperature.
+The three targets of the virtual rig suit a damper of 1.7 kN and 12 mm. The targets of another damper have the
+same fraction of the damper's force, a suitable amplitude of the motion, and an offset that is the gas force
+at the temperature of the test.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from mrdamper.control.scenario import SCENARIOS, Scenario, VelocityTarget
 from mrdamper.excitation import motion_from_text
 
 SHARES = {"sine-900N-1Hz": 0.55, "sine-1100N-2Hz": 0.65, "non-periodic": 0.6}
-"""Amplitude divided by half the range of the force at the largest current, along the motion of the target."""
+"""Amplitude of each target, divided by half the force range (max - min) in its motion at full current."""
 
 _NAMES = dict(zip(SHARES, ("sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"), strict=True))
 _PERCENTILES = (2.5, 97.5)  # Percentiles exclude short peaks of the force.
 SIZING_TEMPERATURE_DEGC = 20.0
 _FORMS = ("sine:{:.2g}mm:1Hz", "sine:{:.2g}mm:2Hz", "random:{:.2g}mm:0.4-3Hz:1")
-RANGE_RATIO_MAX = 0.8  # A motion uses at most this fraction of the known stroke and speed.
-PROBE_TIMES_S = np.linspace(0.0, 10.0, 5001)  # Times for the largest stroke and speed of a motion.
+RANGE_RATIO_MAX = 0.8  # A motion uses at most this fraction of the stroke and speed of the fitted runs.
+PROBE_TIMES_S = np.linspace(0.0, 10.0, 5001)  # times at which the peaks of a motion are searched
 
 
 def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> tuple[str, ...]:
-    """Return a motion for each target within known displacements [m] and velocities [m/s].
+    """Return one motion per target that stays within ranges of displacement [m] and velocity [m/s].
 
-    The result is empty if the displacements do not include zero on both sides.
+    The result is empty unless both ranges extend to both sides of zero.
     """
     room, fastest = (RANGE_RATIO_MAX * min(-low, high) for low, high in (stroke, speed))
     if not min(room, fastest) > 0.0:
@@ -49,9 +50,9 @@ def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> t
 
 
 def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) -> list[Scenario]:
-    """Return the targets for a damper with currents up to ``highest_A``, at 20 degC.
+    """Return the scenarios of the three targets for a damper with currents up to ``highest_A``, at 20 degC.
 
-    ``motions`` contains a motion for each target in the format of ``motion_from_text``; if it is empty, the
+    ``motions`` contains one motion per target as text for ``motion_from_text``. If ``motions`` is empty, the
     motions of the virtual rig are used.
     """
     found = []
@@ -59,7 +60,7 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
         base = _replace_motion(SCENARIOS[name], motion or SCENARIOS[name].motion)
         low, high = _ends(plant, base, highest_A)
         target = replace(
-            base.target,  # type: ignore[type-var]  # both kinds have an amplitude and an offset
+            base.target,  # type: ignore[type-var]  # both target classes have an amplitude and an offset
             amplitude_N=round(share * 0.5 * (high - low), 1),
         )
         sized = replace(base, name=_NAMES[name], target=target, highest_A=highest_A)
@@ -68,14 +69,14 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
 
 
 def shift_to_temperature(plant: Plant, scenario: Scenario, temperature_degC: float) -> Scenario:
-    """Return a sized target for another temperature [degC]: the offset changes with the gas force."""
+    """Return a sized scenario at another temperature [degC]. The target's offset follows the gas force."""
     low, high = _ends(plant, scenario, 0.0, temperature_degC)
     target = replace(scenario.target, offset_N=round(0.5 * (low + high), 1))  # type: ignore[type-var]
     return replace(scenario, target=target, temperature_degC=temperature_degC)
 
 
 def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
-    """Return the scenario with another motion; a velocity target is scaled by the peak speed."""
+    """Return the scenario with another motion. In a velocity target, v0 is scaled with the peak speed."""
     target = scenario.target
     if isinstance(target, VelocityTarget):
         times = np.linspace(0.0, scenario.duration_s, 2001)
@@ -87,7 +88,7 @@ def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
 def _ends(
     plant: Plant, scenario: Scenario, current: float, temperature_degC: float = SIZING_TEMPERATURE_DEGC
 ) -> tuple[float, float]:
-    """Return the minimum and maximum force [N] at a constant current, without short peaks."""
+    """Simulate a scenario at constant current; return min and max force [N] without short peaks."""
     course = reference_trajectory(scenario, plant.step_s)
     force = plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
     return ends_of(force[course.scored_from :])

@@ -1,8 +1,8 @@
-"""The step in C: common part of controllers and the real-time model.
+"""Common base of the controllers and the real-time model, whose steps are computed in C.
 
-A stepper is a small frozen value with a configuration and tables. The kernel object is built from it once
-(``core/kernel/track_*.h``). Its state is bytes. ``StateEstimate`` contains the values of the state, ``Flag``
-the faults and events of the last step.
+A stepper is a small frozen object with a configuration and tables. The kernel object
+(``core/kernel/track_*.h``) is built from them once. The state is an object of type bytes. ``StateEstimate``
+contains the values in the state, and ``Flag`` the faults and events of the last step.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from mrdamper.control.tables.card_tables import DamperTables
 
 
 class Flag(IntFlag):
-    """Faults and events of a step; ``FAULTS`` are the faults of readings."""
+    """Faults and events of a step. ``FAULTS`` contains the flags of invalid readings."""
 
-    NO_DISPLACEMENT = 1  # not a number, or far outside
+    NO_DISPLACEMENT = 1  # the displacement is NaN or beyond its limit
     FROZEN = 2  # the displacement is constant although the damper moved
     MOTION_UNKNOWN = 4  # the displacement is missing for too long: the fall-back command is used
     NO_TEMPERATURE = 8  # the temperature is NaN or beyond its limits: the last valid one is used
     TEMPERATURE_JUMP = 16  # the temperature changes too fast for a damper: the last valid one is used
     NOMINAL_TEMPERATURE = 32  # the temperature is invalid for too long: the nominal one is used
     NO_TARGET = 64  # the target is NaN: zero is used
-    NO_FORCE = 128  # no reading although the controller feeds force back
+    NO_FORCE = 128  # the force reading is missing although the controller uses force feedback
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
-    OUTSIDE_TEMPERATURE = 512  # outside the temperature range of the model: the end of the range is used
+    OUTSIDE_TEMPERATURE = 512  # the temperature is outside the range of the model: the nearest end is used
     INFEASIBLE = 1024  # no current gives the wanted force
-    SATURATED = 4096  # the command is at its minimum or maximum, or the current of a model is beyond them
+    SATURATED = 4096  # controller: command at its minimum or maximum; model: current beyond these limits
     NO_CURRENT = (
-        8192  # current of a model: not a number, or far outside; the last valid one is used, then zero
+        8192  # model: the current is NaN or far outside its range; the last valid one is used, later zero
     )
-    FROZEN_TEMPERATURE = 16384  # constant although the damper warms: extrapolated from the supplied energy
-    NO_VELOCITY = 32768  # the velocity for a model is beyond its limit: estimated from the displacement
+    FROZEN_TEMPERATURE = 16384  # constant although the damper warms: estimated from the supplied energy
+    NO_VELOCITY = 32768  # model: the velocity is beyond its limit and is estimated from the displacement
     INTERNAL_FAULT = 65536  # the state was not finite and was reset
 
 
@@ -52,13 +52,13 @@ class StateEstimate:
     velocity: float  # [m/s]
     acceleration: float  # [m/s^2]
     command: float  # last command [A or V]
-    applied: float  # command behind delay, lags and magnetic hysteresis [A or V]
+    applied: float  # command after delay, lags and magnetic hysteresis [A or V]
     temperature: float  # [K]
-    yield_force: float  # parts of the model's force at the applied command [N]
+    yield_force: float  # part of the model's force at the applied command [N], like the three that follow
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # observed in the direction of motion [N]
+    disturbance: float  # observed force error times the sign of the velocity [N]
     flags: Flag
 
     @property
@@ -73,7 +73,7 @@ class Stepper:
 
     config: Config
     tables: DamperTables
-    single: bool = False  # use single precision, as targets without double precision do
+    single: bool = False  # use single precision, like hardware without double precision
     _native: core.Tracker = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -1,28 +1,33 @@
-"""Controller parameters by rule, from the card's actuation, the sampling period and the sensor noise.
+"""Rules that compute controller parameters from the card's actuation, sampling period and sensor noise.
 
 No value is tuned to one damper. The rules:
 
-*Motion filter.* The steady-state Kalman filter of a motion with white-noise jerk estimates position, velocity
-and acceleration from displacement alone. A jerk density of 1 m/s^3 per root Hz gives a velocity noise of
-0.9 mm/s for a sensor with 10 um noise at 1 kHz.
+*Motion filter.* A steady-state Kalman filter estimates position, velocity and acceleration from the
+displacement. Its motion model has white-noise jerk. A jerk density of 1 m/s^3 per root Hz gives a velocity
+noise of 0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 
-*Prediction.* The motion is assumed to be harmonic, so the filter expects ``HARMONIC_JERK_RATIO`` of the
-density. The horizon begins behind the dead time. It has ``HORIZON_STEPS`` steps and lasts until
-``HORIZON_RATIO`` of a step of the command has passed the lags. No step is shorter than ``STEP_RATIO_MIN`` of
-the time of the motion filter. If the driver cannot pull the current down, the horizon lasts for
-``FREEWHEEL_RATIO`` of a fall from the largest command to zero, and the steps of the last move are
-``FREEWHEEL_STRETCH`` times as long. The dead time is rounded up to a period, or down if it would be late by
-more than ``LATE_RATIO_MAX`` of a step. The error of a step has ``HORIZON_FADE`` of the weight of the step
-before. A move of the command costs ``MOVE_COST_RATIO`` of its force, and ``MOVE_COST_ERROR_RATIO`` the error
-that the card states, because a wrong law makes the command swing from end to end. The cost is at most
-``MOVE_COST_RATIO_MAX`` of the force, or ``IMPLICIT_MOVE_COST_RATIO_MAX`` for a law with an implicit step.
-``recommended`` assumes that ``SETTLED_RATIO`` of the hysteresis that is still to build up after a reversal is
-complete. ``predictive`` trusts the card. The prediction of a law with an implicit step is spread over at most
-``SPREAD_SAMPLE_COUNT_MAX`` periods, and the steps through the dead time are ``DEAD_TIME_STRIDE`` times as
-long as those of the horizon.
+*Prediction horizon.* The motion is assumed to be harmonic, so the jerk density of the filter is multiplied by
+``HARMONIC_JERK_RATIO``. The horizon begins at the end of the dead time and has ``HORIZON_STEPS`` time steps.
+It ends when the lags have completed ``HORIZON_RATIO`` of their response to a sudden change of the command. No
+time step is shorter than ``STEP_RATIO_MIN`` of the time constant of the motion filter. If the driver is
+one-quadrant (the current can only free-wheel down), the horizon lasts at least for ``FREEWHEEL_RATIO`` of the
+fall from the largest command to zero. The time steps from the fourth on are then ``FREEWHEEL_STRETCH`` times
+as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more than
+``LATE_RATIO_MAX`` of a time step.
 
-*Feedback.* Proportional and integral gain by Skogestad's rule on the actuation: the first lag is the time
-constant, all that follows is the dead time, and the closed loop is as slow as that dead time.
+*Prediction cost.* The force error of a time step has ``HORIZON_FADE`` of the weight of the previous time
+step. A change of the command (*move*) costs ``MOVE_COST_RATIO`` of the force change that it causes. It also
+costs ``MOVE_COST_ERROR_RATIO`` times the force error of the card, because an inaccurate law makes the command
+swing between its limits. The cost is at most ``MOVE_COST_RATIO_MAX`` of the force change, or
+``IMPLICIT_MOVE_COST_RATIO_MAX`` for a law with an implicit step. After a reversal, ``recommended`` assumes
+that ``SETTLED_RATIO`` of the remaining build-up of the hysteresis is complete. ``predictive`` uses the
+hysteresis of the card unchanged. For a law with an implicit step, the computation is spread over at most
+``SPREAD_SAMPLE_COUNT_MAX`` periods, and the time steps during the dead time are ``DEAD_TIME_STRIDE`` times as
+long as the time steps of the horizon.
+
+*Feedback.* Proportional and integral gain follow from Skogestad's (SIMC) rule. The first lag of the actuation
+is the time constant of the process. The dead time, the second lag and the sampling period together are the
+dead time of the process. The time constant of the closed loop equals this dead time.
 """
 
 from __future__ import annotations
@@ -59,19 +64,23 @@ IMPLICIT_MOVE_COST_RATIO_MAX = 0.6
 SETTLED_RATIO = 0.4
 """Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete.
 
-If the current rises after a reversal, the force of a Bouc-Wen law builds up too slowly because its state is
-relative to the yield force. With 0 the command is correct for a damper that is exactly the card, but on a
-virtual damper of the rig the force overshoots by up to 200 N after each reversal.
+If the current rises after a reversal, the force of a Bouc-Wen law builds up too slowly because the state of
+the law is relative to the yield force. A value of 0 is correct for a damper that is identical to the card. On
+the virtual dampers of the rig, a value of 0 lets the force overshoot by up to 200 N after each reversal.
 """
 
 FREQUENCY_FILTER_S = 1.0
-"""Time constant of the mean squares that give the frequency of the motion [s]."""
+"""Time constant of the averages of v^2 and a^2 in the frequency estimate of the motion [s]."""
 
 HARMONIC_JERK_RATIO = 0.3
-"""Remaining fraction of the jerk density if the frequency of the motion is known."""
+"""Factor on the jerk density if the motion is assumed to be harmonic."""
 
 MOTION_PERIOD_RATIO_MIN = 3.0
-"""Minimum period of a motion divided by the filter time. The filter could excite a faster motion itself."""
+"""Shortest period of the assumed harmonic motion, proportional to the time constant of the motion filter.
+
+The squared angular frequency is limited to the reciprocal square of this time, because with a shorter period
+the filter could become unstable.
+"""
 
 SETTLING_RATIO = 8.0
 """Settling time of a motion filter, divided by its time constant."""
@@ -80,14 +89,14 @@ OBSERVER_S = 0.15
 """Time constant of the disturbance observer [s]."""
 
 SERIES_STEP_S = 1e-3
-"""Maximum step of the series valve [s]."""
+"""Maximum integration step of the series valve [s]."""
 
-_CLOSE_STEPS = 3  # Steps of the first two moves of a prediction.
-_DELAY_LINE = 128  # MRD_TRACK_DELAY_LINE of the kernel
+_CLOSE_STEPS = 3  # The first two moves of a prediction act in these time steps, which are never stretched.
+_DELAY_LINE = 128  # number of past commands that the kernel stores: MRD_TRACK_DELAY_LINE
 
 
 def actuation_of(damper: Damper) -> Actuation:
-    """Return the actuation of the damper; one lag if it has only a command lag."""
+    """Return the actuation of the damper. A damper with only a command lag gets an actuation with one lag."""
     if damper.actuation is not None:
         return damper.actuation
     return Actuation(damper.command_lag_s, damper.command_lag_s)
@@ -96,8 +105,8 @@ def actuation_of(damper: Damper) -> Actuation:
 def sampled_actuation(actuation: Actuation, period_s: float) -> config.Actuation:
     """Return the discrete-time actuation for a sampling period [s].
 
-    ``rise_couple`` and ``fall_couple`` are the effect of the gap of the first lag on the second lag. With
-    this effect, the response to a command that is constant during each period is exact.
+    The result includes the effect of the first lag on the second during a period (``rise_couple`` and
+    ``fall_couple``). Therefore the response is exact if the command is constant during each period.
     """
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
     (rise, fall), second = (actuation.rise_s, actuation.fall_s), actuation.second_s
@@ -148,12 +157,13 @@ def check_delay(actuation: Actuation, period_s: float) -> None:
 
 
 def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatArray, FloatArray]:
-    """Return the steady-state gains of a filter for value, rate and second derivative, and its covariance.
+    """Return gains and covariance of the steady-state Kalman filter of a signal and its two derivatives.
 
-    The value is read once a period with white ``noise`` (RMS). Its third derivative is white with ``density``
-    (per root Hz). Units of the gains: [-], [1/s], [1/s^2]. The covariance after a reading has shape (3, 3).
+    The signal is sampled once a period with white ``noise`` (RMS). The third derivative of the signal is
+    white noise with a ``density`` (per root Hz). The three gains have the units [-], [1/s] and [1/s^2]. The
+    covariance of the estimate after a reading has shape (3, 3).
     """
-    from scipy.linalg import solve_discrete_are  # It takes a quarter of a second to load.
+    from scipy.linalg import solve_discrete_are  # SciPy takes a quarter of a second to load.
 
     if not (noise > 0.0 and density > 0.0):
         raise InputError(
@@ -161,7 +171,7 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
             found=f"noise {noise} and density {density}",
             expected="two positive numbers",
         )
-    # In units of noise and period, step and noise are 1. One dimensionless number remains.
+    # If period and noise are the units, the problem depends on one dimensionless number, ``power``.
     power = (density / noise) ** 2 * period_s**5
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
@@ -175,7 +185,10 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
 def motion_of(
     period_s: float, held_s: float, noise: float, density: float, *, is_harmonic: bool
 ) -> config.MotionFilter:
-    """Return the filter for readings that are held for a time [s], for a harmonic or an arbitrary motion."""
+    """Return the motion filter for a displacement that is read every ``held_s`` [s].
+
+    If ``is_harmonic`` is False, constant acceleration is assumed between readings.
+    """
     gains, spread = motion_filter(held_s, noise, density * (HARMONIC_JERK_RATIO if is_harmonic else 1.0))
     filter_s = _filter_time(held_s, float(gains[2]))
     return config.MotionFilter(
@@ -200,14 +213,14 @@ def prediction_of(
     *,
     spread: bool = False,
 ) -> config.Prediction:
-    """Return the horizon of a prediction.
+    """Return horizon and cost of the prediction in a model-predictive controller.
 
     Parameters
     ----------
-    motion : motion filter; no step is shorter than a quarter of its time
-    force_per_command : force divided by command in a steady, fast motion [N/A]
-    error_per_command : force error that the card states, divided by the largest command [N/A]
-    spread : True: use several periods, for a law that needs many instructions
+    motion : motion filter; no time step is shorter than a quarter of its time constant
+    force_per_command : increase of the force with the command in a steady, fast motion [N/A]
+    error_per_command : force error of the card divided by the largest command [N/A]
+    spread : True: spread the computation over several periods, for a law that needs many instructions
     """
     lags = replace(actuation, delay_s=0.0)
     risen, stretch = lags.response_time(HORIZON_RATIO), 1
@@ -215,7 +228,7 @@ def prediction_of(
         fallen = lags.response_time(FREEWHEEL_RATIO, actuation.largest_command or 1.0, 0.0)
         risen, stretch = max(risen, fallen), FREEWHEEL_STRETCH
     parts = _parts(HORIZON_STEPS, stretch)
-    known = 1.0 / (MOTION_PERIOD_RATIO_MIN * math.sqrt(motion.omega_squared_max))  # the filter's time
+    known = 1.0 / (MOTION_PERIOD_RATIO_MIN * math.sqrt(motion.omega_squared_max))  # filter time [s]
     step = max(risen / parts, STEP_RATIO_MIN * known, period_s)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     if dead - actuation.delay_s > LATE_RATIO_MAX * step:
@@ -252,12 +265,12 @@ def horizon_end(prediction: config.Prediction) -> float:
 
 
 def _parts(steps: int, stretch: int) -> int:
-    """Return the length of a horizon in shortest steps. Steps from the fourth on are stretched."""
+    """Return the horizon length in units of the shortest step. Steps from the fourth on are longer."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
 
 
 def feedback_gains(actuation: Actuation, period_s: float, force_per_command: float) -> tuple[float, float]:
-    """Return proportional gain [A/N] and integral rate [A/(N s)] of a force feedback."""
+    """Return proportional gain [A/N] and integral gain [A/(N s)] of a force feedback."""
     slow = max(actuation.rise_s, actuation.fall_s, period_s)
     dead = actuation.delay_s + actuation.second_s + period_s
     gain = slow / (force_per_command * 2.0 * dead)
@@ -278,12 +291,12 @@ def _freewheel_ratio(actuation: Actuation, time: float) -> float:
 
 
 def _ramp(lag: float, time: float) -> float:
-    """Return the delay of a lag at the end of a ramp from rest, as a fraction of the ramp."""
+    """Return input minus output of a lag at the end of a ramp from rest, divided by the input change."""
     return lag / time * (1.0 - _remaining(lag, time)) if lag > 0.0 and time > 0.0 else _remaining(lag, time)
 
 
 def _couple(first: float, second: float, time: float) -> float:
-    """Return the fraction of the first lag's gap that is in the second lag after a time."""
+    """Return the fraction of the first lag's gap that has been added to the second lag's gap after a time."""
     if second <= 0.0:
         return _remaining(first, time)
     if first <= 0.0:

@@ -20,13 +20,14 @@ class FitSettings:
     genetic_seed: int = 0  # seed of the random numbers of the genetic algorithm
 
     # Samples
-    rate_Hz: float = 200.0  # max sampling rate in a fit; runs with a lower rate keep their rate
-    samples_per_period: float = 200.0  # max number of samples per period, which reduces the rate of slow runs
+    rate_Hz: float = 200.0  # max sampling rate in a fit; runs with a lower rate are not resampled
+    samples_per_period: float = 200.0  # max number of samples per period; limits the rate of slow motions
 
-    # Windows. A warm-up of one period leaves a force error of 0.02 % (median) and 1 % (worst) of the spread.
+    # Windows. The force error that remains after a warm-up of one period is 0.02 % (median) or 1 % (worst
+    # run), relative to the standard deviation of the force.
     window_periods: float = 1.0  # scored length of a window, in periods of the motion
-    warm_up_periods: float = 1.0  # simulated but not scored length before a window, in periods
-    window_samples_min: int = 32  # min length of a window, and of its warm-up, in samples
+    warm_up_periods: float = 1.0  # length of the unscored simulation before a window, in periods
+    window_samples_min: int = 32  # min length of a window, and also of the warm-up, in samples
     # The kernel evaluates windows with changing current one by one. If there are more samples with changing
     # current than this, the fit uses a subset of the data.
     changing_samples_max: int = 5_000
@@ -34,7 +35,7 @@ class FitSettings:
     windows_error_ratio_max: float = 1.2
     temperature_change_K_max: float = 1.0  # A window with a larger temperature change is divided.
 
-    # Differences of two windows that count as distance 1
+    # Unit distances for the selection of windows: two windows with one of these differences have distance 1
     size_ratio: float = 1.3  # ratio of amplitudes or speeds
     position_step: float = 0.2  # difference of the mean positions, divided by the stroke
     current_step: float = 0.1  # difference of the currents, divided by the largest current
@@ -42,9 +43,9 @@ class FitSettings:
     time_step: float = 1.0  # difference of the times, divided by the length of the run
 
     # Search for start values, on few windows
-    random_start_count: int = 3  # starts of a law that has no archetypes; each start has many points
-    screening_samples_max: int = 5_000  # max number of simulated samples of the windows
-    draws_per_parameter: int = 8  # random points of each start, per searched parameter
+    random_start_count: int = 3  # number of starts for a law without archetypes; each start has many points
+    screening_samples_max: int = 5_000  # max number of simulated samples in all windows together
+    draws_per_parameter: int = 8  # random points of each start, per nonlinear parameter
     draw_count_max: int = 80  # max number of random points of each start
     screened_count: int = 6  # number of descents, which start at the points with the smallest costs
     screening_iterations_max: int = 10
@@ -54,7 +55,7 @@ class FitSettings:
     # Thorough search for the chosen candidate
     thorough_count: int = 8  # number of descents
     thorough_iterations_max: int = 20
-    # Iterations after coefficients of two parameter sets are exchanged or a parameter set is perturbed.
+    # Max iterations of a descent from a minimum that was perturbed or combined with a second minimum
     hop_iterations_max: int = 20
     failed_hop_count_max: int = 3  # The search ends after this number of rounds that do not reduce the cost.
 
@@ -72,7 +73,7 @@ DEFAULT_SETTINGS = FitSettings()
 class NumericalSettings:
     """Tolerances, grids and steps of the numerical methods of the identification."""
 
-    # Same operating point: two runs differ by less than these values
+    # Two runs have the same operating point if they differ by less than these values.
     same_motion_ratio: float = 1.1  # ratio of standard deviations of displacement and of velocity
     same_current_ratio: float = 0.03  # difference of currents / largest current of all runs
     same_temperature_K: float = 5.0
@@ -80,14 +81,16 @@ class NumericalSettings:
     # Windows
     same_weight_tolerance: float = 1e-6  # relative difference of two weights that count as equal
     steps_per_period_min: int = 400  # integration steps for slow motions
-    steps_per_sample: int = 4  # A sample with more integration steps counts as several samples.
-    parallel_window_count: int = 8  # windows that the kernel integrates at once
+    steps_per_sample: int = 4  # A sample with more integration steps counts as several samples of work.
+    parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5
-    fold_motion_ratio: float = 1.3  # ratio of standard deviations within the motion that a fold holds out
-    # Limits of the fit of the actuation. Long runs are resampled, but 200 Hz resolves time constants of 5 ms.
+    # Runs have the same motion if their standard deviations have a smaller ratio. A fold holds out a motion.
+    fold_motion_ratio: float = 1.3
+    # Limits in the fit of the actuation. Long runs are resampled, but not below 200 Hz, which is necessary to
+    # resolve time constants of 5 ms.
     actuation_samples_max: int = 100_000
     actuation_rate_min_Hz: float = 200.0
-    acceleration_quantile: float = 1e-3  # Larger accelerations are artefacts of the smoothing.
+    acceleration_quantile: float = 1e-3  # This fraction of extreme accelerations is ignored as an artefact.
 
     # Search: steps of a descent
     step_max_e_folds: float = 1.5  # longest step of a coordinate on a logarithmic scale
@@ -95,31 +98,32 @@ class NumericalSettings:
     box_round_count_max: int = 8
     damping_start: float = 1e-2
     damping_max: float = 1e12
-    # The drift is the change of the force by the elimination of linear parameters, relative to the force.
-    drift_max: float = 0.03  # The tangents are computed again if the drift is larger.
-    failed_drift_max: float = 1e-4  # limit after a failed step
-    # A descent has converged if the expected gain of a step, or the gain of the last steps, is smaller.
-    predicted_gain_min: float = 1e-9  # fraction of the cost
-    gain_min: float = 5e-5  # fraction of the cost that the last steps gain together
-    gain_step_count: int = 10  # number of these last steps
+    # Drift: relative change of the force when predicted linear parameters are replaced by the best ones
+    drift_max: float = 0.03  # If the drift is larger, the tangents are computed again.
+    failed_drift_max: float = 1e-4  # like drift_max, after a failed step
+    # A descent has converged if one of the following two decreases of the cost is smaller than the limit.
+    predicted_gain_min: float = 1e-9  # predicted decrease in the next step / cost
+    gain_min: float = 5e-5  # decrease in the last ``gain_step_count`` steps / cost
+    gain_step_count: int = 10
 
     # Search: linear parameters
-    regularisation_cost: float = 1e-6  # cost [%^2] at a bound; a parameter without effect stays near 0
+    regularisation_cost: float = 1e-6  # cost [%^2] of a parameter at a bound; unused parameters stay near 0
     eigenvalue_min: float = 1e-12  # regularisation of a matrix with a unit diagonal
-    # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal.
+    # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal
     multiplier_regularisation: float = 1e-10
-    resolved_cost_ratio: float = 1e-9  # A smaller cost / cost of the guess is a rounding error.
+    resolved_cost_ratio: float = 1e-9  # If cost / cost of the guess is smaller, rounding errors dominate.
     active_stiffness: float = 1e8  # relative stiffness of an active condition
-    sum_count_max: int = 1 << 21  # sums of single runs in memory at a time
-    # OpenBLAS uses one thread for products of this size. Several threads would wait actively.
+    sum_count_max: int = 1 << 21  # max number of sums of single runs in memory
+    # OpenBLAS uses one thread up to this product size. Several threads would waste time in busy waiting.
     one_thread_size_max: int = 1 << 17
-    invalid_cost: float = 1e6  # cost of a candidate with invalid coefficients on all runs [%^2]
+    invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]
 
     # Thorough search
-    # Fraction of the coordinates that a perturbation changes, and its size in e-folds on a logarithmic scale
+    # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
+    # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    perturbation_range_ratio: float = 0.1  # the same size on a linear scale / range of the bounds
-    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # coefficients that come from another minimum
+    perturbation_range_ratio: float = 0.1  # change on a linear scale for 1 e-fold / range of the bounds
+    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # coefficients taken from a second minimum
     python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
 
     # Conditions and limits of coefficients
@@ -132,9 +136,9 @@ class NumericalSettings:
     position_change_max: float = 0.99
 
     # Temperature
-    linear_decrease_max: float = 0.95  # A linear factor stays positive at the measured temperatures.
-    temperature_margin_K: float = 5.0  # Coefficients are extrapolated this far beyond the runs.
-    sharpness_level_count_min: int = 5  # currents for a fit of the sharpness of a saturation
+    linear_decrease_max: float = 0.95  # less than 1 keeps a linear factor positive at measured temperatures
+    temperature_margin_K: float = 5.0  # Coefficients are valid this far beyond the temperatures of the runs.
+    sharpness_level_count_min: int = 5  # min number of currents for fitting the sharpness of a saturation
 
     # Actuation
     command_step_ratio: float = 0.01  # step of a difference quotient / largest command

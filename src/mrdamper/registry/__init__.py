@@ -2,11 +2,11 @@
 
 All interfaces are generated from these rows and from the inputs and options in ``jobs.options``: commands and
 their help, requests and forms of the server, tables of options in the documentation, and functions such as
-``mrdamper.heat``. A new job consists of a module in ``jobs``, a module in ``report``, a class in
-``jobs.options`` and a row here.
+``mrdamper.heat``. To add a job, write a module in ``jobs``, a module in ``report``, a class in
+``jobs.options`` and a row in this table.
 
-Rows contain the names of modules as text (``"mrdamper.jobs.thermal.heat:heat"``), so that the table loads no
-module. The module ``job`` runs a row.
+Rows name functions as text (``"mrdamper.jobs.thermal.heat:heat"``), so that this package can be imported
+without the modules of the jobs. The module ``job`` runs the job of a row.
 """
 
 from __future__ import annotations
@@ -222,4 +222,4 @@ QUERIES: Mapping[str, str] = {
     "card": "mrdamper.jobs.previews.card:require_card",
     "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
 }
-"""Function that answers a query, by name. Queries are short computations for web pages."""
+"""Functions that answer the queries, by name of the query. Queries are short computations for web pages."""

@@ -1,4 +1,4 @@
-"""Rows of the registry: read the inputs of a job, check its options, run it, and write all files or none."""
+"""Class of the registry's rows: read inputs, check options, run the job, and write all files or none."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Declaration of a job. All interfaces are generated from it."""
+    """Declaration of a job. All interfaces of the job are generated from this declaration."""
 
     name: str
     help: str
     run: str  # module:function(inputs by name, options=, on_progress=) -> result
     report: str  # module:REPORT
-    files_help: str = ""  # Help of --out; empty if the job writes no folder.
+    files_help: str = ""  # help text of the option --out; empty if the job writes no folder
     out_required: bool = False
     out_default: str = ""
-    progress_word: str = ""  # Unit of progress; empty if ``run`` has no ``on_progress``.
-    checkpoint: str = ""  # module:function(folder, resume=) that opens the argument ``checkpoint`` of ``run``
-    ctrl_c: str = ""  # Effect of an interrupt if the job does not end.
-    out: str = ""  # Output folder on the server: "card" or "runs"; empty for a new folder.
+    progress_word: str = ""  # unit of the progress count; empty if ``run`` has no ``on_progress``
+    checkpoint: str = ""  # module:function(folder, resume=) that opens the ``checkpoint`` for ``run``
+    ctrl_c: str = ""  # effect of Ctrl-C for the user; empty if Ctrl-C ends the job without files
+    out: str = ""  # output folder on the server: "card", "runs", or empty for a new folder in results/
 
     @property
     def attribute(self) -> str:
-        """Return the name of the Python function, such as ``fetch_data`` for ``data fetch``."""
+        """Return the name of the job's Python function, such as ``fetch_data`` for ``data fetch``."""
         return "_".join(reversed(self.name.split()))
 
     @property
@@ -56,17 +56,17 @@ class Job:
 
     @property
     def outputs(self) -> tuple[Field, ...]:
-        """Return the outputs with their own paths. The option ``what`` holds the requested names."""
+        """Return the outputs for which the user gives separate paths, such as ``--fmu PATH``."""
         return tuple(each for each in class_fields_of(self.options_type) if each.option.output)
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Return the options; without any, ``run`` has no argument ``options``."""
+        """Return the options of the job. Without options, ``run`` has no argument ``options``."""
         return fields_of(self.options_type)
 
     @property
     def reading(self) -> tuple[Field, ...]:
-        """Return the options for reading the inputs."""
+        """Return the options that control how the inputs are read."""
         names = {name for each in self.inputs for name in each.option.reading}
         return tuple(each for each in fields_of(load(_READING)) if each.name in names)
 
@@ -76,7 +76,7 @@ class Job:
         return result
 
     def options_from(self, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the job's options
-        """Return checked options, or raise ``InputError`` with a line for each fault."""
+        """Return the checked options. If some are invalid, raise one ``InputError`` with a line for each."""
         return read_record(self.options_type, given, self.name)
 
     def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
@@ -121,7 +121,7 @@ class Job:
         on_progress: Progress | None,
         **more: Any,  # noqa: ANN401
     ) -> Any:  # noqa: ANN401
-        """Run the job; an error about an input gets the path of the input."""
+        """Run the job. If an error is about an input, add the path of the input to the error."""
         if self.progress_word and on_progress is not None:
             more |= {"on_progress": on_progress}
         if self.fields:
@@ -144,15 +144,16 @@ class Job:
         on_progress: Progress | None = None,
         resume: bool = False,
     ) -> tuple[Any, Json]:
-        """Run the job and write its files, all or none; return (result, answer).
+        """Run the job and write all files or none; return the result and the JSON answer.
 
         Parameters
         ----------
-        given : path, preset or object of each input, by name, and options for reading; optional inputs can
-            be missing
-        options : None selects the default options
+        given : by name, the path, preset or object of each input, and the options for reading; optional
+            inputs may be missing
+        options : options of the job; None: the default options
+        out : folder for all files; None: no folder is written
         outputs : paths of single outputs, by name
-        resume : continue with the finished parts of the same job in the same folder
+        resume : True: reuse the finished parts of an interrupted job of the same kind in the same folder
         """
         from mrdamper.report.base import write_report
 
@@ -171,14 +172,14 @@ class Job:
             if self.checkpoint:
                 store = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
                 more = {"checkpoint": store}
-            # A path that is not writable is reported before the computation.
+            # The paths are prepared first, so that an unwritable path is reported before the computation.
             places = stack.enter_context(self._staged(folders, _files_read(given)))
             result = self._run(given, things, options, on_progress, **more)
             answer = write_report(reported, result, places, self._head(given))
         return result, answer
 
     def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
-        """Return the paths of all outputs by name. The name of the folder is empty."""
+        """Return the paths of all outputs by name. The folder ``out`` has the empty name."""
         given = [path.absolute() for path in outputs.values()]
         for name, path in outputs.items():
             if given.count(path.absolute()) > 1:
@@ -196,9 +197,10 @@ class Job:
     def _staged(
         self, folders: Mapping[str, Path], inputs: Sequence[Path] = ()
     ) -> Iterator[Mapping[str, Place]]:
-        """Yield temporary paths; the files are moved to their final paths at the end.
+        """Generate one mapping from output names to temporary paths, for a with statement.
 
-        The files ``inputs`` are never replaced.
+        At the end of the statement, the files are moved to their final paths. The files ``inputs`` are never
+        replaced.
         """
         from mrdamper.report.base import Place
         from mrdamper.runtime.outputs import atomic_output, refuse_inputs
@@ -219,7 +221,7 @@ class Job:
         return {each.name for each in self.outputs if each.option.metavar != "DIR"}
 
     def _head(self, given: Mapping[str, Any]) -> Json:
-        """Return the first keys of an answer: the paths of the inputs."""
+        """Return the first entries of the JSON answer: the paths of the inputs."""
         head: Json = {}
         for each in self.inputs:
             value = given.get(each.name)
@@ -238,7 +240,7 @@ class Job:
 
 
 def _files_read(given: Mapping[str, Any]) -> list[Path]:
-    """Return the files of the inputs of a job, including the files of folders and patterns."""
+    """Return all files that the inputs of a job refer to, including those in folders and patterns."""
     parts = [value if isinstance(value, list | tuple) else [value] for value in given.values()]
     paths = [Path(each) for part in parts for each in part if isinstance(each, str | Path)]
     files = [path for path in paths if is_there(path) and not is_folder(path)]

@@ -1,4 +1,4 @@
-"""Settings of the heating: thresholds, grids and weights that decide results."""
+"""Settings of the thermal simulation: thresholds, grids and weights that affect results."""
 
 from __future__ import annotations
 
@@ -12,34 +12,35 @@ class ThermalSettings:
     # Geometry and materials
     coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
     carrier_conductivity_W_mK: float = 0.14  # default of the carrier oil
-    mixed_fraction: float = 0.5  # fraction of the displaced volume that mixes before it returns
+    mixed_fraction: float = 0.5  # fraction of the displaced fluid that mixes with a chamber before it returns
 
     # Load cycles and their power
-    motion_time_s: float = 120.0  # simulated time of a motion that is not periodic, for the mean power
-    measured_motion_time_s: float = 20.0  # duration of the segments of a measured motion
+    motion_time_s: float = 120.0  # simulated time of a non-periodic motion, for the mean power
+    measured_motion_time_s: float = 20.0  # duration of each segment into which a measured motion is divided
     step_deviation_ratio_max: float = 1e-3  # deviation of a time step from the mean step
     duration_max_s: float = 1e6
     loss_temperature_range_K: tuple[float, float] = (273.15, 423.15)  # The range of the card also limits it.
     loss_temperature_count: int = 11
-    piston_pressure_max_Pa: float = 50e6  # Above, card and geometry probably belong to different dampers.
+    piston_pressure_max_Pa: float = 50e6  # If higher, card and geometry probably belong to different dampers.
 
     # Map of the permissible load
     map_model_order: int = 24  # number of unknowns of the reduced model
-    map_steady_time_s: float = 4.0 * 3600.0  # time whose uncertainty interval represents the steady state
+    map_steady_time_s: float = 4.0 * 3600.0  # The uncertainty at this time is used for the steady state.
     map_step_max_s: float = 120.0
     map_first_step_s: float = 5.0
 
-    # Breakpoints of the convection table of the compact model; rises are surface minus ambient
+    # Breakpoints of the convection table of the compact model; a rise is surface minus ambient temperature
     film_ambient_K: tuple[float, ...] = (253.15, 288.15, 323.15)  # three equidistant values
     film_air_speeds_m_s: tuple[float, ...] = (0.0, 0.25, 0.4, 0.6, 0.9, 1.35, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0)
     film_rises_K: tuple[float, ...] = (-20.0, -5.0, 0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 115.0, 150.0)
 
     # Reduction to the compact model
     compact_state_count: int = 6
-    source_model_order: int = 40  # order of the reduced model that is truncated
+    source_model_order: int = 40  # order of the reduced model from which the compact model is computed
     basis_air_speeds_m_s: tuple[float, ...] = (0.0, 3.0)  # air speeds for which the Gramian is computed
     typical_rise_K: float = 60.0  # rise above ambient at which heat transfer is linearised
-    spot_rates_1_s: tuple[float, ...] = (0.0, 3e-3, 3e-2)  # Their responses select the hottest points.
+    # The temperature fields at these rates of exponential change show which points can be the hottest.
+    spot_rates_1_s: tuple[float, ...] = (0.0, 3e-3, 3e-2)
     # Weights of the inputs and outputs in the Gramian
     mechanical_weight_W: float = 100.0
     coil_weight_W: float = 20.0
@@ -47,10 +48,10 @@ class ThermalSettings:
     output_weight_W: float = 100.0
 
     # Kalman filter of the compact model
-    # The typical power of a damper causes this rise in this time if there are no heat losses.
+    # The typical power of a damper without heat losses causes the following rise in the following time.
     typical_power_rise_K: float = 100.0
     typical_power_time_s: float = 1800.0
-    # Standard deviations / typical power, and correlation times
+    # Standard deviations of power error and missing heat / typical power, and their correlation times
     power_error_ratio: float = 0.15
     power_error_time_s: float = 60.0
     missing_heat_ratio: float = 0.15
@@ -71,23 +72,24 @@ class ThermalSettings:
 
     # Calibration with a heating curve
     calibration_step_max_s: float = 20.0
-    calibration_factor_range: tuple[float, float] = (0.05, 20.0)  # at a bound, curve and load do not match
+    # If a factor reaches a bound, the heating curve does not belong to the load.
+    calibration_factor_range: tuple[float, float] = (0.05, 20.0)
     start_range_K: float = 50.0  # max distance of the initial temperature from the first readings
     reading_noise_min_K: float = 0.02
     reading_noise_max_K: float = 2.0
     residual_ratio_max: float = 0.03  # residual / temperature range of the curve
     neighbour_correlation_max: float = 0.999
     reference_excess_K: float = 40.0  # temperature above ambient at which heat losses are compared
-    trial_margin_K: float = 100.0  # A trial ends this far below the end of the loss tables.
+    trial_margin_K: float = 100.0  # A trial simulation stops this far below the end of the loss tables.
 
     # Interval of a predicted heating curve
-    interval_deviations: float = 1.645  # half width of 90 % of a normal distribution / standard deviation
-    stop_excess_K: float = 50.0  # Simulations end this far above all limits; later values are not needed.
-    run_margin_K: float = 20.0  # Simulations end this far below the end of the loss tables.
+    interval_deviations: float = 1.645  # half width of a normal 90 % interval / standard deviation
+    stop_excess_K: float = 50.0  # A simulation stops this far above all limits; later values are not needed.
+    run_margin_K: float = 20.0  # A simulation stops this far below the end of the loss tables.
     misfit_ratio: float = 0.004  # standard deviation of the error of a calibrated network / rise
 
     # Design of fins
-    sink_step_max_s: float = 120.0  # The error, 10 mK after half an hour, is equal for all heat sinks.
+    sink_step_max_s: float = 120.0  # The error is 10 mK after half an hour, equal for all heat sinks.
     sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # tried width / largest width
     fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # tried thickness / smallest thickness
     sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # tried pitch / largest pitch

@@ -1,6 +1,6 @@
-"""Calls of the job functions: names in the folder are replaced by paths.
+"""Call the job functions for the server: convert names in the work folder to paths.
 
-The command line calls the same job functions. Nothing is computed here.
+The command line calls the same job functions. This module computes nothing.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from mrdamper.web.schemas import ORDER_JOBS
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
 Say = Callable[..., None]
-"""Callback for progress, with the keywords done, of, text, and further values of a fit."""
+"""Callback for progress. The keywords are done (count), of (total), text, and further values of a fit."""
 
 
 def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
-    """Run a job, write its files into ``out`` (a card or runs into their own folder), and return its answer.
+    """Run a job, write its files, and return its answer.
 
-    With ``resume`` a sweep continues after its finished tasks.
+    The files are written to the folder ``out``, except cards and simulated runs, which belong to ``cards/``
+    and ``runs/``. If ``resume`` is True, a sweep continues after its finished tasks.
     """
     job = ORDER_JOBS[kind]
     inputs = [each for each in (*job.inputs, *job.reading) if each.key in options]
@@ -44,13 +45,13 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
         on_progress=_progress(say),
         resume=resume,
     )
-    root = json.dumps(f"{folder.root}{os.sep}")[1:-1]  # The answer has paths relative to the folder.
+    root = json.dumps(f"{folder.root}{os.sep}")[1:-1]  # Paths in the answer become relative to the folder.
     shown = json.loads(json.dumps(job.reported.for_page(result)).replace(root, ""))
     return {**answer, **shown, **(_packed(out, options["name"]) if kind == "export" else {})}
 
 
 def _located(folder: WorkFolder, field: Field, value: Any) -> Any:  # noqa: ANN401 - a path, a name, or several
-    """Return the path, name or value for an input of a job; names in the folder become paths."""
+    """Return the value of a job input. Names of items in the folder are replaced by paths."""
     option = field.option
     if option.places == ("runs",):
         return _runs(folder, value) if field.required or value is not None else None
@@ -62,7 +63,7 @@ def _located(folder: WorkFolder, field: Field, value: Any) -> Any:  # noqa: ANN4
 
 
 def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
-    """Return the run files of these names; None: all run files."""
+    """Return the paths of run files by their names; with None, the paths of all run files."""
     if names is not None:
         return [folder.run_file(name) for name in names]
     found = folder.run_files(tuple(run_formats()))

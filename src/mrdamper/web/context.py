@@ -1,4 +1,4 @@
-"""Dampers of a server with their folders and processes, the reading of requests, and files as responses."""
+"""Dampers of a server with their folders and processes; functions to read requests and to send files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mrdamper.web.security import REPORT_POLICY
 from mrdamper.web.workspace import ConflictError, TooLargeError, WorkFolder
 
 UPLOAD_MAX_BYTES = 200_000_000
-_BODY_MAX_BYTES = 1 << 20  # Uploads have their own limits.
+_BODY_MAX_BYTES = 1 << 20  # max size of a JSON request; file uploads have separate limits
 
 Wanted = TypeVar("Wanted")
 
@@ -31,7 +31,7 @@ _DOWNLOADS = frozenset({".fmu", ".zip"})
 
 
 class AppContext:
-    """Folder and processes of one damper; ``slots`` limits the running jobs of all dampers."""
+    """Folder and processes of one damper. All dampers share ``slots``, which limits the running jobs."""
 
     def __init__(self, root: Path, *, most_upload: int, local: bool, slots: asyncio.Semaphore) -> None:
         self.folder = WorkFolder(root)
@@ -55,7 +55,7 @@ class AppContext:
         await self.queue.close()
 
     def change_numbers(self) -> dict[str, str]:
-        """Return a text for each kind of item that differs after a change by any program."""
+        """Return a text for each kind of item (files, cards, ...), which changes if such an item changes."""
         folder = self.folder
         places = {
             "files": folder.runs,
@@ -69,7 +69,7 @@ class AppContext:
 
 
 def _signature(place: Path) -> int:
-    """Return a number that changes with the names and times in a folder."""
+    """Return a hash of the names and modification times of the items in a folder."""
     found = []
     with suppress(OSError):
         for path in place.iterdir():
@@ -79,7 +79,7 @@ def _signature(place: Path) -> int:
 
 
 class Dampers:
-    """The dampers of a server: its own folder, and each folder in ``dampers/`` with the same structure."""
+    """The dampers of a server: the work folder itself, and each folder in its subfolder ``dampers/``."""
 
     def __init__(self, root: Path, *, most_upload: int, local: bool) -> None:
         self._options: dict[str, Any] = {
@@ -88,10 +88,10 @@ class Dampers:
             "slots": asyncio.Semaphore(JOBS_AT_ONCE_MAX),
         }
         self.main = AppContext(root, **self._options)
-        self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # With the locks on their folders.
+        self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # contexts and folder locks
 
     def find(self, name: str | None) -> AppContext:
-        """Return the context of a damper, which starts with its first request; None: the server's folder."""
+        """Return the context of a damper; the first request opens it. None means the server's work folder."""
         if name is None:
             return self.main
         if name not in self._opened:
@@ -121,7 +121,7 @@ class Dampers:
             raise ConflictError(f"there is a damper {name!r} already; choose another name") from fault
 
     async def discard(self, name: str) -> str:
-        """Move a damper with its files into the trash of the server's folder; return the entry's name."""
+        """Move a damper with all files into the trash of the work folder; return the name of the entry."""
         path = self._place(name)
         if name in self._opened:
             if self._opened[name][0].queue.is_busy:
@@ -148,7 +148,7 @@ async def dampers_of(request: Request) -> Dampers:
 
 
 async def context_of(request: Request) -> AppContext:
-    """Return the context of the damper that the address names."""
+    """Return the context of the damper in the URL of the request."""
     return (await dampers_of(request)).find(request.path_params.get("damper"))
 
 
@@ -157,7 +157,7 @@ Context = Annotated[AppContext, Depends(context_of)]
 
 
 async def read_body(request: Request) -> dict[str, Any]:
-    """Return the JSON object in a request."""
+    """Return the JSON object in the body of a request."""
     body = b""
     async for piece in request.stream():
         body += piece
@@ -173,12 +173,12 @@ async def read_body(request: Request) -> dict[str, Any]:
 
 
 async def read_request(request: Request, kind: type[Wanted]) -> Wanted:
-    """Return the validated record of a request."""
+    """Return the validated body of a request as an object of the class ``kind``."""
     return read_record(kind, await read_body(request), "the request")
 
 
 def send_file(path: Path) -> Response:
-    """Return a file of the folder with a policy that forbids scripts."""
+    """Return the response that sends a file, with a content security policy that forbids scripts."""
     suffix = path.suffix.lower()
     return FileResponse(
         path,

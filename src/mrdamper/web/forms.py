@@ -1,6 +1,7 @@
 """Fields of each request as JSON, from which the pages build their forms.
 
-The fields follow from the declarations of the jobs (``jobs.options``, ``registry``). Pages declare no option.
+The fields are generated from the declarations of the jobs (``jobs.options``, ``registry``). The JavaScript of
+the pages declares no options.
 """
 
 from __future__ import annotations
@@ -19,7 +20,10 @@ _TYPES = {bool: "yes", int: "whole", float: "number"}
 
 
 def all_forms(choices: Mapping[str, Any]) -> Json:
-    """Return the fields of all requests and of the quick curve; ``choices`` contains the offered names."""
+    """Return the fields of all forms by kind: job requests, tables of input files, and quick heating curve.
+
+    ``choices`` contains the names that the forms offer, such as laws and presets.
+    """
     forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in ORDER_JOBS}
     written = {
         f"{kind}-{table.key}": [_written(each, choices) for each in fields_of(table.item)]
@@ -30,7 +34,7 @@ def all_forms(choices: Mapping[str, Any]) -> Json:
 
 
 def _written(field: Field, choices: Mapping[str, Any]) -> Json:
-    """Return a field of a table in a file. Empty fields are not written."""
+    """Return a form field for an entry of a TOML input file. An empty field is not written to the file."""
     default = None if field.required else field.default
     if field.option.key and isinstance(default, int | float):
         default = field.option.from_si(default)
@@ -40,7 +44,7 @@ def _written(field: Field, choices: Mapping[str, Any]) -> Json:
 
 
 def label_of(field: Field) -> str:
-    """Return the label of a field: its own, or its name without the unit."""
+    """Return the declared label of a field, or else a label made from its name without the unit."""
     if field.option.label:
         return field.option.label
     unit = field.option.unit.replace("/", "_").replace(" ", "_")
@@ -63,7 +67,7 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "none": option.default_help or ("none" if option.places else ""),
         "unit": _SHOWN_UNITS.get(option.unit, option.unit),
         "choices": _choices(field, choices),
-        # Other values are possible.
+        # True if values that are not among the choices are allowed.
         "free": not field.choices and not option.places and option.offers in {"", "runs"},
         **{name: getattr(option, name) for name in _SHOWN},
     }

@@ -1,6 +1,7 @@
-"""Queue of jobs: one server runs two jobs at a time, each in its own process.
+"""Queue of jobs: a server runs up to two jobs at a time, each in a separate process.
 
-The state of a job is in its record on disk. The queue holds only the tasks of waiting and running jobs.
+The state of a job is stored on disk in the record of the job. The queue contains only the asyncio tasks of
+waiting and running jobs.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from mrdamper.web.schemas import ORDER_JOBS, Order
 from mrdamper.web.workspace import ConflictError, WorkFolder
 
 JOBS_AT_ONCE_MAX = 2
-_KEEPING_S = 20.0  # A fit writes its best result in this time.
+# Time from cancelling a job to killing its process [s], if the job (such as a fit) first saves a result.
+_KEEPING_S = 20.0
 _STOPPED = "the server was stopped before it was done"
 
 
 @dataclass(slots=True)
 class _Work:
-    """A waiting or running job; it has no process until a slot is free and the process is started."""
+    """A waiting or running job. ``process`` is None until a slot is free and the process has been started."""
 
     task: asyncio.Task[None] = field(init=False)
     waiting: bool = True
@@ -47,7 +49,7 @@ class _Work:
 
 
 class JobQueue:
-    """Start and stop of the processes of a damper's jobs; all dampers share the slots of running jobs."""
+    """Starts and stops the processes of a damper's jobs. All dampers share the slots for running jobs."""
 
     def __init__(self, folder: WorkFolder, slots: asyncio.Semaphore) -> None:
         self._folder, self._slots = folder, slots
@@ -60,7 +62,7 @@ class JobQueue:
         return bool(self._jobs)
 
     def recover(self) -> None:
-        """Mark the jobs that the previous server left running, and remove its unfinished files."""
+        """Mark jobs that were running when the previous server stopped; remove their unfinished files."""
         for job_id in job_ids(self._folder.results):
             record = self.record(job_id)
             with suppress(InputError):
@@ -85,7 +87,7 @@ class JobQueue:
         return job_id
 
     async def resume(self, job_id: str) -> None:
-        """Queue a job again that ended early; it continues after its finished tasks."""
+        """Queue a job that ended early again. The job continues after its finished tasks."""
         record = await self._ended(job_id)
         if not record.is_resumable(record.read()):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
@@ -93,7 +95,7 @@ class JobQueue:
         self._start(job_id)
 
     async def _ended(self, job_id: str) -> JobRecord:
-        """Return the record of an ended job; wait a moment until its process has exited."""
+        """Return the record of an ended job after its process has exited, which takes a moment."""
         record = self.record(job_id)
         if job_id in self._jobs and record.read().has_ended:
             await asyncio.wait([self._jobs[job_id].task], timeout=GRACE_S)
@@ -111,7 +113,7 @@ class JobQueue:
                 raise ConflictError(f"{job_id} is to write the card {card!r}; wait, or choose another name")
 
     def cancel(self, job_id: str) -> None:
-        """Cancel a job: a waiting job at once, a running job by an interrupt and a later kill."""
+        """Cancel a job. A running job is interrupted and, if it does not end in time, killed."""
         record, work = self.record(job_id), self._jobs.get(job_id)
         job = record.read()
         if work is None or work.cancelled or job.has_ended:
@@ -126,7 +128,7 @@ class JobQueue:
             asyncio.get_running_loop().call_later(grace_s, work.kill)
 
     async def discard(self, job_id: str) -> str:
-        """Move an ended job with its files into the trash; return its name there."""
+        """Move an ended job with its files into the trash; return the name of the trash entry."""
         return self._folder.discard((await self._ended(job_id)).folder)
 
     async def close(self) -> None:
@@ -137,7 +139,7 @@ class JobQueue:
                 self.record(job_id).end("interrupted", "the server stopped before the job; ask for it again")
                 work.task.cancel()
             elif work.process is not None and work.process.stdin is not None:
-                work.process.stdin.close()  # The process interrupts the job, and kills it a moment later.
+                work.process.stdin.close()  # The process then interrupts the job and, later, kills itself.
         if self._jobs:
             await asyncio.wait([work.task for work in self._jobs.values()], timeout=GRACE_S + 2.0)
 
@@ -151,7 +153,7 @@ class JobQueue:
         async with self._slots:
             work.waiting, code = False, None
             try:
-                # -P: no file in the working folder is imported.
+                # Option -P: Python imports no file from the current folder.
                 work.process = await asyncio.create_subprocess_exec(
                     *(sys.executable, "-P", "-m", "mrdamper.web.job_worker", str(self._folder.root), job_id),
                     stdin=asyncio.subprocess.PIPE,
@@ -181,7 +183,7 @@ class JobQueue:
 
 
 def _next_step(record: JobRecord) -> str:
-    """Return the advice for a job whose process ended without a message."""
+    """Return advice for the user if the process of a job ended without a message."""
     if not record.is_resumable(replace(record.read(), state="interrupted")):
         return "nothing was written: ask for it again"
     return "its finished parts are kept, and Resume continues after them"

@@ -4,8 +4,8 @@
     progress.jsonl  one line for each progress step
     answer.json     the output of ``mrdamper KIND --json``
 
-A restarted server needs only these files. A small reserve file is created with the record, because the end of
-a job must be written on a full disk as well.
+A restarted server needs only these files. A small reserve file is created with the record. It is deleted when
+the job ends, so that the end can be written even on a full disk.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mrdamper.schema import Json, read_record
 from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 
 GRACE_S = 3.0
-"""Time between the interrupt and the kill of a job."""
+"""Time from interrupting a job to killing its processes [s]."""
 
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
@@ -44,10 +44,10 @@ class Job:
     Attributes
     ----------
     options : validated options of the request
-    message : reason of the end
+    message : reason why the job ended
     card : name of the card that the job writes
-    resumed : number of resumes
-    pid : id of the process
+    resumed : how many times the job was resumed
+    pid : id of the job's process
     """
 
     id: str
@@ -78,7 +78,7 @@ class JobRecord:
         self.folder = results / job_id
 
     def open(self, kind: str, options: Mapping[str, Any], card: str | None) -> None:
-        """Create the record of a request; remove it if a file cannot be written."""
+        """Create the record of a job request. If a file cannot be written, remove the record."""
         self.folder.mkdir()
         try:
             self._queue(Job(id=self.id, kind=kind, options=dict(options), asked_at=now(), card=card))
@@ -87,7 +87,7 @@ class JobRecord:
             raise
 
     def reopen(self) -> None:
-        """Queue the record of a job again that ended early."""
+        """Set the record of a job that ended early to waiting again."""
         job = self.read()
         (self.folder / "answer.json").unlink(missing_ok=True)
         again = replace(job, state="queued", started_at=None, ended_at=None, message=None)
@@ -116,7 +116,7 @@ class JobRecord:
         return job.kind == "sweep" and ended_early and bool(_size(self.folder / RESULTS_FILE))
 
     def last_progress(self) -> Json | None:
-        """Return the last line of progress; None if there is none yet."""
+        """Return the last line of progress; None if no line has been written yet."""
         with suppress(OSError, ValueError, IndexError):
             line = json.loads((self.folder / "progress.jsonl").read_bytes().splitlines()[-1])
             return {key: line.get(key) for key in ("done", "of", "text")}
@@ -129,14 +129,14 @@ class JobRecord:
         return None
 
     def shown(self) -> Json:
-        """Return the record for the pages."""
+        """Return the record as JSON for the pages."""
         job = self.read()
         progress = None if job.has_ended else self.last_progress()
         more = {"progress": progress, "files": self._files(), "resumable": self.is_resumable(job)}
         return asdict(job) | more
 
     def _files(self) -> list[Json]:
-        """Return path and size of the job's files; files that a running job has moved are ignored."""
+        """Return path and size of the job's files. Files that a running job is moving are omitted."""
         rows = []
         for folder, _, names in os.walk(self.folder):
             for path in (Path(folder) / name for name in names):
@@ -175,13 +175,13 @@ def job_ids(results: Path) -> list[str]:
 
 
 def new_id(results: Path, kind: str) -> str:
-    """Return an unused id; all kinds share one count, so that the numbers show the order."""
+    """Return an unused id. Jobs of all kinds are numbered together, so that the numbers show the order."""
     thrown = results.parent.glob(f".trash/*/{results.name}/*")  # Removed jobs can be restored.
     numbers = [_number(path.name) for path in (*results.iterdir(), *thrown)]
     return f"{kind}-{max(numbers, default=0) + 1:03d}"
 
 
 def _number(job_id: str) -> int:
-    """Return the number in the id of a job; 0 for any other name."""
+    """Return the number in a job id; 0 if the text is not a job id."""
     found = _ID.fullmatch(job_id)
     return int(found[2]) if found else 0

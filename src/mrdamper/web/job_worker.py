@@ -1,9 +1,10 @@
 """Process of one job: ``python -P -m mrdamper.web.job_worker FOLDER JOB``, started by the queue.
 
-It reads the record, runs the job, and writes progress, answer and end into the folder of the job, so that
-nothing is lost if the server stops. SIGINT has the effect of Ctrl-C on the command line: a fit keeps the best
-result, a sweep keeps its finished tasks, and any other job writes nothing. The server keeps the standard
-input open. When it closes, the server has stopped and the job is interrupted.
+The process reads the job record, runs the job, and writes progress, answer and end into the folder of the
+job, so that nothing is lost if the server stops. SIGINT has the effect of Ctrl-C on the command line: a fit
+keeps the best result, a sweep keeps its finished tasks, and any other job writes nothing. The standard input
+of the process is a pipe from the server. If the pipe closes, the server has stopped, and the process
+interrupts the job.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from mrdamper.web.adapters import do
 from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
-_NICENESS = 10  # Pages have priority over jobs.
-INTERVAL_MIN_S, INTERVAL_MAX_S = 0.02, 2.0  # Time between two progress lines.
+_NICENESS = 10  # Jobs run at low priority so that the pages stay responsive.
+INTERVAL_MIN_S, INTERVAL_MAX_S = 0.02, 2.0  # shortest and longest time between two progress lines
 
 _server_is_gone = threading.Event()
 
 
 class _ProgressFile:
-    """Writer of progress lines: frequent at first, then less often; the last line is always written."""
+    """Writer of progress lines. The interval between lines grows; the last line is always written."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._begin, self._next = path, time.monotonic(), 0.0
@@ -49,25 +50,25 @@ class _ProgressFile:
 
     def flush(self) -> None:
         """Write the pending line."""
-        # A full disk must not stop the job, so the line is dropped.
+        # A full disk must not stop the job. In this case the line is lost.
         with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
             file.write(self._pending)
         self._pending = ""
 
 
 def main() -> None:
-    """Run the job that the arguments of the process name."""
+    """Run the job that the command-line arguments (work folder and job id) specify."""
     folder, job_id = sys.argv[1:]
     os.environ.setdefault("MPLBACKEND", "Agg")
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # It may be disabled in a background process.
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # A background process may ignore it.
     threading.Thread(target=_end_with_server, daemon=True).start()
     run_job(WorkFolder(Path(folder)), job_id)
 
 
 def _end_with_server() -> None:
-    """Interrupt the job when standard input closes; kill it and its child processes a moment later."""
+    """Wait until standard input closes, interrupt the job, and kill this process group after ``GRACE_S``."""
     os.read(0, 1)
     _server_is_gone.set()
     os.kill(os.getpid(), signal.SIGINT)
@@ -86,7 +87,7 @@ def run_job(folder: WorkFolder, job_id: str) -> None:
         job = record.read()
         resume = job.resumed > 0
         answer = do(job.kind, job.options, folder, record.folder, progress.progress, resume=resume)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # A finished job is not cancelled.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # The job has finished and cannot be cancelled.
         progress.flush()
         write_object(record.folder / "answer.json", answer)
         if not answer.get("cancelled"):
@@ -105,7 +106,7 @@ def run_job(folder: WorkFolder, job_id: str) -> None:
 
 
 def _fail(record: JobRecord, fault: BaseException) -> None:
-    """Write the reason of a failure; a programming error is reported without its traceback."""
+    """Write the reason of a failure into the record, for programming errors without the traceback."""
     if is_full(fault) or is_full(fault.__cause__ or fault):
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
     elif isinstance(fault, MrdamperError):

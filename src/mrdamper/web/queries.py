@@ -1,8 +1,8 @@
 """Queries: short computations for the pages, in processes that ``anyio.to_process`` starts, reuses and kills.
 
-Measured files are parsed there and in the processes of jobs, never in the server. A query that takes too long
-or breaks its process affects that process only. An answer is JSON. Samples of runs for plots are written to
-the folder ``.cache``, and the server sends these files.
+Measured files are parsed in these processes and in the processes of jobs, never in the server. Therefore a
+query that takes too long or crashes its process does not affect the server. An answer is JSON. A query writes
+the samples of runs for plots to the folder ``.cache``, and the server sends these files.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class QueryLine:
         Raises
         ------
         InputError
-            As the query's function raised it, or the process could not answer.
+            If the function of the query raises it, takes too long, or crashes its process.
         NoSpaceError
-            The disk is full.
+            If the disk is full.
         """
         async with self._turn:
             try:
@@ -73,7 +73,7 @@ def answer_query(name: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN40
 
 @cache
 def find_function(name: str) -> Callable[..., object]:
-    """Return the function of a query; a method belongs to the only instance in this process."""
+    """Return the function of a query. A method is bound to an instance that is created once per process."""
     module, _, path = QUERIES[name].partition(":")
     found = importlib.import_module(module)
     for part in path.split("."):

@@ -1,7 +1,7 @@
-"""Index of the runs in the folder. Each file is read once, in its own process, and cached in ``.cache``.
+"""Index of the runs in the work folder. Each file is read once, in a separate process, and cached.
 
-Name, size and time of a file and of its channel map are its key. If one of them changes, the file is read
-again. The cache may be deleted at any time.
+The cache key of a file consists of name, size and modification time of the file and of its channel map. If
+one of these values changes, the file is read again. The cache (folder ``.cache``) may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from mrdamper.web.job_record import write_object
 from mrdamper.web.queries import QueryLine
 from mrdamper.web.workspace import ConflictError, NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
 
-_CACHE_FORMAT = "4"  # A new number makes all files be read again.
+_CACHE_FORMAT = "4"  # If this number changes, all files are read again.
 _RIG_LINE = re.compile(rb"# simulated: virtual damper ([\w-]+), seed ")
-_WINDOWS_MAX_COUNT = 64  # Cached windows of a file.
-_RETRY_S = 30.0  # On a full disk a file is read again after this time.
+_WINDOWS_MAX_COUNT = 64  # max number of cached windows (plotted time ranges) of a file
+_RETRY_S = 30.0  # If the disk is full, the attempt to read a file is repeated after this time.
 
 
 @dataclass(frozen=True, slots=True)
 class CachedRun:
-    """A run whose samples are cached in a folder; ``number`` is its index in its file."""
+    """A run of a measured file. ``number`` is the index in the file, ``place`` the cache folder."""
 
     file: Path
     number: int
@@ -39,11 +39,11 @@ class CachedRun:
 
     @property
     def series(self) -> Path:
-        """Samples of the run, for drawing."""
+        """Path of the cached samples of the run, which are used for plots."""
         return self.place / f"{self.number}.series"
 
     def trim(self) -> None:
-        """Delete the older half of the windows of the file if there are too many."""
+        """Delete the older half of the cached windows of the file if there are too many."""
         windows = [*self.place.glob("*.window"), *self.place.glob("*.model")]
         if len(windows) > _WINDOWS_MAX_COUNT:
             for old in sorted(windows, key=lambda path: path.stat().st_mtime)[: len(windows) // 2]:
@@ -52,13 +52,13 @@ class CachedRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Contents:
-    """Content of a file: ``meta.json`` in its folder of the cache.
+    """Description of a measured file and its runs, stored as ``meta.json`` in the cache folder of the file.
 
     Attributes
     ----------
-    preview : preview of the file and its runs by ``jobs.previews``
-    findings : findings of each run; None before the check
-    rig : preset of the virtual rig that simulated the file
+    preview : preview of the file and its runs, computed by ``jobs.previews``
+    findings : findings of each run; None until the runs have been checked
+    rig : preset of the virtual damper, if the file was simulated by the virtual rig
     """
 
     file: str
@@ -78,7 +78,7 @@ class _Contents:
         return is_good and not self.preview["error"]
 
     def runs(self) -> list[Json]:
-        """Return the runs for the pages, each with its findings, worst first."""
+        """Return the runs as JSON for the pages, each with its findings (worst finding first)."""
         runs = self.preview["runs"]
         findings = [*(self.findings or ()), *([] for _ in runs)]
         checked = self.findings is not None
@@ -89,17 +89,17 @@ class _Contents:
 
 
 class RunIndex:
-    """The runs of one folder; ``changes`` counts the files that were read or checked."""
+    """Index of the runs of one folder. ``changes`` increases whenever a file has been read or checked."""
 
     def __init__(self, folder: WorkFolder, formats: tuple[str, ...]) -> None:
         self._folder, self._formats = folder, formats
         self._queries = QueryLine()
-        self._contents: dict[str, _Contents] = {}  # keys of files
+        self._contents: dict[str, _Contents] = {}  # cache key: content
         self._pending: dict[str, asyncio.Task[None]] = {}
         self.changes = 0
 
     def files(self) -> list[Json]:
-        """Return the files with their states, and start reading new files."""
+        """Start reading new files; return one row per file with the state of the file."""
         rows = []
         for file in self._run_files():
             with suppress(FileNotFoundError):  # The file was deleted.
@@ -107,20 +107,20 @@ class RunIndex:
         return rows
 
     def runs(self) -> Json:
-        """Return the runs of the files that have been read, and the number of files being read."""
+        """Return the runs of all files read so far, and the number of files that are still being read."""
         contents = self._read_contents()
         runs = [run for one in contents.values() if one is not None for run in one.runs()]
         return {"runs": runs, "reading": sum(one is None for one in contents.values())}
 
     def usable(self) -> list[str] | None:
-        """Return the files whose runs can all be fitted; None while files are being read."""
+        """Return the names of the files whose runs can all be fitted; None while files are being read."""
         contents = self._read_contents()
         if None in contents.values():
             return None
         return [file.name for file, one in contents.items() if one is not None and one.is_usable]
 
     def has_read(self, file: Path) -> bool:
-        """Return True if the present version of a file has been read."""
+        """Return True if the present version of a file has already been read."""
         return self._look_up(self._key_of(file)) is not None
 
     async def preview(self, file: Path) -> Json:
@@ -132,7 +132,7 @@ class RunIndex:
         return {**contents.preview, "name": file.name, "runs": runs, "findings": findings}
 
     async def find(self, name: str, file: str | None) -> CachedRun:
-        """Return a run by its name, after all files have been read if necessary."""
+        """Return the run with this name. If necessary, wait until all files have been read."""
         self.files()
         run = self._find(name, file)
         if run is None and self._pending:
@@ -168,7 +168,7 @@ class RunIndex:
         return self._folder.run_files(self._formats)
 
     def _key_of(self, file: Path) -> str:
-        """Return the cache key of a file; it changes with the file and its channel map."""
+        """Return the cache key of a file, which changes if the file or its channel map changes."""
         parts = [_CACHE_FORMAT, file.name]
         for path in (file, self._folder.map_of(file)):
             with suppress(OSError):
@@ -212,7 +212,7 @@ class RunIndex:
         return runs[0] if runs else None
 
     def _look_up(self, key: str) -> _Contents | None:
-        """Return the content of a file from memory or from the cache."""
+        """Return the content of a file from memory or from the disk cache; None if it is in neither."""
         if key not in self._contents:
             try:
                 document = json.loads((self._folder.cache / key / "meta.json").read_text(encoding="utf-8"))
@@ -222,7 +222,7 @@ class RunIndex:
         return self._contents[key]
 
     def _read(self, file: Path) -> _Contents | None:
-        """Return the content of a file; None while it is being read, which starts here."""
+        """Return the content of a file. If it is not cached, start reading the file and return None."""
         key = self._key_of(file)
         contents = self._look_up(key)
         if contents is None:
@@ -232,7 +232,7 @@ class RunIndex:
         return contents
 
     def _begin(self, work: Callable[[str, Path], Awaitable[None]], key: str, file: Path) -> None:
-        """Start to read or check a file unless one of both is in progress."""
+        """Start to read or check a file, unless the file is already being read or checked."""
 
         async def run() -> None:
             try:
@@ -254,7 +254,7 @@ class RunIndex:
             if isinstance(fault, NoSpaceError):
                 shutil.rmtree(place, ignore_errors=True)
                 asyncio.get_running_loop().call_later(_RETRY_S, self.forget, file)
-        if self._key_of(file) != key:  # The file was changed during reading.
+        if self._key_of(file) != key:  # The file changed while it was read.
             shutil.rmtree(place, ignore_errors=True)
             return
         self._write(key, _Contents(file=file.name, preview=preview, rig=rig))
@@ -269,7 +269,7 @@ class RunIndex:
             self._write(key, replace(self._contents[key], findings=findings))
 
     def _write(self, key: str, contents: _Contents) -> None:
-        """Cache the content of a file; on a full disk only in memory."""
+        """Cache the content of a file in memory and, unless the disk is full, on the disk."""
         self._contents[key] = contents
         place = self._folder.cache / key
         try:
@@ -281,7 +281,7 @@ class RunIndex:
 
 
 def _rig_of(file: Path) -> str | None:
-    """Return the preset that the first line of a file of the virtual rig names; None for other files."""
+    """Return the preset from the first line of a file of the virtual rig; None for a measured file."""
     with file.open("rb") as lines:
         found = _RIG_LINE.match(lines.readline(200))
     return None if found is None else found[1].decode()

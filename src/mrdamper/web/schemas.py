@@ -28,7 +28,7 @@ Name = Annotated[str, _NAME]
 ORDER_JOBS: Mapping[str, Job] = {
     name.split()[-1]: job for name, job in JOBS.items() if name not in {"data list", "simulate"}
 }
-"""Jobs that are started by a request, by the kind of the request."""
+"""Jobs that a request can start, by the kind of the request."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,12 @@ class Order:
 
     @property
     def needs_runs(self) -> bool:
-        """Return True if the request names no files and takes all usable runs."""
+        """Return True if the request names no files, which means all usable runs."""
         return self.kind in {"fit", "evaluate"} and self.options["files"] is None
 
 
 def read_order(kind: object, options: object) -> Order:
-    """Return a validated job request; raise one InputError that lists all faults."""
+    """Return the validated job request. If it is invalid, raise one InputError that lists all faults."""
     if not isinstance(kind, str) or kind not in ORDER_JOBS:
         raise unknown_name(f"kind is {str(kind)[:40]!r}", str(kind)[:40], ORDER_JOBS)
     if not isinstance(options, dict):
@@ -55,7 +55,7 @@ def read_order(kind: object, options: object) -> Order:
 
 
 def request_fields(kind: str) -> tuple[Field, ...]:
-    """Return the fields of a job request with type, range, default and form."""
+    """Return the fields of a job request, each with type, range, default and properties of the web form."""
     return fields_of(_request_type(kind))
 
 
@@ -66,7 +66,7 @@ def _request_type(kind: str) -> type:
 
 
 def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
-    """Yield (name, type, default) of each field of a job request."""
+    """Generate name, type and default of each field of a job request."""
     if job.out == "card":
         yield "card", _ANNOTATED[str, replace(_NAME, label="Name of the card")], MISSING
         option = Option("Of the same name.", label="replace a card of the same name", group=MORE)
@@ -74,7 +74,7 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
     yield from (_input(each) for each in job.inputs if each.option.flag != "-")
     has_maps = any("runs" in each.option.places and each.many for each in job.inputs)
     for each in (*job.reading, *job.fields):
-        if each.option.local or (each.type is Path and has_maps):  # Each run has its own map.
+        if each.option.local or (each.type is Path and has_maps):  # Each run has a separate map.
             continue
         if each.type is Path:
             yield _input(each)
@@ -84,7 +84,7 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _input(each: Field) -> tuple[str, Any, Any]:
-    """Return (name, type, default) of a field that names items in the folder."""
+    """Return name, type and default of a request field that names items in the work folder."""
     option, default = replace(each.option, help=each.help), each.default
     if each.many:
         is_runs = option.places == ("runs",)  # Without names the job reads all runs.
@@ -102,7 +102,7 @@ def _input(each: Field) -> tuple[str, Any, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class HeatCurve(HeatOptions):
-    """A quick heating curve, with the options of the job."""
+    """Request for a quick heating curve, with the options of the job ``heat``."""
 
     card_name: Annotated[str, replace(_NAME, key="card")]
     damper: Name = "paper"
@@ -115,14 +115,14 @@ class HeatCurve(HeatOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class NewDamper:
-    """A new damper with its own folder on the server."""
+    """Request for a new damper, which gets a separate folder on the server."""
 
     name: Name
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrawingRequest:
-    """A geometry that is derived from another; without a name it is not saved."""
+    """Request to change a geometry. If a new name is given, the result is saved."""
 
     name: Name | None = None
     replace: bool = False
@@ -132,7 +132,7 @@ class DrawingRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class MapRequest:
-    """A channel map for some files."""
+    """Request to preview or save a channel map for some files."""
 
     files: Annotated[tuple[Name, ...], Option("Measured files.", least_items=1, most_items=500)]
     map: Mapping[str, Any] | None = None

@@ -1,9 +1,9 @@
 """Access control of every request.
 
-Pages of other sites can make a browser send requests to the server. They are detected by the headers Origin
-and Sec-Fetch-Site, which a page cannot forge. DNS rebinding is detected by the header Host. A token excludes
-other users of the machine. Every response has strict security headers, and an internal error is reported
-without its traceback.
+Pages of other sites can make a browser send requests to the server. Such requests are detected by the headers
+Origin and Sec-Fetch-Site, which a page cannot forge. DNS rebinding is detected by the header Host. A token
+excludes other users of the machine. Every response has strict security headers, and the message of an
+internal error does not contain the traceback.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ REPORT_POLICY = (
     "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
-"""Policy of files in the folder: they are displayed, and scripts in them do not run."""
+"""Content security policy of files in the folder: a browser displays them but runs no scripts in them."""
 
 _NO_TOKEN = "a token is needed: open the address with ?token=... that the server printed"
 _NO_TOKEN_PAGE = (
@@ -46,7 +46,7 @@ _NO_TOKEN_PAGE = (
     "<code>mrdamper serve</code> printed when it started. The browser needs it once."
 )
 _TOKEN_LENGTH_MIN = 16
-_DAMPER = re.compile(r"^/damper/[^/]+(?=/)")  # Prefix of the paths of one damper.
+_DAMPER = re.compile(r"^/damper/[^/]+(?=/)")  # prefix of all URL paths of a damper in ``dampers/``
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _SECURE = (
     ("x-content-type-options", "nosniff"),
@@ -66,7 +66,7 @@ class JsonAnswer(JSONResponse):
 
 
 def refusal(status: int, why: str, parts: Mapping[str, str] | None = None) -> Response:
-    """Return the response to a request that is not answered."""
+    """Return the JSON error response to a request that is refused."""
     return JsonAnswer({"error": why, "status": status, **(parts or {})}, status)
 
 
@@ -98,11 +98,11 @@ class ListenAddress:
 
     @property
     def cookie_value(self) -> str:
-        """Value of the cookie; it replaces the token and does not reveal it."""
+        """Value of the cookie that replaces the token. The token cannot be computed from this value."""
         return hmac.new((self.token or "").encode(), b"mrdamper cookie", hashlib.sha256).hexdigest()
 
     def is_named_by(self, host: str) -> bool:
-        """Return True if a Host header names this server."""
+        """Return True if the content of a Host header is a valid name or address of this server."""
         try:
             parts = urlsplit(f"//{host}")
             name = parts.hostname
@@ -115,7 +115,7 @@ class ListenAddress:
             return True
         if self.is_loopback:
             return False
-        try:  # DNS rebinding needs a name, so that a numeric address is safe.
+        try:  # DNS rebinding requires a host name. A numeric address is therefore safe.
             ipaddress.ip_address(name)
         except ValueError:
             return name in {socket.gethostname().lower(), socket.getfqdn().lower()}
@@ -127,7 +127,7 @@ class ListenAddress:
 
 
 class Guard:
-    """ASGI layer in front of the application."""
+    """ASGI middleware that checks every request before the application receives it."""
 
     def __init__(self, app: ASGIApp, address: ListenAddress) -> None:
         self._app, self._address = app, address
@@ -149,12 +149,12 @@ class Guard:
         try:
             await answer(scope, receive, send_strictly)
         except asyncio.CancelledError:
-            pass  # The server stops during a request.
+            pass  # The server was stopped during a request.
         except Exception:  # The application has answered with status 500.
             traceback.print_exc()
 
     def _refuse(self, request: Request) -> Response | None:
-        """Return the response that refuses a request; None admits it."""
+        """Return the response that refuses or redirects a request; None if the request is admitted."""
         headers, path, host = request.headers, request.scope["path"], request.headers.get("host", "")
         if len(headers.getlist("host")) != 1 or not self._address.is_named_by(host):
             return refusal(
@@ -165,7 +165,7 @@ class Guard:
         if not (is_page and is_reading) and not _is_own(headers, host):
             return refusal(403, "the request comes from another site; open the page itself")
         cookie = (
-            f"mrdamper-{(request.scope.get('server') or ('', 0))[1]}"  # All ports of a host get a cookie.
+            f"mrdamper-{(request.scope.get('server') or ('', 0))[1]}"  # Browsers send cookies to all ports.
         )
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         is_admitted = (
@@ -176,7 +176,7 @@ class Guard:
         query = request.query_params
         has_token = request.method == "GET" and self._address.is_token(query.get("token", ""))
         if has_token and (is_page or not is_admitted):
-            # The token must not stay in the address and the history.
+            # Redirect, so that the token does not stay in the address bar and the history of the browser.
             rest = urlencode([(key, value) for key, value in query.multi_items() if key != "token"])
             answer = RedirectResponse("/" + path.lstrip("/\\") + (f"?{rest}" if rest else ""), 303)
             answer.set_cookie(cookie, self._address.cookie_value, httponly=True, samesite="strict")
@@ -189,12 +189,15 @@ class Guard:
 
 
 def is_api(path: str) -> bool:
-    """Return True for the address of an answer, False for the address of a page."""
+    """Return True if a URL path belongs to the API, and False if it belongs to a page."""
     return _DAMPER.sub("", path).startswith("/api/")
 
 
 def _is_own(headers: Headers, host: str) -> bool:
-    """Return True if a request comes from a page of this server, from the user, or from another program."""
+    """Return False if a request comes from a page of another site.
+
+    Requests from pages of this server, from the address bar and from other programs are accepted.
+    """
     is_same_site = headers.get("sec-fetch-site") in {None, "same-origin", "none"}
     return is_same_site and headers.get("origin") in {None, f"http://{host}", f"https://{host}"}
 

@@ -33,14 +33,17 @@ from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, WorkFolde
 DEFAULT_PORT = 8765
 
 _STATIC = Path(__file__).parent / "static"
-_CONNECTIONS_MAX_COUNT = 200  # A browser has six; further ones get status 503.
+_CONNECTIONS_MAX_COUNT = 200  # A browser opens six. Connections beyond this number get status 503.
 _TOKEN_SIGNS = 32
 
 
 def build(
     root: Path, address: ListenAddress | None = None, *, most_upload: int = UPLOAD_MAX_BYTES
 ) -> ASGIApp:
-    """Return the server of a folder as an ASGI application; its lifespan starts and ends its processes."""
+    """Return the server of a folder as an ASGI application.
+
+    The lifespan of the application starts and ends the processes of the server.
+    """
     address = address or ListenAddress()
     dampers = Dampers(root, most_upload=most_upload, local=address.is_loopback)
 
@@ -77,16 +80,17 @@ def serve(
     Parameters
     ----------
     port : 0: any free port
-    host : other than a loopback address only with a token
-    token : token of the browsers; None: a random token, stored in the folder and readable by its owner only
+    host : host name or address; if this is not a loopback address, a token is required
+    token : token that browsers need; None: a random token in a file that only its owner can read
     announce : function that prints the address
 
     Raises
     ------
     InputError
-        The port is in use, another server has the folder, or a host without a token.
+        If the port is in use, another server uses the folder, or a host that is not a loopback address is
+        given without a token.
     """
-    os.environ["PYTHONSAFEPATH"] = "1"  # Processes of queries import no file of the working folder.
+    os.environ["PYTHONSAFEPATH"] = "1"  # Query processes must not import files of the folder.
     own = ListenAddress(host, token).token or _kept_token(WorkFolder(root).cache / "token")
     app = build(root, ListenAddress(host, own))
     with WorkFolder(root).claim(), _listening(host, port) as listener:
@@ -116,12 +120,12 @@ def serve(
         def close() -> None:
             server.should_exit = True
 
-        with on_interrupt(close):  # Uvicorn does not handle SIGHUP, and handles no signal early.
+        with on_interrupt(close):  # Uvicorn ignores SIGHUP, and all signals before it has started.
             server.run(sockets=[listener])
 
 
 def _kept_token(place: Path) -> str:
-    """Return the stored token of the folder; it is reused, so that open pages work after a restart."""
+    """Return the token that is stored in the folder. It is reused so that open pages work after a restart."""
     with suppress(OSError, UnicodeDecodeError):
         kept = place.read_text(encoding="ascii")
         if len(kept) == _TOKEN_SIGNS and kept.isprintable() and not place.stat().st_mode & 0o077:
@@ -134,12 +138,12 @@ def _kept_token(place: Path) -> str:
 
 def _listening(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # The protocol is given, because otherwise asyncio keeps Nagle's delay of 40 ms for each response.
+    # An explicit protocol makes asyncio disable Nagle's algorithm, which would delay responses by 40 ms.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
-        listener.listen()  # The port accepts connections before the address is printed.
+        listener.listen()  # The port must accept connections before the address is printed.
     except (OSError, OverflowError) as fault:
         listener.close()
         raise InputError(
@@ -155,7 +159,7 @@ async def _damper_page(path: str, _: Context) -> Response:
 
 
 async def _page(path: str) -> Response:
-    """Send the page for each address that is not a file."""
+    """Send the single HTML page for every URL path that is not a file."""
     if path.startswith("api/") or "." in path:
         raise HTTPException(404)
     return FileResponse(_STATIC / "index.html", media_type="text/html; charset=utf-8")

@@ -1,16 +1,16 @@
-"""Work folder: files that the command line reads as well, and the check of names.
+"""Work folder of the server, and the check of file names in requests. The command line reads the same files.
 
     runs/         measured files; a mapped file has a map NAME.channels.toml
     records/      long records for cycle counting; the user copies them there
     inputs/       geometry, sinks, fluids, targets, campaigns (TOML), load cycles (CSV)
     cards/NAME/   output of ``mrdamper fit --out``
-    results/ID/   one job: job.json, progress.jsonl, answer.json and its files
+    results/ID/   one job: job.json, progress.jsonl, answer.json and output files
     dampers/NAME/ another damper: a folder with the same structure
-    .trash/ID/    removed items with their original folders
+    .trash/ID/    removed items, in subfolders with the names of their original folders
     .cache/       samples of runs for plots; may be deleted at any time
 
-Only this module turns the name in a request into a path. The item must be directly in its folder and must not
-be a link to the outside. New names contain only common characters.
+Only this module turns the name in a request into a path. The item must be directly in the folder of its kind,
+and must not be a link to a place outside the work folder. New names contain only common characters.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FAULT = "internal fault: this is a fault of mrdamper; the server's terminal show
 _SIGNS = frozenset(" ._-+=,()[]@#%&")
 _NAME_MAX_BYTES = 150  # Most file systems allow 255 bytes.
 INPUT_SUFFIXES = (".toml", ".csv", ".json")
-_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Other programs may interpret these characters.
+_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Some programs would decode these characters in a name.
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
@@ -83,7 +83,7 @@ def is_text(name: str) -> bool:
 
 def _is_plain(sign: str) -> bool:
     """Return True if a character is allowed in a new name."""
-    # Letters, marks and numbers of all scripts; punctuation and symbols only outside ASCII.
+    # Letters, marks and numbers of all scripts are allowed. Punctuation and symbols must not be ASCII.
     return sign in _SIGNS or unicodedata.category(sign)[0] in ("LMN" if sign.isascii() else "LMNPS")
 
 
@@ -95,7 +95,7 @@ class WorkFolder:
         self.runs, self.records, self.inputs = (self.root / part for part in ("runs", "records", "inputs"))
         self.cards, self.results = self.root / "cards", self.root / "results"
         self.trash, self.cache = self.root / ".trash", self.root / ".cache"
-        self.dampers = self.root / "dampers"  # The first upload creates this folder.
+        self.dampers = self.root / "dampers"  # created by the first upload
         own = (self.runs, self.records, self.inputs, self.cards, self.results, self.trash, self.cache)
         try:
             for place in own:
@@ -116,7 +116,7 @@ class WorkFolder:
         return file
 
     def clear(self) -> None:
-        """Delete unfinished files of a killed server; no other process may use the folder."""
+        """Delete unfinished files of a server that was killed. No other process may use the folder."""
         for place in (self.runs, self.inputs, self.cards):
             recover_staging(place)
             for left in place.glob(".upload-*"):
@@ -125,7 +125,7 @@ class WorkFolder:
     # ---------------------------------------------------------------------------------- names to paths
 
     def new(self, place: Path, name: str, suffixes: tuple[str, ...] = ()) -> Path:
-        """Return the path of a new file or folder of this name."""
+        """Return the path for a new file or folder; raise InputError if the name is invalid."""
         shown = name[:60]
         if (
             not all(map(_is_plain, name or "/"))
@@ -153,12 +153,12 @@ class WorkFolder:
         return place / name
 
     def there(self, place: Path, *names: str, folder: bool = False) -> Path:
-        """Return the file (or folder) of these names below a subfolder.
+        """Return the path of an existing file or folder; ``names`` are the parts of the path below ``place``.
 
         Raises
         ------
         NotThereError
-            There is no such item, or it is a link to the outside.
+            If there is no such item, or the item is a link to a place outside the work folder.
         """
         for name in names:
             if not name or name in {".", ".."} or re.search(r"[/\\\x00]", name):
@@ -186,7 +186,7 @@ class WorkFolder:
         return self.run_file(name)
 
     def channel_map(self, name: str) -> Path:
-        """Return the path of a channel map, or of the map that belongs to a measured file."""
+        """Return the path of the channel map with this name, or of the map of the measured file."""
         if name.endswith(".toml"):
             return self.input(name)
         path = self.map_of(self.record(name))
@@ -197,21 +197,21 @@ class WorkFolder:
         return file.with_name(file.name + MAP_SUFFIX)
 
     def card(self, name: str) -> Path:
-        """Return the path of the card.json of a card."""
+        """Return the path of the file card.json of a card."""
         return self.there(self.cards, name, "card.json")
 
     def input(self, name: str) -> Path:
-        """Return the path of an input."""
+        """Return the path of a file in ``inputs/``."""
         return self.there(self.inputs, name)
 
-    # ------------------------------------------------------------------------------------- what there is
+    # ---------------------------------------------------------------------------------- lists of items
 
     def run_files(self, formats: tuple[str, ...]) -> list[Path]:
-        """Return the measured files, by name."""
+        """Return the measured files, sorted by name."""
         return self.listed(self.runs, formats)
 
     def listed(self, place: Path, suffixes: tuple[str, ...]) -> list[Path]:
-        """Return the files in a subfolder with one of the suffixes, by name."""
+        """Return the files in a subfolder with one of the suffixes, sorted by name."""
         paths = [path for path in place.iterdir() if path.suffix.lower() in suffixes]
         return sorted(path for path in paths if path.name[0] != "." and self.has(place, path.name))
 
@@ -220,7 +220,7 @@ class WorkFolder:
         return [name for name in names if self.has(self.cards, name, "card.json")]
 
     def unnamed(self) -> list[str]:
-        """Return the escaped names of items that are not UTF-8 and cannot be requested."""
+        """Return the escaped names of items that cannot be requested because the names are not UTF-8."""
         places = (self.runs, self.records, self.inputs, self.cards)
         found = [path.name for place in places for path in place.iterdir() if not is_text(path.name)]
         return sorted(os.fsencode(name).decode(errors="backslashreplace") for name in found)
@@ -248,13 +248,13 @@ class WorkFolder:
                             remedy="split the file, or put it into the folder by hand",
                         )
                     file.write(piece)
-            unfinished.replace(path)  # A link is replaced, not followed.
+            unfinished.replace(path)  # If the path is a link, the link is replaced, not its target.
         finally:
             unfinished.unlink(missing_ok=True)
         return size
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders into the trash; return the name of the entry."""
+        """Move files or folders into the trash as one entry; return the name of the entry."""
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}"
         for path in paths:
             place = self.trash / name / path.parent.relative_to(self.root)
@@ -265,7 +265,7 @@ class WorkFolder:
         return name
 
     def discarded(self) -> dict[str, list[Path]]:
-        """Return the original paths of the entries of the trash, newest first."""
+        """Return the original paths of each entry of the trash, newest entry first."""
         names = sorted((path.name for path in self.trash.iterdir() if path.is_dir()), reverse=True)
         return {name: [path.relative_to(self.trash / name) for path in self._thrown(name)] for name in names}
 
@@ -275,9 +275,9 @@ class WorkFolder:
         Raises
         ------
         NotThereError
-            The trash has no such entry.
+            If the trash has no such entry.
         InputError
-            An original path is used by another item.
+            If a different item now has one of the original paths.
         """
         entry = self.there(self.trash, name, folder=True)
         places = {path: self.root / path.relative_to(entry) for path in self._thrown(name)}
@@ -296,7 +296,7 @@ class WorkFolder:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text atomically; a link at the path is replaced, not followed."""
+    """Write a text file atomically. If the path is a link, the link is replaced, not its target."""
     unfinished = path.with_name(f".upload-{secrets.token_hex(8)}")
     try:
         unfinished.write_text(text, encoding="utf-8")
@@ -306,10 +306,10 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def now() -> str:
-    """Return the time in UTC and ISO 8601."""
+    """Return the present time in UTC and ISO 8601 format."""
     return timestamp(time.time())
 
 
 def timestamp(seconds: float) -> str:
-    """Return a file's time in UTC and ISO 8601."""
+    """Convert a time in seconds since 1970 to UTC and ISO 8601 format."""
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

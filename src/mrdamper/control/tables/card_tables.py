@@ -1,16 +1,17 @@
 """Tables of a damper, which replace powers, exponentials and polynomials in the step of a controller.
 
-Each coefficient is a sum of terms. A term is a column over currents times a factor that depends on
-temperature. A coefficient that does not depend on current is one factor. A coefficient that is zero is
-omitted. The universal curve of the hysteresis and the functions of speed are piecewise cubics (``lookup``).
-``track_tables.h`` reads the tables.
+Each coefficient of the law is a sum of terms. A term is the product of a function of current (a *column* of
+the table) and a function of temperature (a *factor*). A coefficient that does not depend on current is a
+single factor, called a *level*. Coefficients that are zero are omitted. The universal curve of the hysteresis
+and the functions of speed are piecewise cubics (``lookup``). ``track_tables.h`` reads the tables.
 
-The tables are as small as their tolerance permits. The error is measured when they are built. A straight line
-between two currents deviates by at most ``CURRENT_TOLERANCE`` of the largest yield force (of its own maximum
-for a viscosity or an inverse yield displacement). A parabola between two temperatures deviates by at most
-``TEMPERATURE_TOLERANCE``. Together with the errors of ``lookup`` this is about 0.1 % of the peak force. A
-yield force that rises like a square root at zero current can need too many currents. Then the first tolerance
-is doubled until the table is small enough.
+The tables are as small as their tolerances permit, and the error is measured when the tables are built.
+Linear interpolation in current deviates by at most ``CURRENT_TOLERANCE`` of the largest yield force. For a
+viscosity or an inverse yield displacement, the tolerance is relative to the maximum of the coefficient.
+Quadratic interpolation in temperature deviates by at most ``TEMPERATURE_TOLERANCE``. The total error,
+including the errors of ``lookup``, is about 0.1 % of the peak force. A yield force that rises like a square
+root at zero current can need too many currents. In this case ``CURRENT_TOLERANCE`` is doubled until the
+number of currents is small enough.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.quantities import REFERENCE_K
 
 CURRENT_COUNT_MAX = 41
-"""Maximum number of currents. The table always contains the eighths of the largest current for the bank."""
+"""Maximum number of currents. All multiples of 1/8 of the largest current are included for the model bank."""
 
 CURRENT_TOLERANCE = 8e-4
 TEMPERATURE_TOLERANCE = 1e-4
@@ -45,26 +46,26 @@ TEMPERATURE_TOLERANCE = 1e-4
 ROWS = (
     "offset", "stiffness", "mass", "viscous", "sliding", "breakaway", "yield", "second", "rho", "second_rho",
 )  # fmt: skip
-"""Rows: factors of 1, x, a, the functions of speed and both hysteretic states, then their inverse yield
-displacements."""
+"""Rows of the table. The first eight multiply, in this order: 1, displacement, acceleration, three functions
+of speed, and two hysteretic states. The last two are the inverse yield displacements of these states."""
 
 TABULATED = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen", "bingham")
 """Laws whose force is a sum of rows and whose curve shape does not depend on the current."""
 
 STEPPED = ("series-valve", "chain")
-"""Laws with an implicit step and separate tables."""
+"""Laws that are integrated by an implicit step. Their tables are ``SeriesTables``."""
 
 CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
-"""Lookup tables of the universal curve and of speed, in the kernel's order."""
+"""Names of the lookup tables that are functions of speed, in the kernel's order."""
 
-LEVEL_ROW_COUNT = 6  # The first rows can be levels.
-_GROUPS = (0, 6, 7, 8, 9)  # First rows of the groups in the kernel.
+LEVEL_ROW_COUNT = 6  # Only the first six rows can be levels, which do not depend on current.
+_GROUPS = (0, 6, 7, 8, 9)  # Index in ROWS at which each row group of the kernel begins.
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 TEMPERATURE_COUNT = 193  # Temperatures at which coefficients are sampled: ends and middle of every piece.
 TERM_COUNT_MAX = 48  # MRD_TRACK_TERMS of the kernel
 RANK_TOLERANCE = 1e-7
-# Typical values for the error scale of stiffness, mass and velocity-dependent rows.
+# Typical values that scale the error of the rows for stiffness, mass and velocity.
 TYPICAL_STROKE_M = 0.05
 TYPICAL_ACCELERATION_M_S2 = 50.0
 LOW_SPEED_M_S = 0.01
@@ -79,24 +80,24 @@ class DamperTables:
     """All tables of a damper with their axes."""
 
     currents: FloatArray  # [A or V], rising from 0, denser where the force curve bends, shape (n,)
-    temperatures: FloatArray  # ends of equal pieces [K], shape (pieces + 1,)
-    rows: tuple[int, ...]  # row of each term, index in ROWS; levels first, then columns in the order of rows
-    factor: FloatArray  # factor of each term, a parabola for each piece, shape (pieces, terms, 3)
-    column: FloatArray  # columns of all terms that are not levels, shape (n, columns)
+    temperatures: FloatArray  # ends of the equal pieces of the temperature range [K], shape (pieces + 1,)
+    rows: tuple[int, ...]  # index in ROWS of the row of each term; levels first, then by row
+    factor: FloatArray  # coefficients of each term's parabolas in temperature, shape (pieces, terms, 3)
+    column: FloatArray  # functions of current of all terms that are not levels, shape (n, columns)
     elements: int
     saturating: bool
     curve: CurveTables
     speed: SpeedTables
-    series: SeriesTables | None = None  # series valve and chain, which use none of the tables above
+    series: SeriesTables | None = None  # series valve and chain use only these tables
 
     @property
     def lookups(self) -> tuple[LookupTable, ...]:
-        """Return the tables in the order of ``CURVES`` and ``SPEEDS``, as in the kernel."""
+        """Return all lookup tables in the kernel's order: ``CURVES``, then ``SPEEDS``."""
         of_curve = tuple(getattr(self.curve, name) for name in CURVES)
         return (*of_curve, *(getattr(self.speed, name) for name in SPEEDS))
 
     def axes(self, period: float) -> Axes:
-        """Return the axes of the kernel's configuration for a sampling period [s]."""
+        """Return the part ``Axes`` of the kernel's configuration for a sampling period [s]."""
         return Axes(
             period=period,
             largest=float(self.currents[-1]),
@@ -105,7 +106,10 @@ class DamperTables:
         )
 
     def law(self, *, substeps: int) -> Law:
-        """Return the law in the kernel's configuration. Only series valve and chain need ``substeps``."""
+        """Return the part ``Law`` of the kernel's configuration.
+
+        Only series valve and chain use ``substeps``, the number of integration steps per sampling period.
+        """
         return Law(
             series=self.series is not None and not self.series.is_chain,
             chain=self.series is not None and self.series.is_chain,
@@ -122,26 +126,29 @@ class DamperTables:
 
     @property
     def begin(self) -> tuple[int, ...]:
-        """Return the first column of each group of rows, and the number of columns."""
+        """Return the index of the first column of each row group. The last item is the number of columns."""
         of_columns = self.rows[self.levels :]
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
     @property
     def quarters(self) -> tuple[int, ...]:
-        """Return the indices of 0, 1/4, 1/2, 3/4 and 1 times the largest current, used by the model bank."""
+        """Return where 0, 1/4, 1/2, 3/4 and 1 times the largest current are in ``currents``.
+
+        The model bank evaluates its models at these currents.
+        """
         wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
 
     @property
     def yield_force_table(self) -> FloatArray:
-        """Return the yield force of both elements [N] for temperatures and currents, shape (t, n)."""
+        """Return the sum of the yield forces of both hysteretic elements [N], shape (temperatures, n)."""
         if self.series is not None:
             return np.asarray(self.series.yield_force[0])
         rows = [self.evaluate(float(kelvin)) for kelvin in self.temperatures]
         return np.stack([row[6] + row[7] for row in rows])
 
     def evaluate(self, kelvin: float) -> FloatArray:
-        """Return all rows for the currents at a temperature, as the kernel reads them, shape (10, n)."""
+        """Return all rows at all currents for one temperature, as the kernel computes them, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
         fraction = (kelvin - low) / (high - low) if high > low else 0.0
         place = float(np.clip(fraction, 0.0, 1.0)) * pieces
@@ -165,13 +172,14 @@ def tabulate(
     Parameters
     ----------
     speed : maximum speed of the tables [m/s]
-    temperatures : lowest and highest [K]; None: range of the damper, or only 20 degC if it has none
+    temperatures : lowest and highest temperature [K]; None: the temperature range of the damper, or only
+        20 degC if the damper has no range
 
     Raises
     ------
     InputError
-        If the law has no such tables, its curve shape depends on current or temperature, or the law is not
-        well posed at a point of the grid.
+        If the law cannot be tabulated, the shape of its hysteresis curve depends on current or temperature,
+        or the law is not well posed at a point of the grid.
     """
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(
@@ -214,7 +222,7 @@ def tabulate(
         column=column,
         elements=elements,
         saturating=saturating,
-        # Without shape coefficients the law is the Dahl law.
+        # A law without shape coefficients has the hysteresis curve of the Dahl law.
         curve=universal_curve(shapes.get("kappa", -1.0), shapes.get("n", 1.0)) if elements else no_curve(),
         speed=functions_of_speed(
             {ROWS[row] for row in rows}, shapes, speed, saturating=saturating, memoryless=elements == 0
@@ -223,7 +231,7 @@ def tabulate(
 
 
 def _complete_series_tables(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:
-    """Return the tables of a series valve or chain, with minimal other tables that the kernel requires."""
+    """Return ``series`` with minimal versions of the other tables, which the kernel requires but ignores."""
     pieces = max(len(temperatures) - 1, 1)
     return DamperTables(
         currents=np.linspace(0.0, largest, 9),
@@ -240,7 +248,7 @@ def _complete_series_tables(series: SeriesTables, temperatures: FloatArray, larg
 
 
 def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str, FloatArray]:
-    """Return every coefficient of the law for temperatures and currents, shape (t, n)."""
+    """Return every coefficient of the law at temperatures ``warm`` and currents ``at``, shape (t, n)."""
     current, kelvin = np.tile(at, len(warm)), np.repeat(warm, len(at))
     problems = damper.violations(current, kelvin)
     if problems:
@@ -250,7 +258,7 @@ def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str,
 
 
 def _rows(values: dict[str, FloatArray]) -> FloatArray:
-    """Return the rows of the table for temperatures and currents, shape (10, t, n)."""
+    """Arrange coefficients of shape (t, n) in the order of ``ROWS``; return them with shape (10, t, n)."""
     zero = np.zeros_like(values["offset"])
     second = values.get("second_force", values.get("rate_force", zero))
     names = (
@@ -261,11 +269,12 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return the scale of the error of each row: for the terms of the force, the largest yield force.
+    """Return the scale to which the error of each row is relative.
 
-    The force at a low speed replaces the yield force if it is larger, because a passive damper may have no
-    yield force. Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. The
-    scale of a viscosity and of an inverse yield displacement is their own size.
+    The scale of a force is the largest yield force, or the force at a low speed if this is larger, because a
+    passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke and an
+    acceleration that few dampers exceed. The scale of a viscosity or of an inverse yield displacement is the
+    maximum of the row.
     """
     own = np.abs(rows).max(axis=(1, 2))
     passive = own[0] + own[3] * LOW_SPEED_M_S + own[4] + own[5]
@@ -316,10 +325,12 @@ def _current_fractions(
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
-    """Return rows, factors and columns of the terms, and the pieces of the temperature axis.
+    """Decompose the rows into terms; return rows, factors and columns of the terms, and the piece count.
 
-    A row is decomposed by its largest entry: the column through it times the row through it is a term. The
-    remainder is decomposed again (cross approximation).
+    Each row is a matrix whose axes are temperature and current. It is decomposed by cross approximation: the
+    first term is the rank-one matrix that equals the row at the temperature and at the current of the row's
+    largest entry. The remainder is decomposed in the same way. The piece count is the number of pieces of the
+    temperature axis.
     """
     levels: list[tuple[int, FloatArray]] = []
     columns: list[tuple[int, FloatArray, FloatArray]] = []
@@ -353,7 +364,10 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
 
 
 def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
-    """Return parabolas through the ends and the middle of each piece, shape (terms, pieces, 3)."""
+    """Return the coefficients of the parabolas through the ends and the middle of each piece.
+
+    The result has shape (terms, pieces, 3), lowest power first.
+    """
     step = (values.shape[1] - 1) // pieces
     begin, middle, end = values[:, :-1:step], values[:, step // 2 :: step], values[:, step::step]
     return np.stack([begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle], axis=2)

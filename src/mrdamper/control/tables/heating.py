@@ -1,13 +1,13 @@
-"""Heat balance of a damper that detects a frozen thermometer: heat capacity, loss, coil.
+"""Heat balance of the damper, which detects a stuck thermometer (constant reading).
 
-A constant reading is rejected if the energy put in should have warmed the damper by more than ``frozen_K``.
-The model is one body, Eq. (8) of the paper: C dT/dt = F v + R i^2 - G (T - T_a). It only detects the fault.
-Module ``thermal`` predicts temperatures.
+A constant reading is rejected if the energy supplied to the damper should have warmed it by more than
+``frozen_K``. The model is one body, Eq. (8) of the paper: C dT/dt = F v + R i^2 - G (T - T_a). It serves only
+to detect this fault. The package ``thermal`` predicts temperatures.
 
-Only warming is a criterion. The loss is multiplied by ``loss_ratio_max`` and refers to the coldest possible
-surroundings (``ambient_K``, or the lowest temperature so far), because the reading of a damper in thermal
-equilibrium is constant for hours. A sensor that freezes near equilibrium or during cooling is therefore not
-detected.
+The reading of a damper in thermal equilibrium is constant for hours. To prevent false alarms, the expected
+warming is computed with the largest possible loss: ``loss_ratio_max`` times the nominal loss, to the coldest
+possible surroundings (``ambient_K``, or the lowest temperature so far). Therefore a sensor that sticks near
+equilibrium or during cooling is not detected.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _RISE_K = 60.0  # Rise above ambient at which the loss of a geometry is computed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heating:
-    """Heat capacity and loss of a damper as one body. A capacity of 0 disables the detection."""
+    """Heat capacity, loss and coil of a damper as one body. A capacity of 0 disables the detection."""
 
     capacity_J_K: NotNegative
     loss_W_K: NotNegative
@@ -45,7 +45,10 @@ class Heating:
 
     @classmethod
     def from_drawing(cls, drawing: DamperDrawing) -> Heating:
-        """Return the values of a geometry: total capacity; loss of fins and mount 60 K above ambient."""
+        """Return the heat balance of a geometry: total heat capacity, and heat loss 60 K above ambient.
+
+        The heat loss includes fins and mount.
+        """
         network = lumped_network(drawing)
         loss = float(np.interp(network.ambient + _RISE_K, network.grid, network.watts.sum(axis=0)) / _RISE_K)
         return cls(
@@ -59,11 +62,15 @@ class Heating:
 
     @classmethod
     def paper(cls) -> Heating:
-        """Return the values of the paper's damper with its fins, which are the default."""
+        """Return the heat balance of the paper's damper with its fins, which is the default."""
         return _paper()
 
     def config(self, command_unit: str, *, extrapolate: bool) -> HeatBalance:
-        """Return the heat balance for the kernel; a frozen temperature is extrapolated or only flagged."""
+        """Return the heat balance for the kernel, which detects a stuck temperature reading.
+
+        The kernel sets a flag. If ``extrapolate`` is True, it also estimates the temperature from the
+        supplied energy.
+        """
         amperes = 1.0 if command_unit == "A" else self.amperes_per_volt or 0.0
         return HeatBalance(
             heat_capacity=self.capacity_J_K,

@@ -1,9 +1,9 @@
 """Binned lookup tables: the universal curve of the hysteresis, and the functions of speed.
 
-A table is piecewise cubic. The width of its cells doubles with every octave of the size, because the
-functions bend near zero. Each table has the smallest number of cells for which the error is below
-``CURVE_ERROR`` of a hysteretic state, or ``SPEED_ERROR``, at all test points. ``track_tables.h`` reads the
-tables.
+A table is piecewise cubic. The cell width doubles with every octave of the argument because the functions
+bend most strongly near zero. Each table has the smallest number of cells for which the error at all test
+points is at most ``CURVE_ERROR`` (hysteretic state) or ``SPEED_ERROR`` (function of speed).
+``track_tables.h`` reads the tables.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.models.laws import VISCOUS_SPEED
 
 CURVE_ERROR = 1e-4
-"""Tolerance of a hysteretic state, which is within -1 and 1."""
+"""Absolute tolerance of a hysteretic state, whose range is -1 to 1."""
 
 SPEED_ERROR = 1e-5
-"""Tolerance of a function of speed; for the viscous function in m/s."""
+"""Absolute tolerance of a function of speed. The unit is m/s for the viscous function, otherwise 1."""
 
 CELL_BITS_MAX = 6
 TEST_POINTS = np.linspace(0.0625, 0.9375, 8)  # Positions in a cell where table and function are compared.
@@ -33,11 +33,11 @@ _Function = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookupTable:
-    """A piecewise cubic function of u >= 0, with coefficients of shape (cells, 4) in the position in a cell.
+    """A piecewise cubic function of u >= 0.
 
-    The position in a cell is 0 to 1.
-
-    The interval [2^k, 2^(k+1)) of u + ``offset`` has 2^``bits`` cells. Above ``top`` the last value is used.
+    Each cell has the four coefficients of a polynomial in the relative position in the cell, which runs from
+    0 to 1. Every octave [2^k, 2^(k+1)) of u + ``offset`` is divided into 2^``bits`` cells of equal width.
+    Above ``top``, the function has its value at ``top``.
     """
 
     offset: float
@@ -51,7 +51,7 @@ class LookupTable:
         return self.offset, self.top, self.bits, self.cell
 
     def evaluate(self, size: FloatArray | float) -> FloatArray:
-        """Return the function values as the kernel computes them."""
+        """Return the function values at ``size``, computed from the table as in the kernel."""
         t = np.minimum(np.asarray(size, dtype=np.float64) + self.offset, self.top)
         octave = np.floor(np.log2(t / self.offset))
         octave -= self.offset * 2.0**octave > t
@@ -73,8 +73,8 @@ def tabulate_lookup(
 ) -> LookupTable:
     """Return the table of a function from 0 to ``end`` by piecewise cubic Hermite interpolation.
 
-    For arguments below ``fine``, all cells have the same width. If ``rising`` is True, slopes are limited to
-    three times the secant slope of the cell, which keeps the table monotone (Fritsch & Carlson).
+    Below ``fine``, all cells have the same width. If ``rising`` is True, the slope at the ends of each cell
+    is limited to three times the secant slope, which keeps the table monotone (Fritsch & Carlson).
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
@@ -125,7 +125,10 @@ def fit_lookup(
 
 
 def _error(table: LookupTable, value: _Function, weight: _Function, end: float, places: FloatArray) -> float:
-    """Return the largest weighted error of a table at ``places`` (0 to 1) in each cell, and at ``end``."""
+    """Return the largest weighted error of a table, compared at ``end`` and at ``places`` in each cell.
+
+    ``places`` are relative positions in a cell, 0 to 1.
+    """
     per = 2**table.bits
     octave, place = np.divmod(np.arange(len(table.cell)), per)
     begin = table.offset * 2.0**octave * (1.0 + place / per) - table.offset
@@ -137,33 +140,35 @@ def _error(table: LookupTable, value: _Function, weight: _Function, end: float, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveTables:
-    """Tables of the universal hysteresis curve w(travel) from w = 0, for the loading and unloading branches.
+    """Tables of the two branches, loading and unloading, of the universal hysteresis curve w(travel).
 
-    A reversal at w continues at -w on the other branch. The maps contain absolute values of positions.
+    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch. The
+    maps convert the position (travel) on one branch to the position on the other branch, both as absolute
+    values.
     """
 
     unloaded: float  # unloading travel from w = -1 to 0
     loading: LookupTable  # |w| against travel
     unloading: LookupTable
     unload_map: LookupTable  # position on the unloading branch against position on the loading branch
-    reload_map: LookupTable  # map back, first half of the travel
-    reload_map_rest: LookupTable  # map back, against the remaining second half
+    reload_map: LookupTable  # inverse of ``unload_map`` for the first half of the travel
+    reload_map_rest: LookupTable  # inverse for the second half, as a function of the remaining travel
 
 
 def no_curve() -> CurveTables:
-    """Return unused tables for a law without hysteretic element."""
+    """Return placeholder tables for a law without hysteretic element."""
     return CurveTables(1.0, *(_zero_table(1.0),) * 5)
 
 
 @lru_cache(maxsize=16)  # Controllers, model and plant of one card have the same curve.
 def universal_curve(kappa: float, n: float) -> CurveTables:
-    """Return the tables of the solution of u' = 1 - k u^n, u(0) = 0: loading k = 1, unloading k = kappa."""
+    """Tabulate the solution of u' = 1 - k u^n, u(0) = 0, with k = 1 (loading) and k = kappa (unloading)."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
     fall = dense.copy()
     stop = int(np.argmax(down >= 1.0 - 1e-12))
-    if stop:  # The end w = -1 is between two samples; for kappa = 0 it is never passed.
+    if stop:  # The curve passes w = -1 between two samples. For kappa = 0, it never does.
         slope = max(1.0 - kappa * down[stop - 1] ** n, 1e-9)
         fall[stop:] = min(fall[stop], fall[stop - 1] + (down[stop] - down[stop - 1]) / slope)
     loaded = float(np.interp(1.0 - 0.2 * CURVE_ERROR, up, dense))
@@ -181,7 +186,7 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
     def load_slope(tau: FloatArray) -> FloatArray:
         return np.asarray(1.0 - np.minimum(load(tau), 1.0) ** n)
 
-    def unload(tau: FloatArray) -> FloatArray:  # extrapolated linearly for the last cell
+    def unload(tau: FloatArray) -> FloatArray:  # The last cell needs a linear extrapolation.
         there = np.abs(core.curve(kappa, n, -np.minimum(tau, unloaded))[0])
         return np.asarray(there + (1.0 - kappa * there**n) * np.maximum(tau - unloaded, 0.0))
 
@@ -238,22 +243,23 @@ class SpeedTables:
 
 
 def no_functions_of_speed() -> SpeedTables:
-    """Return unused tables for a law without functions of speed."""
+    """Return placeholder tables for a law without functions of speed."""
     return SpeedTables(*(_zero_table(1.0),) * 4)
 
 
 def functions_of_speed(
     present: set[str], shape: Mapping[str, float], end: float, *, saturating: bool, memoryless: bool
 ) -> SpeedTables:
-    """Return the functions of speed up to ``end`` [m/s]; a missing function has one cell.
+    """Tabulate the functions of speed up to ``end`` [m/s]. A function that is not needed gets one cell.
 
     Friction is tabulated up to the speed at which it becomes constant.
 
     Parameters
     ----------
-    present : rows of the law, from viscous, sliding, breakaway
-    shape : exponent and velocities of the law, by coefficient
-    saturating, memoryless : True if a yield force saturates with speed, or follows the sign of the speed
+    present : rows that the law has, of viscous, sliding and breakaway
+    shape : values of the law's exponent and velocities, by coefficient name
+    saturating : True if a yield force saturates with speed
+    memoryless : True if the yield force follows the sign of the velocity
     """
     nothing = _zero_table(end)
     viscous = sliding = breakaway = saturation = nothing
@@ -286,14 +292,14 @@ def functions_of_speed(
 
 
 def _saturation(half: float, end: float) -> LookupTable:
-    """Return the saturation curve v / (v + half)."""
+    """Tabulate the saturation curve v / (v + half)."""
     return fit_lookup(
         lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SPEED_ERROR, rising=True
     )
 
 
 def _side(over: float) -> tuple[_Function, _Function]:
-    """Return tanh(v / over) and its slope."""
+    """Return two functions of v: tanh(v / over) and its derivative."""
     return (
         lambda v: np.asarray(np.tanh(v / over)),
         lambda v: np.asarray((1.0 - np.tanh(v / over) ** 2) / over),

@@ -1,11 +1,12 @@
 """Tables of series valve and chain for ``core/kernel/track_series.h`` and ``track_chain.h``.
 
-The tables are: yield force on an even grid of commands and temperatures, other coefficients against
-temperature, powers of speed, and two functions that are the same for all dampers: tanh u and exp(-u^2).
+There are four kinds of tables: the yield force on an even grid of commands and temperatures, the other
+coefficients versus temperature, powers of speed, and the functions tanh u and exp(-u^2), which are the same
+for all dampers.
 
-Of the series valve only the yield force can depend on the command. In the chain, shear thinning, bristles and
-memory can also depend on it (``PLANES``). The exponents are constant.
-All other coefficients can depend on temperature.
+In the series valve, only the yield force can depend on the command. In the chain, shear thinning, bristles
+and memory can also depend on the command (``PLANES``). The exponents are constant. All other coefficients can
+depend on temperature.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ CHAIN = (
     "gap_corner", "leak_damping", "mass", "viscosity", "coulomb_friction", "breakaway_friction",
     "transition_velocity", "stribeck_velocity",
 )  # fmt: skip
-"""Coefficients against temperature, in the order of the kernel."""
+"""Coefficients that are tabulated versus temperature, in the order of the kernel."""
 
 OF_CHAIN = (
     "orifice", "asymmetry", "flow_asymmetry", "position_curvature", "bristle_share", "bristle_spread",
@@ -38,7 +39,7 @@ OF_CHAIN = (
     "gas_length", "play", "follow_share", "creep", "knee", "bypass", "cavity_length", "cavity_force",
     "bubble_length",
 )  # fmt: skip
-"""Further coefficients of the chain."""
+"""Coefficients of the chain that are tabulated versus temperature after those in ``CHAIN``."""
 
 PLANES = ("yield_force", "thinning_force", "bristle_stiffness", "memory_force")
 """Coefficients that can depend on the command, in the order of the kernel. The series valve has only the
@@ -49,8 +50,8 @@ _INVERTED = (
     "cavity_length",
 )  # fmt: skip
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
-_GAS_EXPONENT = -1.3  # Exponent of the gas volume, as in chain.c.
-SPEED_MIN_M_S = 2.0**-20  # Below this speed a power is a straight line to zero.
+_GAS_EXPONENT = -1.3  # exponent of the gas volume, the same value as in chain.c
+SPEED_MIN_M_S = 2.0**-20  # Lower speeds: a straight line through zero replaces the power function.
 OCTAVE_COUNT = 23  # Octaves above the minimum speed, up to 8 m/s.
 _TEMPERATURE_STEP_K = {"series-valve": 5.0, "chain": 10.0}
 CELL_BITS = 3
@@ -58,7 +59,10 @@ CELL_BITS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Power:
-    """The power function of u >= 0: cubics for one octave, shape (2^bits, 4), and a factor per octave."""
+    """Table of a power function of u >= 0.
+
+    ``cell`` contains cubics for one octave, shape (2^bits, 4). ``scale`` has a factor for each octave.
+    """
 
     exponent: float
     least: float
@@ -73,7 +77,7 @@ class Power:
         return self.exponent, self.least, self.top, self.bits, self.scale, self.cell
 
     def evaluate(self, size: FloatArray | float) -> FloatArray:
-        """Return the power as the kernel computes it."""
+        """Return the power of ``size``, computed from the table as in the kernel."""
         u = np.asarray(size, dtype=np.float64)
         t = np.clip(u, self.least, self.top)
         octave = np.floor(np.log2(t / self.least))
@@ -90,7 +94,9 @@ class SeriesTables:
     """The tables of a series valve or a chain."""
 
     yield_force: FloatArray  # values of ``PLANES``, shape (1 or planes, temperatures, COMMAND_COUNT)
-    chain: FloatArray  # ``CHAIN``, then ``OF_CHAIN``; lengths and speeds inverted, shape (temperatures, n)
+    # Coefficients in the order of ``CHAIN`` and ``OF_CHAIN``, shape (temperatures, n). Those in ``_INVERTED``
+    # are reciprocals.
+    chain: FloatArray
     thinning: Power
     leak: Power
     viscous: Power
@@ -114,7 +120,7 @@ class SeriesTables:
 
     @property
     def interleaved(self) -> FloatArray:
-        """Return the coefficients that depend on the command, shape (temperatures, COMMAND_COUNT, planes)."""
+        """Return ``yield_force`` with the planes as the last axis: (temperatures, COMMAND_COUNT, planes)."""
         return np.ascontiguousarray(np.moveaxis(self.yield_force, 0, -1))
 
     @property
@@ -126,13 +132,18 @@ class SeriesTables:
 def tabulate_series(
     damper: Damper, largest: float, temperatures: tuple[float, float]
 ) -> tuple[SeriesTables, FloatArray]:
-    """Return tables of a series valve or chain for commands 0 to ``largest`` [A or V], and temperatures.
+    """Return the tables of a series valve or chain, and the temperatures at which they are tabulated [K].
+
+    Parameters
+    ----------
+    largest : largest command of the tables [A or V]; the smallest is 0
+    temperatures : lowest and highest temperature [K]
 
     Raises
     ------
     InputError
-        If a coefficient outside ``PLANES`` (for the series valve: outside its first entry) depends on the
-        command, an exponent depends on temperature, or the law is not well posed.
+        If a coefficient depends on the command although it is not in ``PLANES`` (for the series valve: is not
+        the yield force), an exponent depends on temperature, or the law is not well posed.
     """
     low, high = temperatures
     single = not damper.temperature_dependent or high <= low
@@ -151,7 +162,7 @@ def tabulate_series(
     rows = {name: values[name][:, 0].copy() for name in ((*CHAIN, *OF_CHAIN) if is_chain else CHAIN)}
     moved = {name: values[name] for name in planes}
     factors: dict[str, float | FloatArray] = {"viscosity": VISCOUS_SPEED ** (1.0 - viscous)}
-    if is_chain:  # thinning and dashpot are defined at 1 m/s, as the powers are
+    if is_chain:  # The forces of thinning and dashpot are defined at 1 m/s, where every power is 1.
         speed = values["reference_speed"]
         factors |= {"thinning": speed[:, 0] ** -thinning, "leak_damping": speed[:, 0] ** (1.0 - leak)}
         moved |= {"thinning_force": values["thinning_force"] * speed[:, :1] ** -thinning}
@@ -178,7 +189,7 @@ def tabulate_series(
 
 
 def tabulate_power(exponent: float) -> Power:
-    """Return the power u^exponent of a speed [m/s], from 1e-6 to 8 m/s."""
+    """Return the table of u^exponent for speeds u from 1e-6 to 8 m/s."""
     knots = 1.0 + np.arange(2**CELL_BITS + 1) / 2**CELL_BITS
     f, d = knots**exponent, exponent * knots ** (exponent - 1.0) / 2**CELL_BITS
     rise = np.diff(f)
@@ -189,7 +200,7 @@ def tabulate_power(exponent: float) -> Power:
 
 
 def _check_tabulated(values: Mapping[str, FloatArray], law: str, planes: tuple[str, ...]) -> None:
-    """Raise ``InputError`` if a coefficient depends on a quantity that its table does not contain."""
+    """Raise ``InputError`` if a coefficient depends on a quantity that is not an axis of its table."""
     for name, rows in values.items():
         if name not in planes and float(np.ptp(rows, axis=1).max()) > 1e-9 * float(np.abs(rows).max()):
             raise InputError(

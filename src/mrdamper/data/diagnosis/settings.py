@@ -23,19 +23,19 @@ class DiagnosisSettings:
     reversal_fit_sample_count: int = 4  # samples on each side to which the time of a reversal is fitted
     half_cycle_ratio_max: float = 0.2  # difference in duration of the half cycles of a periodic motion
     force_delay_max_s: float = 0.010
-    force_delay_min_s: float = -0.002  # The force may be early by this time.
-    frequency_ratio_min: float = 1.3  # A larger ratio of frequencies separates delay from compliance.
+    force_delay_min_s: float = -0.002  # negative: the force may lead by this time
+    frequency_ratio_min: float = 1.3  # min ratio of frequencies to distinguish a delay from compliance
 
     # Runs that differ from their name or from runs of the same motion
     period_ratio_max: float = 0.03  # difference of the periods of a sine
-    sibling_run_count_min: int = 3  # other runs of the same motion
+    sibling_run_count_min: int = 3  # min number of other runs with the same motion
 
     # Offset, drift and delay of one run
     force_offset_ratio_max: float = 0.05  # fraction of the force's standard deviation
     drift_ratio_max: float = 0.03  # fraction of the stroke and of the force range
     force_range_change_max_percent: float = 5.0  # from the first to the last cycle
     force_lead_max_periods: float = 0.003  # The force may lead the velocity by this fraction of the period.
-    force_lag_max_periods: float = 0.17  # a phase of 60 degrees
+    force_lag_max_periods: float = 0.17  # The force may lag the velocity by this fraction (60 degrees).
 
     # Ranges of published dampers; the module ``plausible`` names the sources
     peak_force_range_N: tuple[float, float] = (150.0, 20e3)
@@ -55,7 +55,8 @@ class DiagnosisSettings:
     cycle_deviation_max_percent: float = 5.0  # deviation from the mean cycle / spread of the force
     line_force_ratio_min: float = 0.03  # rms of a spectral line / standard deviation of the force
     line_power_ratio_min: float = 0.5  # power of the line / power of the deviation from the mean cycle
-    # Smallest distance of a line to a harmonic: in bins of the spectrum, and the limits in harmonic numbers.
+    # Min distance of a spectral line from a harmonic in bins of the spectrum. After conversion to harmonic
+    # numbers, this distance is limited to the range that follows.
     line_distance_min_bins: float = 1.2
     line_distance_range_harmonics: tuple[float, float] = (0.1, 0.3)
     line_cycle_count_min: int = 3
@@ -78,7 +79,7 @@ class DiagnosisSettings:
     stuck_level_max_steps: float = 1.5  # difference of neighbouring quantised values / resolution
     spike_height_ratio_min: float = 0.1  # height of a spike / range from 0.5 % to 99.5 % quantile
     spike_noise_ratio_min: float = 30.0  # height of a spike / white noise
-    spike_samples_min: int = 100  # samples of a run, and samples per spike
+    spike_samples_min: int = 100  # min number of samples in a run, and min number of samples per spike
 
     # Lost samples and jumps of the displacement
     lost_step_ratio_min: float = 1.5  # time step / median time step

@@ -10,25 +10,25 @@ class ReadingSettings:
     """Limits of the readers and of the proposal of a channel map. Larger inputs are rejected or cut."""
 
     # Size of a file
-    unpacked_ratio_max: int = 1032  # The largest possible compression ratio of deflate.
+    unpacked_ratio_max: int = 1032  # unpacked size / packed size; deflate cannot reach more
     whole_file_max_bytes: int = 1 << 28  # Larger files are not kept in memory as a whole.
     column_samples_max: int = 400_000_000  # A longer column (3.2 GB) is damaged or malicious.
     workbook_unpacked_max_bytes: int = 1 << 29
-    sheet_cells_max: int = 32_000_000  # cells of the used rows and columns, with empty cells
+    sheet_cells_max: int = 32_000_000  # number of cells in the used range, including empty cells
     archive_unpacked_max_bytes: int = 1 << 31
     folder_depth_max: int = 4  # levels of subfolders that are searched
 
     # Tables of samples
     table_columns_max: int = 64  # A wider matrix is not a table of channels.
-    table_rows_min: int = 10  # Fewer rows of numbers are a table of results, not of samples.
+    table_rows_min: int = 10  # A table with fewer rows of numbers contains results, not samples.
     header_lines_max: int = 400  # The first row of a text or a sheet is within these lines.
     element_count_max: int = 4096  # elements of a list or struct array in which signals are searched
-    empty_record_columns_min: int = 3  # A single line with as many names is the header of an empty record.
+    empty_record_columns_min: int = 3  # A single line with this many names is a header without samples.
 
     # Notes of a file that are kept
     attribute_lines_max: int = 64
     attribute_length_max: int = 200
-    listed_names_max: int = 8  # names in one remark
+    listed_names_max: int = 8  # max number of names in one remark
     note_lines_max: int = 64
     note_length_max: int = 300
     document_max_bytes: int = 1 << 17
@@ -38,13 +38,13 @@ class ReadingSettings:
     continuation_max_steps: float = 1.5  # A piece after a longer pause is a separate recording.
     clock_tolerance_steps: float = 0.01  # Clocks that differ by less than this fraction of a step are equal.
     unix_time_min_s: float = 1e9  # Larger times are seconds since 1970.
-    time_zone_ambiguity_max_K: float = 1.0  # An unknown time zone may change the temperatures by this.
+    time_zone_ambiguity_max_K: float = 1.0  # max effect of an unknown time zone on the temperatures of runs
 
     # Shape of a column
-    swing_ratio_min: float = 0.2  # motion after a reversal / range
+    swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal
     reversal_count_min: int = 5
     half_period_ratio_max: float = 0.2  # deviation of half periods from their median
-    level_part_count: int = 16  # The medians of this number of parts of a column reveal a step despite noise.
+    level_part_count: int = 16  # number of parts of a column; their medians reveal a step in noise
 
 
 SETTINGS = ReadingSettings()

@@ -15,55 +15,56 @@ class ActuationSettings:
 
     # Command steps. The first two limits are divided by the range of the command.
     step_size_min: float = 0.05  # A smaller change of the command is not a step.
-    level_tolerance: float = 0.05  # Commands are rounded to multiples of this to find equal commands.
-    settling_time_s: float = 0.1  # The force counts as settled this time after a step.
+    level_tolerance: float = 0.05  # Commands that are equal after rounding to multiples of this are equal.
+    settling_time_s: float = 0.1  # The force is considered settled when this time has passed after a step.
 
     # Step responses
     response_duration_min_s: float = 0.04  # A shorter response is ignored because it may not reach 63 %.
     response_duration_max_s: float = 0.15
-    response_force_min: float = 0.03  # min change of force in a step, divided by the largest force of the run
-    change_force_min: float = 0.003  # min change of force in a usable run, divided by the force of all runs
-    # Samples near a reversal are ignored because laws have larger errors there [stroke].
+    response_force_min: float = 0.03  # min change of force in a step / largest force of the run
+    change_force_min: float = 0.003  # min change of force in a usable run / force of all runs
+    # Samples near a reversal are ignored because laws have larger errors there. Unit: stroke of the run
     stroke_after_reversal_min: float = 0.15
     stroke_before_reversal_min: float = 0.03
     level_sample_count_min: int = 20  # min settled samples at one command and one direction of motion
-    crossing_fit_range: tuple[float, float] = (0.5, 0.77)  # range of the response for the line through 63 %
+    # A line is fitted to this range of a step response. The response time is where the line crosses 63 %.
+    crossing_fit_range: tuple[float, float] = (0.5, 0.77)
     map_error: float = 0.06  # relative standard error of a response time due to errors of the force maps
-    # The driver has one quadrant if steps to zero take this many times as long as other steps.
+    # The driver is one-quadrant if steps to zero take this many times as long as other steps.
     free_wheeling_time_ratio: float = 1.4
 
     # Search for delay and lags
     lag_min_s: float = 1e-4
     lag_max_s: float = 0.3
     delay_max_s: float = 0.1
-    lag_start_s: tuple[float, ...] = (0.008, 0.03)  # several starts because the error can have two minima
-    tolerance: float = 1e-4  # relative change of the lags and of the error that ends the search
-    # Integration steps of the lags per sample interval. Step responses need more, because the exact time of
-    # a command step matters less over whole runs.
+    lag_start_s: tuple[float, ...] = (0.008, 0.03)  # two start values because the error can have two minima
+    tolerance: float = 1e-4  # The search ends if lags and error change relatively by less than this.
+    # Integration steps of the lags per sample interval. In step responses, the exact time of a command step
+    # is more important than in whole runs.
     oversampling: int = 16  # steps for step responses
     run_oversampling: int = 4  # steps for whole runs
-    time_correction_count: int = 3  # corrections of rise and fall by the measured response times
+    time_correction_count: int = 3  # number of corrections of rise and fall times by measured response times
     follow_share_step: float = 0.25  # first step of the pattern search for ``follow_share``
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.
-    hysteresis_agreement: float = 2.0  # runs that differ by more standard errors are not averaged
+    hysteresis_agreement: float = 2.0  # Loop widths that differ by more standard errors are not averaged.
 
     # Search for all parameters over whole runs. Currents are divided by the largest command.
     saturation_min: float = 0.05
     saturation_max: float = 30.0
     saturation_start: float = 0.5
     remanence_start_min: float = 0.02
-    narrow_loop_start: float = 0.6  # half width of the narrow loop, divided by the remanence
-    wide_loop_start: float = 2.4  # half width of the wide loop, divided by the remanence
+    narrow_loop_start: float = 0.6  # half width of the narrow hysteresis loop, divided by the remanence
+    wide_loop_start: float = 2.4  # half width of the wide hysteresis loop, divided by the remanence
     fall_to_rise_start: float = 5.0  # fall time divided by rise time, if no fall was measured
-    saturated_fall_ratio: float = 3.0  # time constant without saturation, divided by the measured fall time
-    evaluation_count_max: int = 20  # evaluations in the final fit
-    short_evaluation_count_max: int = 6  # evaluations in a fit of the cross-validation
+    saturated_fall_ratio: float = 3.0  # free-wheeling time constant / fall time, if the flux saturates
+    evaluation_count_max: int = 20  # max function evaluations in the final fit
+    short_evaluation_count_max: int = 6  # max function evaluations in a fit of the cross-validation
 
-    # Thresholds of error ratios for saturation, hysteresis loops and free-wheeling
-    # The simple form is kept if a fit with all parameters has a larger error ratio to the simple form.
+    # Error ratios that decide between variants of the actuation: saturation, hysteresis loops, free-wheeling
+    # The simplest variant is kept unless the error with all parameters / error of this variant is smaller.
     saturation_ratio_max: float = 0.95
-    one_loop_ratio: float = 0.98  # factor on the error of forms with a single loop, which are preferred
-    # The driver has one quadrant if free-wheeling reduces the error to less than this ratio.
+    one_loop_ratio: float = 0.98  # factor on the error of variants with a single loop, which are preferred
+    # The driver is one-quadrant if free-wheeling reduces the error to less than this fraction.
     free_wheeling_ratio_max: float = 0.7
 
 

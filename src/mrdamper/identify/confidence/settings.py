@@ -18,13 +18,13 @@ class ConfidenceSettings:
     # The following two ratios define the shape of a band with factor one.
     band_run_ratio: float = 0.15  # half width at zero force, divided by the rms force of the run
     band_base_ratio: float = 0.1  # half width of a run with a small force, divided by the median rms force
-    band_spread: float = 0.4  # standard deviations over the folds that are added to the mean quantile
+    band_spread: float = 0.4  # number of standard deviations (over folds) added to the mean quantile
     band_widening: float = 1.5  # increase of the width per e-fold of additional distance from fitted motions
     correlation_min: float = 0.95  # Correlations of a larger magnitude are reported.
     correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
     energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
     batch_sample_count: int = 4096  # samples of the posterior that are tested at once
-    batch_count_max: int = 500  # Below 1 accepted of 2000, sampling takes longer than the fit.
+    batch_count_max: int = 500  # If fewer than 1 of 2000 samples is accepted, sampling would take too long.
 
     # Proposed tests
     proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude / half the stroke
@@ -33,7 +33,7 @@ class ConfidenceSettings:
     proposal_period_count: int = 2
     proposal_samples_per_period: int = 200
     proposal_velocity_ratio_min: float = 0.03  # peak velocity / maximum velocity of the runs
-    prior_information_ratio: float = 1e-7  # Added to the diagonal of the scaled information matrix.
+    prior_information_ratio: float = 1e-7  # regularisation of the information matrix with a unit diagonal
 
 
 DEFAULT_SETTINGS = ConfidenceSettings()

@@ -1,4 +1,4 @@
-"""Thresholds of the consistency test."""
+"""Thresholds of the consistency test, which finds runs that contradict the other runs."""
 
 from __future__ import annotations
 
@@ -9,43 +9,43 @@ from dataclasses import dataclass
 class ConsistencySettings:
     """Thresholds of the consistency test. The module ``causes`` defines the thresholds of each cause.
 
-    Levels and residuals are divided by the standard deviation of the force.
+    Residuals and thresholds for them are divided by the standard deviation of the force.
     """
 
     # Single runs
     run_count_min: int = 6  # min number of fitted runs; the scatter of fewer runs is not significant
-    # Minimum delay, divided by the period. The model error of a slow motion resembles a delay.
+    # Smaller delays, divided by the period, are ignored: the model error of a slow motion resembles a delay.
     delay_period_ratio_min: float = 0.002
-    # A more complex cause is reported only if a simpler cause explains less than this fraction as much.
+    # The simpler of two causes is reported if its strength / strength of the other cause is at least this.
     simple_cause_ratio_min: float = 0.9
-    # Runs with less than this fraction of the worst deviation are ignored, because the worst run distorts
-    # the fit.
+    # Deviations below this fraction of the worst run's deviation are ignored, because the worst run distorts
+    # the fit and therefore the residuals of all runs.
     worst_ratio_min: float = 0.5
     unfitted_ratio_min: float = 1.8  # factor on all thresholds for a run that was not fitted
-    suspect_ratio_min: float = 0.8  # factor on all thresholds for a run that a second fit omits
-    suspect_level_ratio_min: float = 1.6  # min residual of such a run, divided by the typical residual
-    peer_count_min: int = 3  # min runs at one command for a typical residual, and min runs in a group
+    suspect_ratio_min: float = 0.8  # factor on all thresholds for a suspect run, which a second fit omits
+    suspect_level_ratio_min: float = 1.6  # min residual of a suspect run, divided by the typical residual
+    peer_count_min: int = 3  # min number of runs for a typical residual at one command, and in a group
     level_ratio_max: float = 3.0  # max typical residual at one command, divided by the median over all runs
     spare_run_count_min: int = 5  # min number of runs minus number of regression coefficients
     scatter_run_count_min: int = 12  # min number of runs at one command for a separate estimate of scatter
-    command_tolerance_ratio: float = 0.05  # max difference of equal commands, divided by the command range
+    command_tolerance_ratio: float = 0.05  # Commands are equal if they differ by less / command range.
     iteration_count: int = 30  # iterations of the robust regression
-    # Two labels are exchanged if the estimated error of a command, divided by the difference of the two
-    # commands, is in this range.
+    # The command labels of two runs are swapped if the estimated label error, divided by the difference of
+    # the two commands, is in this range.
     exchange_ratio_min: float = 0.3
     exchange_ratio_max: float = 3.0
 
     # Groups of runs
-    gain_difference_min: float = 0.04  # min relative difference between two groups, and min drift
-    group_scatter_ratio_min: float = 5.0  # difference of two groups, divided by the scatter within the groups
+    gain_difference_min: float = 0.04  # min relative gain difference of two groups, and min gain drift
+    group_scatter_ratio_min: float = 5.0  # min difference of two groups / scatter within the groups
     drift_fraction_min: float = 0.1  # min fraction of the mean squared residual that a drift explains
     common_delay_min_s: float = 1.2e-3
     group_delay_min_s: float = 4e-3
     common_fraction_min: float = 0.015  # min fraction of the mean squared residual that a delay explains
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
-    single_run_ratio_min: float = 0.9  # A run that explains more of a common effect is its only cause.
-    error_ratio_max: float = 2.5  # A run with a larger multiple of the median standard error is ignored.
-    second_cause_ratio_min: float = 0.5  # explained fraction of a second cause, divided by the first fraction
+    single_run_ratio_min: float = 0.9  # If one run explains more of a common effect, it is the only cause.
+    error_ratio_max: float = 2.5  # Runs with a larger standard error / median standard error are ignored.
+    second_cause_ratio_min: float = 0.5  # fraction explained by a second cause / fraction by the first cause
 
     # Errors of one result
     training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
@@ -53,7 +53,7 @@ class ConsistencySettings:
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
     singular_value_ratio_min: float = 1e-9
-    cause_power_ratio_min: float = 1e-9  # With less power, the parameters reproduce a cause completely.
+    cause_power_ratio_min: float = 1e-9  # The fitted parameters can imitate a cause with less power fully.
     correlated_samples: float = 10.0  # samples that count as one independent sample of the residual
 
 

@@ -1,1 +1,1 @@
-"""Search for parameters: cost, Gram matrices, parallel descents, variable projection, genetic algorithm."""
+"""Parameter search: cost, Gram matrices, parallel descents, variable projection, genetic algorithm."""

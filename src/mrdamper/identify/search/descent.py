@@ -1,13 +1,13 @@
 """Parallel Levenberg-Marquardt descents with bounds; one kernel call evaluates the trials of all descents.
 
-Each descent has its own damping. Each step solves the damped normal equations with bounds on every
-coordinate: the bounds of the search and a maximum step. A coordinate that reaches such a bound is fixed
+Each descent has a separate damping parameter. Each step solves the damped normal equations with bounds on
+every coordinate: the bounds of the search and a maximum step. A coordinate that reaches a bound is fixed
 there, and the equations are solved again for the other coordinates.
 
-A trial starts from linear parameters that are predicted from the last step. Their remaining change by the
-elimination is of second order in the step. One call of the kernel therefore gives the cost and the next
-Gauss-Newton matrix. If the prediction was too inaccurate, the call is repeated with the best linear
-parameters. It is also repeated after a failed step, before the step is shortened.
+The linear parameters of a trial are predicted by linear extrapolation from the current point. The elimination
+then changes them only by an amount of second order in the step. Therefore one kernel call is sufficient for
+the cost and the next Gauss-Newton matrix. If the prediction was too inaccurate, the call is repeated with the
+best linear parameters. The call is also repeated after a failed step, before the step is shortened.
 
 Method: Marquardt, J. SIAM 11 (1963) 431-441; update of the damping: Nielsen, report IMM-REP-1999-05 (1999).
 """
@@ -25,11 +25,11 @@ from mrdamper.identify.settings import NUMERICS
 
 
 class Descents:
-    """Descents from several points. ``advance`` makes one trial step of each descent.
+    """Several Levenberg-Marquardt descents. ``advance`` makes one trial step of each descent.
 
     Parameters
     ----------
-    points : search coordinates of the starts, shape (descents, nonlinear)
+    points : search coordinates of the starting points, shape (descents, nonlinear)
     linear : start values of the linear parameters, shape (descents, linear)
     most : number of accepted steps after which a descent ends
 
@@ -37,7 +37,8 @@ class Descents:
     ----------
     points, linear, costs, hessians : state of each descent; costs in %^2
     iterations : number of accepted steps
-    converged, done : True if a descent has converged, or has ended
+    converged : True for each descent that has converged
+    done : True for each descent that has ended, with or without convergence
     """
 
     def __init__(self, objective: Objective, points: FloatArray, linear: FloatArray, *, most: int) -> None:
@@ -75,13 +76,13 @@ class Descents:
         self.done = self.converged.copy()
 
     def advance(self) -> BoolArray:
-        """Make one trial step of every unfinished descent; return which descents accepted the step."""
+        """Make one trial step of every unfinished descent; return which descents accepted it."""
         accepted = np.zeros(len(self.done), dtype=np.bool_)
         k = np.flatnonzero(~self.done)
         step, gain = self._steps(k)
         is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
         is_useless |= (gain >= 0.0) & (gain <= NUMERICS.predicted_gain_min * self.costs[k])
-        is_downhill = ~is_useless & (gain > 0.0)  # A bound can turn a step uphill.
+        is_downhill = ~is_useless & (gain > 0.0)  # A step that is clipped at a bound can increase the cost.
         self._fail(k[is_useless], self._finish)
         self._fail(k[~is_useless & ~is_downhill], self._shorten)
         k, step, gain = k[is_downhill], step[is_downhill], gain[is_downhill]
@@ -90,14 +91,14 @@ class Descents:
         points = np.clip(self.points[k] + step, self._box.low, self._box.high)
         change = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
         found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
-        is_better = found.cost < self.costs[k]  # False for a cost of NaN
+        is_better = found.cost < self.costs[k]  # False if the cost is NaN
         self._fail(k[~is_better], self._shorten)
         accepted[k[is_better]] = True
         self._accept(k[is_better], points[is_better], gain[is_better], _rows(found, is_better))
         return accepted
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Return the next steps of descents ``k``, and the expected decrease of each cost."""
+        """Return the next steps of the descents ``k``, and the expected decreases of their costs."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)
@@ -123,7 +124,7 @@ class Descents:
         self._update_model(k, found)
 
     def _update_model(self, k: NDArray[np.intp], found: Eliminated) -> None:
-        """Set the Gauss-Newton model at accepted points."""
+        """Compute the Gauss-Newton matrix and gradient at accepted points."""
         assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
         self._is_rough[k] = found.drift > NUMERICS.failed_drift_max
@@ -132,7 +133,7 @@ class Descents:
         self._refine(k[is_inaccurate])
 
     def _refine(self, k: NDArray[np.intp]) -> None:
-        """Compute the tangents again, with the best linear parameters of the last evaluation."""
+        """Recompute the tangents with the best linear parameters of the last evaluation."""
         if len(k):
             values = self._box.to_physical(self.points[k])
             self._set_model(k, self._objective.sums(values, self.linear[k]))
@@ -146,13 +147,16 @@ class Descents:
         self._follow[k] = follow
 
     def _is_free(self, points: FloatArray, gradient: FloatArray) -> BoolArray:
-        """Return False for coordinates at a bound if the negative gradient points out of the box."""
+        """Return False for each coordinate at a bound whose descent direction points outwards."""
         below = (points <= self._box.low) & (gradient < 0.0)
         above = (points >= self._box.high) & (gradient > 0.0)
         return np.asarray(~(below | above))
 
     def _fail(self, k: NDArray[np.intp], give_up: Callable[[NDArray[np.intp]], None]) -> None:
-        """Refine the tangents of failed steps if they are rough, otherwise shorten or finish."""
+        """After failed steps, refine inaccurate tangents; call ``give_up`` if the tangents are accurate.
+
+        ``give_up`` shortens the step or ends the descent.
+        """
         is_rough = self._is_rough[k]
         self._refine(k[is_rough])
         give_up(k[~is_rough])
@@ -180,9 +184,9 @@ def _steps_in_box(
     low: FloatArray,
     high: FloatArray,
 ) -> FloatArray:
-    """Return the Marquardt steps with low <= step <= high.
+    """Return the Levenberg-Marquardt steps of several descents, subject to low <= step <= high.
 
-    Coordinates that would leave the box are fixed at its edge. The equations are then solved again for the
+    Coordinates that would exceed a bound are fixed at the bound. The equations are then solved again for the
     other coordinates.
     """
     scale = np.diagonal(hessian, axis1=1, axis2=2)

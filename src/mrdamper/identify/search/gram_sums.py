@@ -1,7 +1,7 @@
 """Gram matrices of the tangents and the residual over the runs, for least squares.
 
-Runs with constant current and temperature are evaluated together, many candidates in one call of the kernel.
-Runs with changing current or temperature, and laws in Python, are evaluated one by one.
+One kernel call evaluates all runs with constant current and temperature, for many candidates. Runs with
+changing current or temperature, and laws in Python, are evaluated one by one.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class GramSums:
         order = np.argsort(group, kind="stable")
         self._runs = [steady[k][0] for k in order]
         self._group = group[order]
-        self._first = np.searchsorted(self._group, range(len(groups)))  # first run of each group
+        self._first = np.searchsorted(self._group, range(len(groups)))  # index of each group's first run
         self._weight = np.array([run.weight for run in self._runs])[:, None]
         if not steady:
             return
@@ -63,14 +63,15 @@ class GramSums:
         self._records = tuple(run.drive.record for run in self._runs)
         self._measured = tuple(run.force for run in self._runs)
         self._starts = tuple(run.start for run in self._runs)
-        # This matrix leads from the kernel's columns (tangents, residual) to rows, group by group.
+        # This matrix, one per group of runs, converts the kernel's columns (tangents of coefficients,
+        # residual) to the rows of the result (tangents of parameters, residual).
         width = len(self._levels.places) + 1
         self._spread = np.zeros((1, len(groups), self._size, width))
         self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine
         self._spread[..., -1, -1] = 1.0
 
     def evaluate(self, values: FloatArray) -> FloatArray:
-        """Return one Gram matrix per row of varying parameters, shape (candidates, rows, rows)."""
+        """Return one Gram matrix for each candidate (row of ``values``), shape (candidates, rows, rows)."""
         total = np.zeros((len(values), self._size, self._size))
         if self._runs:
             each = len(self._runs) * self._spread.shape[-1] ** 2

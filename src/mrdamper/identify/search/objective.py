@@ -1,8 +1,8 @@
-"""Cost of a problem with its linear parameters eliminated (variable projection), for many candidates at once.
+"""Cost of a fit problem after elimination of the linear parameters (variable projection).
 
 The best linear parameters follow from the Gram matrices, subject to the conditions of the law (for example a
-yield force that is not negative). One evaluation returns the cost and, in Kaufman's approximation, the
-Gauss-Newton matrix of the nonlinear parameters.
+yield force that is not negative). One evaluation treats many candidates. It returns their costs and, in
+Kaufman's approximation, the Gauss-Newton matrices of the nonlinear parameters.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """Search coordinates of parameters (values or logarithms) and their bounds."""
+    """Bounds of the search coordinates. A coordinate is the value of a parameter, or its logarithm."""
 
     low: FloatArray
     high: FloatArray
@@ -37,32 +37,32 @@ class Box:
         )
 
     def to_physical(self, points: FloatArray) -> FloatArray:
-        """Return the parameter values at search coordinates, shape (.., parameters)."""
+        """Convert search coordinates to parameter values, both of shape (.., parameters)."""
         return np.exp(points, where=self.log, out=points.copy())
 
     def to_search(self, values: FloatArray) -> FloatArray:
-        """Return the search coordinates of parameter values, clipped to the bounds."""
+        """Convert parameter values to search coordinates and clip these to the bounds."""
         points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
         return np.clip(points, self.low, self.high)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """Candidates with their best linear parameters; the first axis of each array is the candidate.
+    """Candidates with their best linear parameters. The first axis of each array is the candidate.
 
-    The rows of ``gram`` are the nonlinear parameters, the linear parameters and the residual. The residual is
-    computed with the best linear parameters, the tangents with the guess. ``drift`` is the relative change of
-    the force from the guess to the best linear parameters.
+    The rows of ``gram`` are the nonlinear parameters, the linear parameters and the residual. The tangents
+    are computed with the initial guess of the linear parameters, and the residual with the best linear
+    parameters. ``drift`` is the relative change of the force between these two sets of linear parameters.
     """
 
-    cost: FloatArray  # [%^2]; infinite if it is not finite
+    cost: FloatArray  # [%^2]; inf if the simulation diverged
     linear: FloatArray
     gram: FloatArray | None
     drift: FloatArray
 
 
 class Objective:
-    """Cost of a problem on windows of its runs, and the elimination of the linear parameters."""
+    """Cost of a fit problem on windows of the runs, after elimination of the linear parameters."""
 
     def __init__(self, problem: FitProblem, runs: Sequence[FitWindow]) -> None:
         self.problem = problem
@@ -78,19 +78,19 @@ class Objective:
         self._light = NUMERICS.regularisation_cost / size**2
 
     def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
-        """Return the weighted Gram matrix of the tangents and residual at a damper."""
+        """Return the weighted Gram matrix of a damper's tangents (one per parameter) and residual."""
         gram: FloatArray = GramSums(damper, (), parameters, self.runs).evaluate(np.empty((1, 0)))[0]
         return gram
 
     def points_of(self, dampers: Sequence[Damper]) -> tuple[FloatArray, FloatArray]:
-        """Return the search coordinates and the linear parameters of dampers, one row per damper."""
+        """Return search coordinates and linear parameters of dampers: two arrays with one row per damper."""
         values = [damper.parameters_and_lag for damper in dampers]
         nonlinear = np.array([[each[name] for name in self.nonlinear] for each in values])
         linear = np.array([[each[name] for name in self.linear] for each in values])
         return self.box.to_search(nonlinear.reshape(len(values), -1)), linear.reshape(len(values), -1)
 
     def damper_at(self, point: FloatArray, linear: FloatArray) -> Damper:
-        """Return the damper at search coordinates and linear parameters."""
+        """Return the damper that has the given search coordinates and linear parameters."""
         values = np.concatenate([self.box.to_physical(point), linear]).tolist()
         names = (*self.nonlinear, *self.linear)
         return self.problem.template.with_parameters(dict(zip(names, values, strict=True)))
@@ -103,11 +103,11 @@ class Objective:
     def eliminate(
         self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
     ) -> Eliminated:
-        """Return candidates with their best linear parameters, starting from a guess, ``linear``.
+        """Return candidates with their best linear parameters, starting from the guess ``linear``.
 
-        Without ``tangents`` of the nonlinear parameters, no Gram matrix is returned. A cost is the difference
-        of two sums that are about as large as the cost of the guess. If rounding errors dominate this
-        difference, the elimination is repeated once, starting from its result.
+        If ``tangents`` is False, no Gram matrix is returned. A cost is computed as the difference of two sums
+        that are about as large as the cost of the guess. If rounding errors dominate this difference, the
+        elimination is repeated once from the result of the first elimination.
         """
         g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
@@ -139,28 +139,31 @@ class Objective:
         return Eliminated(cost, present, g if tangents else None, drift)
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the Gram matrices of candidates; without ``tangents``, for the linear parameters only."""
+        """Return the Gram matrices of candidates.
+
+        If ``tangents`` is False, the matrices contain only the linear parameters and the residual.
+        """
         values = np.concatenate([nonlinear, linear], axis=1)
         return (self._all if tangents else self._inner).evaluate(values)
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Gauss-Newton matrices and gradients after projection of the linear parameters.
+        """Return the reduced Gauss-Newton matrices and gradients, and derivatives of the linear parameters.
 
-        Both refer to the nonlinear parameters. The third array contains the derivatives of the linear
-        parameters with respect to the nonlinear parameters.
+        Matrices and gradients refer to the nonlinear parameters, after elimination of the linear parameters.
+        The derivatives of the linear parameters are with respect to the nonlinear parameters.
         """
         n = len(self.nonlinear)
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
         if g.shape[1] == n + 1:
             return hessian, gradient, np.empty((len(g), 0, n))
-        # Without regularisation, a linear parameter without effect would get any size.
+        # Otherwise a linear parameter without effect could get an arbitrarily large value.
         inner = g[:, n:-1, n:-1] + np.diag(self._light)
         both = np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
         rows = self._rows
         if len(rows):
             slack = linear @ rows.T - self._floor
             active = slack <= 1e-7 * (np.abs(linear) @ np.abs(rows).T)
-            if active.any():  # Active conditions stay active.
+            if active.any():  # Conditions that hold with equality continue to hold with equality.
                 spread = 1.0 / np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300)
                 stiffness = NUMERICS.active_stiffness * active / (spread @ (rows**2).T)
                 inner = inner + (rows.T * stiffness[:, None, :]) @ rows
@@ -170,9 +173,9 @@ class Objective:
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve positive semi-definite systems, scaled to a unit diagonal, with a small regularisation.
+    """Solve positive semi-definite systems after scaling to a unit diagonal, with a small regularisation.
 
-    Shapes (.., n, n) and (.., n, k).
+    ``matrix`` has shape (.., n, n), ``right`` and the result have shape (.., n, k).
     """
     scale = inverse_sizes(matrix)
     scaled = matrix * (scale[..., :, None] * scale[..., None, :])
@@ -190,9 +193,9 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
 def _bounded_least_squares(
     matrix: FloatArray, right: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Minimise x'Mx/2 - r'x subject to rows x >= floor, for many M, r and floors.
+    """Minimise x'Mx/2 - r'x subject to ``rows`` x >= ``floor``, for several M, r and floors.
 
-    The unconstrained solution is used if it is valid.
+    If the unconstrained minimum satisfies the conditions, this is the result.
     """
     solution = solve_scaled(matrix, right[..., None])[..., 0]
     if len(rows):
@@ -206,11 +209,11 @@ def _bounded_least_squares(
 def _nearest_valid(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Return the point nearest to ``solution`` that satisfies the conditions, in the metric of the matrix.
+    """Return the point that satisfies the conditions and is nearest to ``solution`` in the matrix norm.
 
-    The dual problem is solved for the Lagrange multipliers of the conditions, which are not negative.
+    The Lagrange multipliers of the conditions, which are not negative, follow from the dual problem.
     """
-    from scipy.optimize import nnls  # It takes a quarter of a second to load.
+    from scipy.optimize import nnls  # SciPy takes a quarter of a second to load.
 
     scale = inverse_sizes(matrix)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))

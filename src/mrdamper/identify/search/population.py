@@ -1,7 +1,7 @@
-"""Fit by the genetic algorithm of the paper: the reference for comparisons with variable projection.
+"""Fit by the genetic algorithm of the paper, the baseline for comparisons with variable projection.
 
-The algorithm searches all free parameters at once, including the linear parameters, as is common for genetic
-algorithms. Cost and kernel are the same as in variable projection, for a fair comparison.
+As is common for genetic algorithms, the search includes all free parameters, linear and nonlinear. For a fair
+comparison, cost and kernel are the same as in variable projection.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mrdamper.runtime.progress import Progress, silent
 
 
 class Ensemble:
-    """Cost of many candidates at once, in search coordinates scaled to the range 0 to 1."""
+    """Evaluates the cost of many candidates in one call. The search coordinates are scaled to 0 to 1."""
 
     def __init__(self, problem: FitProblem) -> None:
         self.problem = problem
@@ -35,16 +35,16 @@ class Ensemble:
         self._rows, self._floor = problem.conditions
 
     def damper(self, unit: FloatArray) -> Damper:
-        """Return the damper of one candidate."""
+        """Return the damper at the scaled coordinates of one candidate."""
         names = (free.name for free in self.problem.free)
         values = dict(zip(names, self._values(unit).tolist(), strict=True))
         return self.problem.template.with_parameters(values)
 
     def costs(self, unit: FloatArray) -> FloatArray:
-        """Return the cost [%^2] of candidates, shape (count, parameters) -> (count,).
+        """Return the cost [%^2] of candidates of shape (count, parameters); the result has shape (count,).
 
-        Beyond the range of the law there is a penalty that grows with the distance, so that such a candidate
-        is worse than every valid one.
+        A candidate with invalid coefficients gets a penalty that grows with the distance from the valid range
+        of the law. The penalty makes this candidate worse than every valid candidate.
         """
         values = self._values(unit)
         costs = self._sums.evaluate(values)[:, 0, 0]
@@ -66,10 +66,11 @@ def fit_genetic(
     seed: int = 0,
     on_progress: Progress = silent,
 ) -> SearchResult:
-    """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
+    """Fit by the genetic algorithm of the paper (library pymoo), which serves as baseline.
 
-    Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
-    elitist survival, initial population by Latin hypercube. An interrupt keeps the best damper so far.
+    The algorithm uses binary tournaments, simulated binary crossover (probability 0.9, eta 15), polynomial
+    mutation (eta 20) and elitist survival. The initial population is a Latin hypercube. After an interrupt,
+    the result is the best damper so far.
     """
     try:
         from pymoo.algorithms.soo.nonconvex.ga import GA

@@ -5,15 +5,15 @@ eliminates these parameters in every step. The search varies only the other para
 
 .. math:: \min_\theta \min_c | y - F(\\theta, c) |^2, \quad F \text{ affine in } c
 
-The derivative of the eliminated problem is Kaufman's approximation: the tangents of theta, projected off the
-space of the linear columns. A law without linear parameters uses the same algorithm with nothing to
-eliminate. ``objective`` contains the elimination, ``descent`` the steps, and this module the starts:
+The derivative of the reduced problem is Kaufman's approximation: the tangents of theta, projected onto the
+orthogonal complement of the linear columns. A law without linear parameters uses the same algorithm without
+elimination. ``objective`` contains the elimination, ``descent`` the steps, and this module the starts:
 
-1. Random points (a Latin hypercube) are compared on the screening windows. Short descents start from the best
+1. Compare random points (a Latin hypercube) on the screening windows. Start short descents from the best
    points.
-2. The ends of these descents and all given dampers are compared on all runs. From the best different ones,
-   descents take a few steps.
-3. The best descent is continued until it converges.
+2. Compare the ends of these descents and all given dampers on all runs. Start descents with a few steps from
+   the best dampers that differ.
+3. Continue the best descent until it converges.
 
 Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975) 49-57.
 """
@@ -52,7 +52,7 @@ class SearchState:
 
     @property
     def update(self) -> ProgressUpdate:
-        """Progress message of the search in this state."""
+        """Progress message that describes this state of the search."""
         text = (
             f"{self.method}  iteration {self.iteration}  error {self.cost_percent:.3f} %  best "
             f"{self.best_percent:.3f} %"
@@ -68,10 +68,10 @@ def fit_variable_projection(
     windows: Sequence[FitWindow] | None = None,
     on_progress: Progress = silent,
 ) -> SearchResult:
-    """Return the fit with the smallest cost from given dampers and random starts.
+    """Return the fit with the smallest cost, found by descents from given dampers and random starts.
 
-    The cost is never above the cost of a given damper. An interrupt (Ctrl-C) keeps the best parameters so
-    far. Raise ConvergenceError if no start has a finite cost.
+    The cost is never larger than the cost of a given damper. After an interrupt (Ctrl-C), the result has the
+    best parameters so far. Raise ConvergenceError if no start has a finite cost.
 
     Parameters
     ----------
@@ -128,9 +128,9 @@ def _descend(
     ends: list[Descents],
     on_progress: Progress,
 ) -> None:
-    """Descend from the best different dampers, then continue the best result until it converges.
+    """Descend from the best dampers that differ, then continue the best descent until it converges.
 
-    The descents are added to ``ends``, so that an interrupt keeps them.
+    Each descent is added to ``ends``, so that its result is available after an interrupt.
     """
     chosen = best_different(objective, dampers, settings.start_count, settings.same_cost_ratio)
     steps_max = settings.start_iterations_max if len(chosen) > 1 else settings.iterations_max
@@ -157,9 +157,9 @@ def _descend(
 
 
 def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) -> list[Damper]:
-    """Return the ends of descents on the screening windows from the best random points, best first.
+    """Descend from the best of many random points on the screening windows; return the ends, best first.
 
-    The index of a start selects its random points.
+    ``index`` is the number of the start and selects the random points.
     """
     if not problem.nonlinear:
         return [problem.template]
@@ -169,13 +169,14 @@ def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) 
 def thorough_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], pool: Pool = ONE_CORE
 ) -> list[Damper]:
-    """Return different local minima on some windows, best first.
+    """Search for local minima of the cost on some windows; return the different minima, best first.
 
-    Descents start from given dampers and random points. Each round then starts descents from the best minimum
-    with some coefficients of other minima (a memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics
-    (2003) 105-144) and from a perturbation of it (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997)
-    5111-5116). The exchange helps because a minimum with a wrong friction can have the right free play. The
-    random numbers are always the same, so that a fit does not depend on a seed.
+    First, descents start from given dampers and random points. Then rounds of further descents follow. Some
+    start from the best minimum after some of its coefficients are replaced by values from a different minimum
+    (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One starts from a random
+    perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997) 5111-5116). The
+    replacement helps because a minimum with a wrong friction can have the right free play. The random numbers
+    are always the same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
@@ -216,7 +217,7 @@ def thorough_starts(
 
 
 def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return dampers with the template's coefficients and parameters at the points of a Latin hypercube."""
+    """Return copies of the template whose nonlinear parameters are the points of a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
@@ -231,10 +232,11 @@ def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
 def screened_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
-    """Return the different ends of descents from the dampers with the smallest costs, best first.
+    """Descend from the dampers with the smallest costs; return the ends that differ, best first.
 
-    If a descent ends at bounds, a further descent starts with these parameters in the middle of their ranges.
-    A term without effect leaves its parameters at bounds, but can have an effect at other values.
+    If parameters end at bounds, a further descent starts with these parameters in the middle of their ranges.
+    The reason is that parameters of a term without effect stay at bounds, although the term could improve the
+    fit with other values.
     """
     objective, settings = Objective(problem, windows), problem.settings
     box = objective.box
@@ -258,7 +260,7 @@ def screened_starts(
 def _ends(
     objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the different ends of descents, best first: points, linear parameters and costs [%^2].
+    """Run descents; return points, linear parameters and costs [%^2] of the ends that differ, best first.
 
     At most ``count`` ends are returned.
     """
@@ -278,10 +280,10 @@ def descend(
     round_count_max: int = 1,
     round_gain_min: float = 0.0,
 ) -> tuple[Damper, float]:
-    """Descend from dampers; return the best result as a damper, and its error [%].
+    """Descend from several dampers; return the best resulting damper and its error [%].
 
-    Another round of iterations follows if the smallest error has decreased by the fraction
-    ``round_gain_min``.
+    The first round has ``iterations`` steps. A further round follows if the last round has decreased the
+    smallest error by at least the fraction ``round_gain_min``.
     """
     problem = objective.problem
     descents = Descents(objective, *objective.points_of(dampers), most=iterations)
@@ -301,7 +303,10 @@ def descend(
 
 
 def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
-    """Return the indices of the smallest finite costs that differ by more than a ratio, smallest first."""
+    """Return indices of the smallest finite costs, smallest first; nearly equal costs are returned once.
+
+    Two costs are nearly equal if their relative difference is at most ``ratio``.
+    """
     kept: list[int] = []
     for k in np.argsort(costs, kind="stable").tolist():
         if np.isfinite(costs[k]) and all(abs(costs[k] - costs[j]) > ratio * costs[j] for j in kept):
@@ -314,7 +319,10 @@ def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
 def best_different(
     objective: Objective, dampers: Sequence[Damper], count: int = 1, ratio: float = 0.0
 ) -> list[Damper]:
-    """Return the dampers with the smallest costs that differ by more than a ratio, smallest first."""
+    """Return the dampers with the smallest costs, one of several with nearly equal costs.
+
+    Two costs are nearly equal if their relative difference is at most ``ratio``.
+    """
     if len(dampers) == 1:
         return list(dampers)
     kept = _different(objective.costs_of(dampers), count, ratio)
@@ -322,7 +330,10 @@ def best_different(
 
 
 def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> FloatArray:
-    """Return ``count`` points in search coordinates, spread over the inner four fifths of the bounds."""
+    """Return ``count`` points of a Latin hypercube over the middle 80 % of the range of each parameter.
+
+    The points are search coordinates.
+    """
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
     unit = (cell + rng.random((count, len(free)))) / count

@@ -31,7 +31,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedCandidate:
-    """A candidate fitted to all windows of the selection, and its errors [%]."""
+    """A candidate fitted to all windows of the model selection, and the training error [%] of the fit."""
 
     candidate: Candidate
     damper: Damper
@@ -44,14 +44,14 @@ class FittedCandidate:
 class ValidatedCandidate:
     """A fitted candidate with its errors on held-out windows.
 
-    In the total error, all runs with constant current together have the same weight as all runs with changing
-    current. Most laboratory runs have constant current, but a controller changes the current all the time.
-    Arrays have one value per window.
+    In the total error, the runs with constant current and the runs with changing current have half of the
+    weight each. Most laboratory runs have constant current, but a controller changes the current all the
+    time. Arrays have one value per window, except ``changing_squared_errors``.
     """
 
     fitted: FittedCandidate  # fit to all windows
-    dampers: tuple[Damper, ...]  # fits that each omit one fold, in the order of the folds
-    squared_errors: FloatArray  # [%^2] of each held-out window; NaN if no fold holds out the window
+    dampers: tuple[Damper, ...]  # fit without each fold, in the order of the folds
+    squared_errors: FloatArray  # [%^2] of each window in the fit without it; NaN if no fold holds it out
     fractions: FloatArray  # weight of each window
     folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
     runs: NDArray[np.intp]  # index of the run of each window
@@ -94,10 +94,10 @@ class ValidatedCandidate:
 
     @property
     def cv_mean_percent(self) -> float:
-        """Mean error [%] of held-out runs. It decides the selection.
+        """Mean error [%] of held-out runs, which decides the model selection.
 
-        A root mean square would be decided by the few runs that no candidate explains, such as runs at zero
-        current in which only friction acts.
+        The root mean square is not used because a few runs with large errors for all candidates would
+        dominate it, such as runs at zero current in which only friction acts.
         """
         weights, errors_percent, _ = self._run_errors()
         means = [float(weights @ errors_percent)]
@@ -106,7 +106,7 @@ class ValidatedCandidate:
         return float(np.mean(means))
 
     def _run_errors(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return weights, errors [%] and folds of the parts of runs that a fold holds out."""
+        """Return weights, errors [%] and fold numbers. One part is the windows of one run in one fold."""
         held_out = self._is_held_out
         folds, runs = self.folds[held_out], self.runs[held_out]
         fractions, squares = self.fractions[held_out], self.squared_errors[held_out]
@@ -119,8 +119,8 @@ class ValidatedCandidate:
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
         """Return the relative decrease of the mean error from ``other`` to this candidate, and Student's t.
 
-        The differences of the errors of folds and of runs with changing current are the samples of the t
-        statistic, each kind with its own variance.
+        The t statistic is computed from the error differences of the folds and of the runs with changing
+        current. These two kinds of differences have separate variances.
         """
         weights, errors_percent, folds = self._run_errors()
         differences = weights * (other._run_errors()[1] - errors_percent)

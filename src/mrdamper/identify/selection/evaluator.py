@@ -1,7 +1,7 @@
 """Evaluate candidates of the model selection: quick fits to windows of the runs, and cross-validation.
 
-All fits use the problem definition of ``FitData``, like the final fit. They differ from the final fit in only
-two ways: they use a subset of windows that represents the runs, and they make few iterations.
+All fits use the problem definition of ``FitData``, like the final fit. They differ from the final fit in two
+ways: they use a representative subset of the windows, and they make only a few iterations.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 class CandidateEvaluator:
     """Fits and cross-validates candidates on windows with at most ``samples_max`` simulated samples.
 
-    If ``terms`` is given, every law has exactly these terms. With None, terms can be added and removed.
+    If ``terms`` is given, every law has exactly these terms. If ``terms`` is None, the model selection can
+    add and remove terms.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class CandidateEvaluator:
             samples_max=min(data.settings.screening_samples_max, settings.screening_fraction * samples_max),
             blocks=blocks,
         )
-        # Last cross-validated damper with its actuation. The next fit of an actuation starts here.
+        # The last cross-validated damper with an actuation, where the next fit of an actuation starts.
         self._response: Damper | None = None
         self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
         if data.fluid is None and data.temperature != "none":
@@ -91,15 +92,15 @@ class CandidateEvaluator:
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
-        """Return the fit problem of a candidate; ``start`` has start values divided by typical values."""
+        """Return the fit problem of a candidate. The values in ``start`` are divided by typical values."""
         return self.data.problem(candidate.law, candidate.terms, start)
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes with which the selection of terms starts; None means the default terms.
 
-        If the mean forces depend on temperature, every archetype includes a gas force, because a search that
-        starts without a gas force does not find the best damper with a gas force. If the mean forces grow
-        with the force, there is an additional asymmetric version of every archetype.
+        If the mean forces depend on temperature, every archetype includes a gas force. Otherwise the search
+        would not find the best damper with a gas force. If the mean forces grow with the force, an asymmetric
+        version of every archetype is added.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
@@ -116,7 +117,7 @@ class CandidateEvaluator:
     def fit_initial(
         self, law: str, archetype: Archetype | None, error_percent_max: float = np.inf
     ) -> FittedCandidate:
-        """Return the fit of the first candidate of a law, with which the selection of terms starts.
+        """Fit the first candidate of a law, where the selection of terms starts.
 
         If the error of the best start exceeds ``error_percent_max``, this start is returned without a fit.
         """
@@ -146,7 +147,7 @@ class CandidateEvaluator:
 
         A term can describe two different effects. For example, friction in series with a stiff spring acts as
         friction, and friction in series with a soft spring acts as a hysteretic stiffness. A local search
-        does not get from one effect to the other.
+        does not move from one of these effects to the other.
         """
         known, restarted = terms_of(LAWS[candidate.law]), []
         for name in candidate.terms:
@@ -159,7 +160,7 @@ class CandidateEvaluator:
         return restarted
 
     def initial_candidate(self, law: str) -> Candidate:
-        """Return a law with the given terms, or with its default terms."""
+        """Return the candidate of a law with the given terms, or else with the default terms of the law."""
         if self._terms is not None:
             return Candidate(law, self._terms)
         problem = self.data.problem(law)
@@ -175,8 +176,8 @@ class CandidateEvaluator:
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
         """Descend from the start values of an archetype; return the resulting dampers, best first.
 
-        An alternative archetype starts at the fit of the previous archetype. Only the coefficients that
-        differ have their own start values.
+        An alternative archetype starts at the fit of the previous archetype. Only the
+        coefficients that differ have separate start values.
         """
         if archetype.is_alternative:
             kinds = self._archetypes(candidate.law)
@@ -197,7 +198,7 @@ class CandidateEvaluator:
         return screened_starts(self.problem(candidate), dampers, self.screening_windows)
 
     def addable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the names of the terms that can be added and that increase the number of parameters."""
+        """Return the names of the terms that can be added to a candidate and add at least one parameter."""
         known = terms_of(LAWS[candidate.law]) if self._terms is None else {}
         return [
             name
@@ -208,7 +209,7 @@ class CandidateEvaluator:
         ]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the names of the terms of a candidate that no other term of the candidate requires."""
+        """Return the names of a candidate's terms that none of its other terms requires."""
         if self._terms is not None:
             return []
         known = terms_of(LAWS[candidate.law])
@@ -222,9 +223,9 @@ class CandidateEvaluator:
     def fit(
         self, candidate: Candidate, dampers: Sequence[Damper], error_percent_max: float = np.inf
     ) -> FittedCandidate:
-        """Fit a candidate to the windows; ``dampers`` are possible start values.
+        """Fit a candidate to the windows, starting from the best of ``dampers``.
 
-        If the error of the best damper exceeds ``error_percent_max``, this damper is returned without a fit.
+        If the error of this damper exceeds ``error_percent_max``, the damper is returned without a fit.
         """
         start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
         objective = Objective(problem, self.windows)
@@ -247,7 +248,7 @@ class CandidateEvaluator:
         """Fit a candidate to the windows, starting from the best of several fitted dampers.
 
         The previous dampers have fewer terms than the candidate. A new term starts at its smallest start
-        value. ``screened_damper`` is a damper of the candidate after ``screen``.
+        value. ``screened_damper`` is the result of ``screen`` for the candidate.
         """
         objective = Objective(self.problem(candidate), self.windows)
         starts = [self._with_new_terms(candidate, each)[0][-1] for each in previous_dampers]
@@ -257,7 +258,8 @@ class CandidateEvaluator:
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
         """Fit a candidate by a few iterations on the screening windows; return the damper and its error [%].
 
-        The fit starts from each of the start values of a new term, at the size with the smallest error.
+        One fit is made for each alternative set of start values of a new term. For each set, the fit starts
+        at the size with the smallest error.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
         starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]
@@ -272,7 +274,7 @@ class CandidateEvaluator:
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
         """Return copies of a previous damper with the new terms, grouped by start values of the terms.
 
-        The copies of one group have the same start values in several sizes, smallest size last.
+        The copies in a group differ only in the size of the new terms, smallest size last.
         """
         defaults, known = default_coefficients(previous), terms_of(LAWS[candidate.law])
         new = [known[name] for name in candidate.terms if known[name].entries[0].name in defaults]
@@ -290,9 +292,9 @@ class CandidateEvaluator:
     ) -> ValidatedCandidate:
         """Return a fitted candidate with its cross-validation errors.
 
-        For each fold, the candidate is fitted to the remaining windows. This fit starts at the fit to all
-        windows, or at the fit of the candidate ``previous`` without the same fold, whichever has the smaller
-        error.
+        For each fold, the candidate is fitted to all windows that the fold does not hold out. This fit starts
+        at the fit to all windows, or at the fit of the candidate ``previous`` for the same fold. The start
+        with the smaller error is used.
         """
         start_s = cpu_seconds()
         problem = self.problem(fitted.candidate)
@@ -329,7 +331,7 @@ class CandidateEvaluator:
     def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
         """Return the damper with a fitted actuation, and the error [%^2] of each run with changing current.
 
-        The actuation is fitted to one run of each motion. The fit starts at the actuation of ``response``.
+        The actuation is fitted to one run of each motion. This fit starts at the actuation of ``response``.
         """
         if not self.changing_runs:
             return damper, []
@@ -350,7 +352,7 @@ class CandidateEvaluator:
 
 
 def _decimated(run: PreparedRun, settings: SelectionSettings) -> PreparedRun:
-    """Return a run with changing current at a rate that is sufficient to compare candidates."""
+    """Resample a run with changing current to a lower rate that is sufficient to compare candidates."""
     rate = settings.changing_samples_max / (len(run) * run.trajectory.step)
     return decimate(run, float(np.clip(rate, settings.changing_rate_Hz_min, settings.changing_rate_Hz_max)))
 

@@ -16,32 +16,33 @@ class SelectionSettings:
     """
 
     # Data
-    samples_max: int = 15_000  # max number of simulated samples of the windows
-    screening_fraction: float = 1.0 / 3.0  # max samples of the screening windows, divided by samples_max
-    # The selection is repeated with more windows if the error of the chosen candidate on all runs exceeds
-    # this multiple of its error on the windows.
+    samples_max: int = 15_000  # max number of simulated samples in all windows together
+    screening_fraction: float = 1.0 / 3.0  # max samples in all screening windows, divided by samples_max
+    # The model selection is repeated with more windows if the error of the chosen candidate on all runs
+    # exceeds this multiple of its error on the windows.
     subset_error_ratio_max: float = 1.2
-    subset_growth: float = 3.0  # increase factor of samples_max in a repetition
+    subset_growth: float = 3.0  # factor on samples_max in each repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 2.0  # error of the best start, divided by the fit error of the first law
-    training_error_ratio_max: float = 1.5  # training error of a law, divided by the smallest training error
-    finalist_count_max: int = 3  # max number of laws that are cross-validated, modular laws not counted
+    start_error_ratio_max: float = 2.0  # error of a law's best start / error of the fit of the first law
+    training_error_ratio_max: float = 1.5  # training error of a law / smallest training error of all laws
+    finalist_count_max: int = 3  # max number of laws that are cross-validated, in addition to modular laws
 
     # Forward selection
-    # Archetypes with a larger ratio of training errors are not cross-validated.
+    # An archetype is cross-validated only if its training error, divided by the smallest one, is below this.
     archetype_error_ratio_max: float = 1.2
-    # A law with a larger ratio of cross-validation errors gets no terms unless the law is modular.
+    # Terms are added to a law that is not modular only if its ratio of cross-validation errors is below this.
     law_cv_ratio_max: float = 1.2
     round_count_max: int = 8  # max number of rounds of adding terms to a law
     term_count_max: int = 3  # max number of terms that are fitted in each round
-    # A smaller gain in training error is unlikely to be significant in cross-validation.
+    # Candidates with a smaller training gain are not cross-validated, because they hardly ever win.
     training_gain_min: float = 0.003
-    # A second term of the same round needs this fraction of the training gain of the accepted term.
+    # A second term is cross-validated in a round only if its training gain is this fraction of the gain of
+    # the accepted term.
     training_gain_fraction_min: float = 0.25
 
-    # Comparison of two candidates: one is better if its cross-validation gain and the gain's Student's t over
-    # the folds exceed these values. A smaller gain with a larger t is also sufficient.
+    # Comparison of two candidates: a candidate is better if its cross-validation gain and the Student's t of
+    # this gain over the folds exceed the first two values. Alternatively, both exceed the last two values.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
@@ -52,26 +53,26 @@ class SelectionSettings:
     removal_screening_loss_max: float = 0.01  # max relative increase of the error on the screening windows
 
     # Thorough search
-    # Max number of candidates that are searched. After a search, another candidate can be the best one.
+    # Max number of candidates that are searched. After a search, a different candidate can be the best one.
     improvement_count_max: int = 2
 
     # Fits of one candidate
-    fit_iterations: int = 8  # iterations of one round
+    fit_iterations: int = 8  # iterations in one round of a fit
     fit_round_count_max: int = 6
     round_gain_min: float = 0.004  # The next round starts only if the gain of a round exceeds this value.
-    fold_iterations: int = 4  # iterations of a fit without one fold, from the fit to all windows
+    fold_iterations: int = 4  # iterations of a cross-validation fit, which starts at the fit to all windows
     screening_iterations: int = 8  # iterations of a fit with one additional term
-    # The start has a gas force if the temperature changes the mean forces by more than this.
+    # Archetypes get a gas force if a regression on temperature reduces the error of the mean forces by more.
     gas_error_percent_min: float = 2.0
-    # The start is also made asymmetric if the size of the force changes the mean forces by more than this.
+    # Asymmetric archetypes are added if a regression on force and speed reduces this error by more.
     asymmetry_error_percent_min: float = 5.0
 
     # Response to the current
     changing_run_count_max: int = 4  # max number of runs to which the actuation is fitted
-    changing_samples_max: int = 3000  # target samples of each run; the rate limits below have priority
+    changing_samples_max: int = 3000  # samples to which a run is decimated within the following rate limits
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
-    changing_tolerance: float = 1e-2  # relative change that ends the fit of the actuation
+    changing_tolerance: float = 1e-2  # The fit of the actuation ends after a smaller relative change.
     changing_share_step_min: float = 0.25  # smallest step in the search for ``follow_share``
 
 

@@ -14,12 +14,12 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import REFERENCE_K
 
-# Factors on the default start value of a new term. The factor with the smallest error is used.
+# Factors on the default start value of a new term. The best factor is used.
 START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
 def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> tuple[float, float] | None:
-    """Return the mean force of the runs at 20 degC [N] and the slope of this force over temperature [N/K].
+    """Return the mean force of the runs at 20 degC [N] and its slope with respect to temperature [N/K].
 
     The mean force of a symmetric damper is its gas force. Return None if a run has no temperature, or if the
     slope reduces the error of the runs by less than ``error_percent_min``.
@@ -32,11 +32,11 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
-    """Return the decrease of the error [%] of runs if their mean forces may grow with force and speed.
+    """Return by how much [%] the error of the mean forces decreases if they may depend on force and speed.
 
-    If the damper is symmetric, the mean force of a run is the gas force. A damper that is stronger in one
-    direction has larger mean forces in runs with larger forces. The regression of the mean forces therefore
-    includes the size of the force and the speed. The result is large for an asymmetric damper.
+    If the damper is symmetric, the mean force of a run is the gas force. If the damper is stronger in one
+    direction, runs with larger forces have larger mean forces. Therefore the size of the force and the speed
+    are included in a regression of the mean forces. The result is large for an asymmetric damper.
     """
     warming_K = _warming_K(runs)
     base = [np.ones(len(runs)), *([] if warming_K is None else [warming_K])]
@@ -46,7 +46,7 @@ def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
 
 
 def _warming_K(runs: Sequence[PreparedRun]) -> FloatArray | None:
-    """Return the mean temperature of each run above 20 degC [K]; None if a run has no temperature."""
+    """Return the mean temperature of each run minus 20 degC [K]; None if a run has no temperature."""
     warm = [float(np.mean(t)) - REFERENCE_K for run in runs if (t := run.trajectory.temperature) is not None]
     return np.array(warm) if len(warm) == len(runs) else None
 
@@ -56,9 +56,9 @@ def _mean_force(
 ) -> tuple[tuple[float, ...], float]:
     """Fit the mean forces of runs by linear regression; return coefficients and decrease of the error [%].
 
-    ``base`` and ``more`` are columns of the regression matrix with one row per run. The decrease is the
-    effect of the columns ``more``. The mean force of a run is divided by the standard deviation of its force,
-    like the error of a run.
+    ``base`` and ``more`` are columns of the regression matrix with one row per run. The decrease of the error
+    is due to the columns ``more``. The mean force of a run is divided by the standard deviation of the run's
+    force, like the error of a run.
     """
     forces = [_period_forces(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
@@ -72,14 +72,14 @@ def _mean_force(
 
 
 def _period_forces(run: PreparedRun) -> FloatArray:
-    """Return the scored force [N] of all whole periods; all scored samples if the motion has no period."""
+    """Return the scored force samples [N] in whole periods, or all of them if the motion has no period."""
     force, period = run.force[run.scored_from :], (run.period_s or np.inf) / run.trajectory.step
     whole = int(len(force) / period)
     return force[: round(whole * period)] if whole else force
 
 
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:
-    """Return several versions of the start values, with different sizes of the new terms, smallest last.
+    """Return several copies of the start values with different sizes of the new terms, smallest last.
 
     The size of a term is the start value of its first coefficient.
     """
@@ -106,9 +106,9 @@ def default_coefficients(damper: Damper) -> set[str]:
 def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
     """Return the damper ``onto`` with start values from a previous damper of the same law.
 
-    Parameters with the same name are copied. If the dependence of a coefficient on current has another type,
-    the coefficient starts as a constant at its previous value at zero current. Coefficients at the default
-    value of the law are not copied.
+    Parameters that exist in both dampers are copied. If the dependence of a coefficient on current has a
+    different type, the coefficient starts as a constant with its previous value at zero current. Coefficients
+    at the default value of the law are not copied.
     """
     known, values = previous.parameters_and_lag, onto.parameters_and_lag
     defaults, shared = default_coefficients(previous), {}

@@ -64,7 +64,7 @@ async def _map_channels(request: Request, context: Context) -> Response:
         previews = [
             await context.previewer.ask("preview_head", {"path": path, "given": given}) for path in paths
         ]
-        if None not in previews:  # Otherwise a file must be read completely.
+        if None not in previews:  # None means that the beginning of the file is not sufficient.
             return JsonAnswer({"saved": False, "previews": previews})
     previews = [await context.reader.ask("preview", {"path": path, "given": given}) for path in paths]
     is_saved = order.save and (order.map is None or not any(preview["error"] for preview in previews))
@@ -74,7 +74,7 @@ async def _map_channels(request: Request, context: Context) -> Response:
 
 
 async def _save_map(context: AppContext, paths: list[Path], document: Mapping[str, Any] | None) -> None:
-    """Write a channel map for each file, or remove their maps."""
+    """Write a channel map for each file. If ``document`` is None, remove the maps."""
     maps = [context.folder.map_of(path) for path in paths]
     if document is None:
         for path in maps:
@@ -220,7 +220,7 @@ async def _delete_damper(name: str, every: All) -> Response:
 
 
 def _damper(name: str | None, shown: str, root: Path) -> Json:
-    """Return name and numbers of files and cards of a damper without opening it."""
+    """Return the name of a damper and how many files and cards it has, without opening the damper."""
     files = [path for path in root.glob("runs/[!.]*") if path.suffix != ".toml"]
     cards = list(root.glob("cards/[!.]*/card.json"))
     return {"name": name, "shown": shown, "files": len(files), "cards": len(cards)}

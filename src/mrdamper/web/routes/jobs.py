@@ -1,4 +1,4 @@
-"""Routes: jobs with their answers and files, and the state of the folder with its changes."""
+"""Routes: jobs with their answers and files; state of the work folder and its changes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mrdamper.web.schemas import read_order
 from mrdamper.web.security import JsonAnswer
 from mrdamper.web.workspace import INPUT_SUFFIXES, NotThereError, WorkFolder, timestamp
 
-_JOBS_MAX_COUNT = 200  # Longest list.
+_JOBS_MAX_COUNT = 200  # max number of jobs in a list
 Item = TypeVar("Item")
 routes = APIRouter()
 
@@ -76,7 +76,7 @@ async def _job_file(job_id: str, path: str, context: Context) -> Response:
 
 @routes.get("/api/state")
 async def _state(context: Context) -> Response:
-    files = context.index.files()  # This call can start to read files, so it stays in this thread.
+    files = context.index.files()  # Because this call can start reading tasks, it must run in this thread.
     return JsonAnswer({**await asyncio.to_thread(_read_state, context), "files": files})
 
 
@@ -96,11 +96,11 @@ def _changes(context: Context) -> Response:
 
 
 def _require_items(folder: WorkFolder, options: Json) -> None:
-    """Raise NotThereError if a request names a missing item."""
+    """Raise NotThereError if an item that a request names is missing."""
     for name in options.get("files") or ():
         folder.run_file(name)
     finders = {"first": folder.card, "second": folder.card}
-    if "replace" not in options:  # A fit writes its card.
+    if "replace" not in options:  # The card in the request of a fit is an output.
         finders["card"] = folder.card
     if "record" in options:
         finders |= {"record": folder.record, "channels": folder.channel_map, "model": folder.card}
@@ -110,7 +110,10 @@ def _require_items(folder: WorkFolder, options: Json) -> None:
 
 
 def _job_rows(context: AppContext) -> Iterator[Json]:
-    """Yield the jobs for a list, newest first, without the names of run files, which may be thousands."""
+    """Generate the rows of the job list, newest first.
+
+    The names of run files are omitted because there may be thousands.
+    """
     for job_id in job_ids(context.folder.results)[:_JOBS_MAX_COUNT]:
         with suppress(NotThereError):
             row = context.queue.record(job_id).shown()
@@ -147,7 +150,7 @@ def _read_state(context: AppContext) -> Json:
 
 
 def _rows(items: Iterable[Item], row_of: Callable[[Item], Json]) -> list[Json]:
-    """Return a row for each item; an item that was deleted or cannot be read is omitted."""
+    """Return a row for each item. Items that were deleted or cannot be read are omitted."""
     rows = []
     for item in items:
         with suppress(OSError, NotThereError):

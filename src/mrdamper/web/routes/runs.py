@@ -74,7 +74,7 @@ async def _heat_curve(request: Request, context: Context) -> Response:
 async def _part(
     context: AppContext, run: CachedRun, series: Path, place: Path, window: tuple[Any, ...]
 ) -> Response:
-    """Return the window of a series, which is cached in ``place``."""
+    """Return the samples of a series in a window (time range). The result is cached in ``place``."""
     if not place.is_file():
         most, from_s, to_s = window
         samples_of = None if series == run.series else run.series
@@ -85,7 +85,7 @@ async def _part(
 
 
 def _window(request: Request) -> tuple[int | None, float | None, float | None]:
-    """Return the maximum number of samples, begin and end of a request."""
+    """Return the requested window: maximum number of samples, start time and end time [s]."""
     asked = request.query_params
     try:
         most = int(asked["max"]) if "max" in asked else None

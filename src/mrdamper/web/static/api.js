@@ -2,7 +2,7 @@
 
 const part = encodeURIComponent;
 
-/** Prefix of all addresses of the damper; empty for the server's own folder. */
+/** Prefix of all request addresses of the damper; empty for the work folder of the server. */
 export const DAMPER = window.location.pathname.match(/^\/damper\/[^/]+/)?.[0] ?? "";
 export const DAMPER_NAME = decodeURIComponent(DAMPER.split("/")[2] ?? "");
 

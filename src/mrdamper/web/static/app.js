@@ -26,7 +26,7 @@ const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"]
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
 const FILES_MAX = 12; // Longer lists are shortened in print.
 
-/** Return the state `[state, words]` of the step of a page: `done`, `old` (out of date) or `open`. */
+/** Return the progress of a page as `[state, words]`; the state is `done`, `old` (out of date) or `open`. */
 function stepOf(page) {
   const { files, jobs } = app.state;
   const card = cardInUse();
@@ -50,7 +50,7 @@ function stepOf(page) {
   return reason ? ["old", reason] : ["done", job.id];
 }
 
-/** Return the reason why a job is out of date; empty if it is not. */
+/** Return the reason why the result of a job is out of date; empty if the result is up to date. */
 function reasonOf({ kind, asked_at: asked, options: { damper } }, card) {
   if (card.modified > asked) return `${card.name} has been fitted since`;
   if (!USES_GEOMETRY.includes(kind) || !damper) return "";
@@ -104,7 +104,7 @@ function Body() {
 
 function App() {
   const skip = (event) => {
-    event.preventDefault(); // The address of the link is not the address of a page.
+    event.preventDefault(); // The browser must not follow this link, whose target is not a page.
     document.getElementById("page").focus();
   };
   const close = (one) => button("×", () => dismiss(one), "quiet", "Close");
@@ -148,7 +148,7 @@ function dampers() {
     try {
       window.location.assign(placeOf((await addDamper((app.newDamper ?? "").trim())).name));
     } catch (fault) {
-      app.faults.dampers = fault.message; // The entry stays, to be corrected.
+      app.faults.dampers = fault.message; // The entry stays so that the user can correct it.
       app.draw();
     }
   };

@@ -13,7 +13,7 @@ import { h, useEffect, useMemo, useRef, useState } from "./vendor/preact.js";
 const { b, div, h2, h3, p, path, section, small, span, svg } = tags;
 const WAIT_MS = 350; // Time without a change before the file is read.
 const ANSWERS_MAX = 12;
-// Units of a gain, with their value in SI per volt.
+// Units of a gain, with the value of each unit in SI units per volt.
 const GAIN_UNITS = {
   displacement: { "mm/V": 1e-3, "m/V": 1 },
   velocity: { "mm/s per V": 1e-3, "m/s per V": 1 },
@@ -58,7 +58,7 @@ function entriesOf({ columns, map }) {
 const gainOf = (column, one) =>
   scaleOf(one) * readNumber(`${labelOf(column)} gain`, one.gain, { needed: neededFor(one.unit) });
 
-/** Return the channel map of the entries; an invalid number throws an error. */
+/** Return the channel map that the entries describe; an invalid number throws an error. */
 function mapOf({ columns: entries, rest }, { columns }) {
   const map = {};
   for (const column of columns) {
@@ -84,14 +84,14 @@ function mapOf({ columns: entries, rest }, { columns }) {
 }
 
 /**
- * Sheet of a file.
+ * Sheet for the channel map of a file.
  *
- * @param {{name: string, others: string[], close: () => void}} props others: files for which the map can be saved, too
+ * @param {{name: string, others: string[], close: () => void}} props others: further files for which the map can also be saved
  */
 export function ChannelSheet({ name, others, close }) {
   const [found, setFound] = useState(null);
   const [entry, setEntry] = useState(null);
-  const [previews, setPreviews] = useState([]); // Answers to the present entries.
+  const [previews, setPreviews] = useState([]); // previews from the server for the present entries
   const [fault, setFault] = useState("");
   const [same, setSame] = useState([]);
   const touched = useRef(false);
@@ -112,7 +112,7 @@ export function ChannelSheet({ name, others, close }) {
       const beginning = await glance(name, asked.signal);
       show(beginning);
       if (beginning.head_share === undefined) return;
-      const whole = await look(name, asked.signal); // Only the beginning of the large file was read.
+      const whole = await look(name, asked.signal); // The first preview read only the beginning of a large file.
       if (touched.current) setFound(whole);
       else show(whole);
     };

@@ -1,6 +1,6 @@
 // Forms of jobs, built from the declared fields (/api/forms). No option is declared here.
 //
-// The state holds the entries of a form as they were typed. Reading a form throws an error for an invalid entry.
+// The state contains the entries of a form as the user typed them. Reading a form throws an error for an invalid entry.
 
 import { putInput } from "./api.js";
 import { fold } from "./layout.js";
@@ -13,7 +13,7 @@ const MORE = "More";
 const BOXES_MAX = 6; // Longer lists of boxes scroll.
 
 const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
-const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 has two meanings.
+const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 can mean 1234 or 1.234.
 
 /** Return the number that a text contains, with a decimal point or comma; NaN if it is invalid or ambiguous. */
 export function parseNumber(text) {
@@ -25,7 +25,7 @@ export function parseNumber(text) {
 function parseNumbers(text) {
   const parts = text.split(text.includes(";") ? ";" : /,?\s+/).map((part) => part.trim());
   const values = parts.filter(Boolean);
-  return values.length === 1 && /\d,\d/.test(values[0]) ? [NaN] : values.map(parseNumber); // 20,60 has two meanings.
+  return values.length === 1 && /\d,\d/.test(values[0]) ? [NaN] : values.map(parseNumber); // 20,60 can be one or two numbers.
 }
 
 const textOf = (value) => (Array.isArray(value) ? value.join("; ") : String(value ?? ""));
@@ -48,7 +48,7 @@ export function readNumber(words, entry, { many, needed, otherwise = many ? [] :
   return many ? parseNumbers(text) : parseNumber(text);
 }
 
-/** Return the input of a number; an invalid entry marks it, and an empty one if a reason `needed` is given. */
+/** Return the input element of a number. It is marked if the entry is invalid, or empty although `needed` is given. */
 export function numberInput(entry, change, { many, needed, ...props } = {}) {
   const title = faultOf(textOf(entry), { many, needed });
   const oninput = (event) => change(event.target.value);
@@ -73,7 +73,7 @@ export function slider(words, entry, change, unit, id, [min, max, step]) {
   );
 }
 
-/** Return the key of the choice of a field; card, geometry, load cycle and controller are shared by all forms. */
+/** Return the key under which the choice of a field is stored. All forms share card, geometry, load cycle and controller. */
 function keyOf(kind, { name, word, places }) {
   if (["drawing", "duty"].includes(word)) return word;
   if (name === "controller" || (name === "card" && places.includes("cards"))) return name;
@@ -83,7 +83,7 @@ function keyOf(kind, { name, word, places }) {
 /** Return a pattern that matches a name literally. */
 export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
-/** Return the names of inputs with a suffix and one of some kinds; inputs of unknown kind are included. */
+/** Return the names of inputs that have a suffix and one of the kinds, or an unknown kind. */
 export const inputsOf = (suffix, kinds) =>
   app.state.inputs
     .filter(({ name }) => name.endsWith(suffix))
@@ -107,8 +107,8 @@ function itemsOf(one) {
 /**
  * Return the form of a kind of job: `{read(), nodes(), more(), pick(names), rest(names)}`.
  *
- * `given`: values that the page sets; `only`: choices that a field keeps; `offered`: names by kind of offer;
- * `needed`: reasons why a field must not be empty; `preset`: values instead of the declared initial ones
+ * `given`: values that the page sets; `only`: allowed choices of a field; `offered`: offered names by kind;
+ * `needed`: reasons why a field must not be empty; `preset`: initial values instead of the declared ones
  */
 export function formOf(kind, options = {}) {
   const { given = {}, only = {}, offered = {}, needed = {}, preset = {} } = options;
@@ -235,7 +235,7 @@ export function bringInput(words, suffixes, brought = () => {}) {
   return p.small(filePicker(`${words} (${kinds})`, suffixes, bring));
 }
 
-/** Show the options of a job in its form. */
+/** Fill the form of a job with the options of an earlier job. */
 export function fillForm(kind, options, more = {}) {
   const values = {};
   for (const one of app.forms[kind]) {
@@ -257,7 +257,7 @@ function sineOf(text) {
   return duration_s && { amplitude_mm, frequency_Hz, command, duration_s };
 }
 
-/** Return the load cycle: the entries of the user, else a sine inside the range of the card in use. */
+/** Return the load cycle that the user entered, or else a sine inside the range of runs of the card in use. */
 function dutyInUse() {
   const { command_unit: unit = "A", envelope } = cardInUse() ?? {};
   const reach = ([low, high] = [-Infinity, Infinity]) => Math.min(-low, high);

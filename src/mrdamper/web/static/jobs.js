@@ -8,7 +8,7 @@ import { button, tags } from "./ui.js";
 
 const { b, div, form, p, progress } = tags;
 
-/** Return the job of a kind that a page shows: the one in the address, the running, or the newest one of a card. */
+/** Return the job of a kind that a page shows: the job in the address, else a running job, else the newest of a card. */
 export function jobOf(kind, card = null) {
   const mine = app.state.jobs.filter((job) => job.kind === kind);
   const isResult = (job) =>
@@ -20,7 +20,7 @@ export function jobOf(kind, card = null) {
   return found ?? null;
 }
 
-/** Return a job with its answer, null until it has ended and has been fetched. */
+/** Return a job with its answer; null until the job has ended and the answer has been fetched. */
 export function resultOf(job) {
   if (!job || isRunning(job)) return null;
   const found = once(`job ${job.id} ${job.ended_at}`, () => getJob(job.id));
@@ -67,7 +67,7 @@ export const formPanel = (words, fields, start, ...first) =>
  * Return the form of a kind of job next to the state and the result of its job.
  *
  * `card`: only jobs of this card; `first`: elements above the form; `nothing`: text without a job; `view(job)`: result;
- * `after`: elements below the result; other properties are those of the button
+ * `after`: elements below the result; all other properties are passed to the button
  */
 export function jobColumns(kind, title, action, form, options) {
   const { card, read = form.read, first, nothing, view, after, ...props } = options;

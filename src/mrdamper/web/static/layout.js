@@ -5,7 +5,7 @@ import { button, rove, tags } from "./ui.js";
 
 const { b, caption, details, div, h1, h2, i, li, p, section, small, span, summary } = tags;
 const { table: sheet, tbody, td, th, thead, tr, ul } = tags;
-const ROWS_MAX = 12; // Longer tables scroll and are one stop of Tab.
+const ROWS_MAX = 12; // Longer tables scroll, and the Tab key stops only once in them.
 
 /**
  * Return a table.
@@ -41,7 +41,7 @@ export function tabbed(words, key, tabs) {
 
 export const fold = (title, ...children) => details(summary(title), children);
 
-/** Return a fold whose state is a choice; its body is made only while it is open. */
+/** Return a foldable section whose state is a choice. The body exists only while the section is open. */
 export function keptFold(key, id, title, body) {
   const open = chosen(key, false);
   const toggle = ({ target }) => target.open !== open && choose({ [key]: target.open || null });

@@ -32,7 +32,7 @@ function missingControllers({ name, controllers }) {
   return missing.length > 0 && p.small({ id: "missing-controllers" }, words);
 }
 
-/** Return the damper that is tracked first: the preset if all runs of the card are of the virtual rig, else the card itself. */
+/** Return the default damper for tracking: the rig preset if it made all runs of the card, else the damper of the card. */
 function plantOf({ name }) {
   const rigOf = (source) => app.state.files.find((file) => file.name === source)?.rig;
   const [preset, ...others] = new Set((cardDetails(name)?.sources ?? []).map(rigOf));

@@ -23,7 +23,7 @@ import { h } from "./vendor/preact.js";
 const { a, aside, div, h3, p, span } = tags;
 const STATES = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
-/** Return the runs that are drawn first: those that the card in the view was fitted to, or of its unit. */
+/** Return the runs that are drawn by default: the runs of the fit of the card in the view, or runs with its unit. */
 function firstRuns(runs) {
   const [name] = chosen("view.cards", []);
   const fitted = name ? splitsOf(name) : new Map();
@@ -107,7 +107,7 @@ async function upload(files) {
   if (files.length === 1) {
     const [{ name }] = files;
     const { error } = await look(name).catch(() => ({}));
-    if (error) choose({ file: name }); // Its channels must be mapped.
+    if (error) choose({ file: name }); // The user has to assign the channels of this file.
   }
 }
 
@@ -239,7 +239,7 @@ function fileTable(files) {
   return table("Files in the folder", columns, files, { tall: true });
 }
 
-/** Return a table of runs. Copies and runs of another damper are found among `all` runs. */
+/** Return a table of runs. `all` runs are searched for copies, and for runs that belong to a different damper. */
 function runTable(shown, all) {
   const units = new Set(all.map((run) => run.command_unit).filter(Boolean));
   const unit = units.size === 1 ? [...units][0] : "";

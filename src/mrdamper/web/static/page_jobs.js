@@ -39,7 +39,7 @@ function subjectOf({ options, card }) {
   return options.card ?? card ?? record ?? both ?? input();
 }
 
-/** Show a job on its page, with its options in the form there. */
+/** Open the page of a job, and fill the form on this page with the options of the job. */
 function open({ id, kind, options }) {
   if (!(kind in PAGE_OF))
     return choose({ "show.job": id, "show.kind": kind in OTHERS ? kind : null });

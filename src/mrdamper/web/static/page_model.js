@@ -26,7 +26,7 @@ function freeName() {
   return name;
 }
 
-/** Return the runs to be fitted: those that match the filters, of one command unit, without the excluded ones. */
+/** Return the runs to be fitted: they match the filters, have the same command unit, and are not excluded. */
 function fittedRuns(runs, without) {
   const usual = commonest(runs.map((run) => run.command_unit).filter(Boolean));
   const isUsual = (run) => chosen("choose.unit") || !usual || run.command_unit === usual;
@@ -59,7 +59,7 @@ function runChoice(runs, fitted, without) {
   return div(filtersOf(runs, "choose"), keptFold("choose.open", "chosen-runs", words, list));
 }
 
-/** Return files and names of the runs as options of a job; if all runs are chosen, both are empty. */
+/** Return the chosen runs as job options (files and run names). If all runs are chosen, both options are empty. */
 function runOptions(runs, fitted) {
   if (fitted.length === runs.length) return { files: null, only: [] };
   const files = [...new Set(fitted.map((run) => run.file))];
@@ -69,7 +69,7 @@ function runOptions(runs, fitted) {
 
 /** Show the options of an earlier fit in the form. */
 async function again(card, job, runs) {
-  const { options } = await getJob(job.id); // The single record contains the file names.
+  const { options } = await getJob(job.id); // Only the record of a single job contains the file names.
   const isWanted = ({ file, name }) =>
     (!options.files || options.files.includes(file)) &&
     (!options.only?.length || options.only.includes(literal(name)));

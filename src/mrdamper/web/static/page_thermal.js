@@ -20,11 +20,11 @@ const FIRST_FIELDS = {
   coil: ["resistance_ohm"],
   fluid: ["preset"],
 };
-const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // The calibration holds for these tables.
+const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // tables of a geometry on which a calibration depends
 const ENERGY_ERROR_MAX = 1e-4; // The energy balance of a study closes below this relative error.
 const NEAR_LIMIT_K = 40; // The plot shows the limit of the fluid if the coil is nearer.
 
-/** Return the answer to the newest request, `{value, fault}`; one request runs at a time. */
+/** Return the answer to the newest request as `{value, fault}`. Requests are sent one after another. */
 function useLatest(key, ask) {
   const [found, set] = useState({});
   const { current: work } = useRef({});

@@ -16,7 +16,7 @@ const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
 const STEP_MAX_PX = 8; // Longer segments of a loop are checked pixel by pixel.
 const PICK_PX = 18;
 const READOUT_MAX = 9;
-const LOW_PX = 140; // Lower plots have no height for more than the unit of y.
+const LOW_PX = 140; // In lower plots, the y axis shows only the unit.
 const FONT = '12px "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 
 const keyOf = (one) => one.key ?? one.name;
@@ -58,7 +58,7 @@ const padded = ([low, high]) => {
   return [low - margin, high + margin];
 };
 
-/** Return the drawn samples of a series: the first index, and one past the last. */
+/** Return the index range of the drawn samples of a series: first index, and last index plus one. */
 const samplesOf = ({ x, t }, part) =>
   t && part ? part.map((end) => lowerBound(t, end)) : [0, x.length];
 
@@ -85,7 +85,7 @@ function scalesOf({ bbox: { left, top, width, height }, scales: { x, y } }) {
   return [ax, left - ax * x.min, ay, top - ay * y.max];
 }
 
-/** Return the path of a time series; of many samples only the extremes of each pixel column. */
+/** Return the path of a time series. If there are many samples, only the extremes of each pixel column are drawn. */
 export function seriesPath(u, { x, y }) {
   const path = new Path2D();
   const [ax, bx, ay, by] = scalesOf(u);
@@ -110,7 +110,7 @@ export function seriesPath(u, { x, y }) {
   return path;
 }
 
-/** Return the path of a loop; of many samples only the segments that touch a new pixel. */
+/** Return the path of a loop. If there are many samples, only the segments that touch a new pixel are drawn. */
 export function loopPath(u, one, part) {
   const { x, y } = one;
   const path = new Path2D();
@@ -273,7 +273,7 @@ export function createLink(heard = () => {}) {
   return link;
 }
 
-const due = []; // Plots to be drawn, one in a frame.
+const due = []; // queue of plots to be drawn, one per animation frame
 
 function drawDue() {
   due.shift()?.();
@@ -283,7 +283,7 @@ function drawDue() {
 /**
  * Plot with title, toolbar and legend.
  *
- * Without `view` the plot holds its own range. With `hidden` series, the legend is outside of the plot. `link`: shared
+ * Without `view` the plot stores its range itself. With `hidden` series, the legend is outside of the plot. `link`: shared
  * cursor; `span`: time span of the loops; `fromZero`: the y axis contains zero.
  */
 function Plot(props) {
@@ -364,7 +364,7 @@ function Plot(props) {
   );
 }
 
-/** Return the ranges after a key: null is everything, undefined is no change. */
+/** Return the ranges after a key was pressed; null means the whole range, undefined means no change. */
 function moved({ x, y }, key) {
   const shift = { ArrowLeft: -0.1, ArrowRight: 0.1 }[key] * (x[1] - x[0]);
   if (shift) return { x: x.map((value) => value + shift), y };
@@ -375,7 +375,7 @@ function moved({ x, y }, key) {
   return key === "0" ? null : undefined;
 }
 
-/** Move the cursor of a plot to a time, in a loop to the sample of the first series at this time. */
+/** Move the cursor of a plot to a time. In a loop, move it to the sample of the first series at this time. */
 function move({ u }, { series: [first] }, t) {
   if (!u || !first) return;
   const at = t !== null && first.t ? nearest(first.t, t) : null;

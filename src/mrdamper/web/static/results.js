@@ -8,7 +8,7 @@ import { button, opening, tags } from "./ui.js";
 
 const { a, b, div, li, p, span, ul } = tags;
 
-const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // A note on a quantity outside the card's runs.
+const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // a note that a quantity is outside the range of the card's runs
 
 /** Return the quantities in which a result exceeds the range of the card's runs; empty if there are none. */
 export function beyondCard({ notes: texts = [] }) {
@@ -82,7 +82,7 @@ export function filesOf(job, words = "Open the report", only = () => true) {
 const AROUND_S = 0.5; // Time that is shown before and after a finding.
 const SEVERITIES = ["fault", "warning", "note"];
 
-/** Return findings in groups of one kind; each run links to its position in the plots. */
+/** Return findings in groups by kind. Each run is a link to the location of the finding in the plots. */
 export function findingList(findings) {
   const kindOf = ({ severity, found }) => `${severity}: ${found.replace(/[-−+]?\d[\d.,]*/g, "#")}`;
   const rank = ([{ severity }]) => SEVERITIES.indexOf(severity);

@@ -21,14 +21,14 @@ const FILTERS = [
 ];
 const SPEED_DIFFERENCE_MAX = 0.1; // Maximum relative difference of the speeds of similar runs.
 const SIMILAR_COUNT_MIN = 3; // Minimum number of similar runs for a comparison.
-const FORCE_RATIO_MAX = 2; // Ratio to the median force (or its inverse) from which on a run is reported.
+const FORCE_RATIO_MAX = 2; // A run with a larger (or inverse) ratio to the median force is reported.
 
 const isRead = (run) => !run.error && run.force_range_N;
 
 export const commonest = (values) =>
   [...Map.groupBy(values, (value) => value).values()].sort((x, y) => y.length - x.length)[0]?.[0];
 
-/** Return the id of a run in an address: its name, with the file if another run has the same name. */
+/** Return the id of a run for addresses: the name of the run, with the file name if two runs have the same name. */
 export const idOf = (run, runs) =>
   runs.some((other) => other !== run && other.name === run.name)
     ? `${run.file}|${run.name}`
@@ -36,7 +36,7 @@ export const idOf = (run, runs) =>
 
 const MEASURED = ["samples", "rate_Hz", "stroke_mm", "peak_velocity_mm_s", "force_range_N"];
 
-/** Return the copies among runs: run -> its original. */
+/** Return the copies among runs as a map from the copy to the original. */
 export function copiesOf(runs) {
   const measured = (run) => MEASURED.map((name) => run[name]);
   const valuesOf = (run) => JSON.stringify([run.command_unit, run.command_range, ...measured(run)]);
@@ -45,7 +45,7 @@ export function copiesOf(runs) {
   return new Map(pairs);
 }
 
-/** Return the runs that probably belong to another damper: run -> reason. */
+/** Return the runs that probably belong to a different damper, as a map from run to reason. */
 export function foreignRunsOf(runs) {
   const commanded = runs.filter((run) => run.command_unit);
   const usual = commonest(commanded.map(unitOf));
@@ -69,7 +69,7 @@ export function foreignRunsOf(runs) {
   return found;
 }
 
-/** Return copies and runs of another damper as findings. */
+/** Return findings about copies of runs and about runs that belong to a different damper. */
 export function findingsBetween(runs) {
   const findings = [];
   const add = (run, found, effect, remedy) =>
@@ -89,7 +89,7 @@ export function matching(runs, prefix) {
   return runs.filter((run) => isWanted(run) && run.name.toLowerCase().includes(find));
 }
 
-/** Return the filters of a list of runs; a property that all runs share has no filter. */
+/** Return the filters of a list of runs. A property with the same value in all runs gets no filter. */
 export function filtersOf(runs, prefix) {
   const lists = FILTERS.map(([name, words, property]) => {
     const groups = [...Map.groupBy(runs, property)];

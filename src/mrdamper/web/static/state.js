@@ -2,7 +2,7 @@
 //
 // A choice has a key such as `card` or `fit.law`. `choose` changes choices, writes the address and draws the page again. The
 // address of a page contains the choices of its prefixes; shared choices (card, drawing, duty, controller) hold for all pages.
-// The browser's session keeps all choices, so that a page is found again as it was left.
+// The session storage of the browser keeps all choices. A page therefore reappears in the state in which it was left.
 
 import * as api from "./api.js";
 
@@ -87,7 +87,7 @@ function write(step) {
   else window.history.replaceState({ depth }, "", next);
 }
 
-/** Read page and choices from the address; an address without choices shows the page as it was left. */
+/** Read page and choices from the address. If it has no choices, show the page in the state in which it was left. */
 export function route() {
   const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
   app.page = path in PAGES ? path : "data";
@@ -109,7 +109,7 @@ export async function refresh(files = true) {
 const WATCH_MS = 1000;
 let before = null;
 
-/** Look for changes every second; the state is fetched after a change and during a job. */
+/** Ask the server for changes every second. Fetch the state after a change, and always during a job. */
 export async function watch() {
   try {
     if (document.visibilityState === "visible") {
@@ -155,7 +155,7 @@ export async function attempt(action) {
 
 const fetched = new Map();
 
-/** Return the answer to a request, null until it has arrived (then the page is drawn again); `key` identifies it. */
+/** Return the answer to a request; null until the answer arrives and the page is drawn again. `key` identifies the request. */
 export function once(key, ask) {
   if (!fetched.has(key)) {
     const keep = (value) => fetched.set(key, value);
@@ -170,7 +170,7 @@ export function once(key, ask) {
 /** Return the cards that can be read. */
 export const cards = () => app.state.cards.filter((card) => !card.error);
 
-/** Return the card in use: the chosen, or the newest card; undefined if there is none. */
+/** Return the card in use: the chosen card, or else the newest card; undefined if there is no card. */
 export function cardInUse() {
   const newest = cards().reduce(
     (one, other) => (one && String(one.modified) >= String(other.modified) ? one : other),

@@ -33,7 +33,7 @@ export const dark = window.matchMedia("(prefers-color-scheme: dark)");
 /** Return the colours of the plots; with `forPaper` always the light ones. */
 export const palette = (forPaper = false) => (dark.matches && !forPaper ? DARK : LIGHT);
 
-/** Return the colour at a fraction (0 to 1) of the ramp from low to high; volts have their own ramp. */
+/** Return the colour at a fraction (0 to 1) of the ramp from low to high. Voltages have a separate ramp. */
 export function rampColour(fraction, colours, isVolts) {
   const ramp = isVolts ? colours.volts : colours.ramp;
   const at = Math.min(1, Math.max(0, fraction)) * (ramp.length - 1);

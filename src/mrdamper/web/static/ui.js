@@ -89,7 +89,7 @@ export function filePicker(words, accept, taken, look = "quiet", props = {}) {
   return span(button(words, open, look), input(about));
 }
 
-/** Make a list one stop of Tab: arrow keys, Home and End move through its controls. */
+/** Let the Tab key stop only once in a list. Arrow keys, Home and End move through the controls of the list. */
 export function rove(place) {
   if (!place) return;
   const all = () =>

@@ -27,7 +27,7 @@ const PANES = {
   V: ["time_s", "command_V", 100],
   T: ["time_s", "temperature_degC", 100],
 };
-const MODELLED = "dvfr"; // Plots that show cards, too.
+const MODELLED = "dvfr"; // keys of the plots that also show the forces of cards
 /** Quantities of the columns: word, unit, and decimals at the cursor. */
 const QUANTITIES = {
   time_s: ["time", "s"],
@@ -39,11 +39,11 @@ const QUANTITIES = {
   command_V: ["voltage", "V", 2],
   temperature_degC: ["temperature", "°C", 1],
 };
-const SAMPLES_MAX = 2_200_000; // Sum of all curves.
+const SAMPLES_MAX = 2_200_000; // max number of samples in all curves together
 const CURSOR_ROWS_MAX = 8;
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
-/** Return how a fit used its runs: name -> `training` or `held_out`; empty until the card has been fetched. */
+/** Return how a fit used the runs, by name: `training` or `held_out`. Empty until the card has been fetched. */
 export const splitsOf = (name) =>
   new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
 
@@ -87,14 +87,14 @@ function useSamples(picked, cards, part) {
     set({ shown: null });
     Promise.all(all).then(
       (shown) => set({ shown, ms: Math.round(performance.now() - began) }),
-      () => {}, // Only an aborted request ends here.
+      () => {}, // This happens only if the request was aborted.
     );
     return () => asked.abort();
   }, [JSON.stringify(key)]);
   return found;
 }
 
-/** Return the columns of the last complete cycles, or all, and with the displacement around its middle. */
+/** Return the columns, limited to the last complete cycles and with centred displacement if these are chosen. */
 function prepared(columns, count, isCentred) {
   const { displacement_mm: x } = columns;
   if (!x || (!count && !isCentred)) return columns;
@@ -118,13 +118,13 @@ function colourOf(run, by, runs) {
   const key = isWarm ? temperatureOf(run) : commandOf(run);
   const similar = runs.filter((other) => isWarm || other.command_unit === run.command_unit);
   const range = extent(similar.map(valueOf).filter(has));
-  if (!has(valueOf(run)) || !range) return { key, colour: nth(3) }; // This colour differs from measured curves and from the ramp.
+  if (!has(valueOf(run)) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
   const fraction = (valueOf(run) - range[0]) / (range[1] - range[0] || 1);
   const isVolts = !isWarm && run.command_unit === "V";
   return { key, colour: (colours) => rampColour(fraction, colours, isVolts) };
 }
 
-/** Return the curves of samples: measured ones grey and wide below modelled ones. */
+/** Return the curves of samples. Measured curves are grey and wide, below the modelled curves. */
 function curvesOf(shown, { runs, cards, by, cycles, isCentred }) {
   const drawn = [...new Set(shown.map(({ run }) => run))];
   const isHeld = (run) => cards.some((card) => splitsOf(card).get(run.name) === "held_out");
