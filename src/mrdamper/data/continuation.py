@@ -39,7 +39,7 @@ def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
 
 def _continues(run: RigRun, previous: RigRun) -> bool:
     """Return True if ``run`` is the continuation of ``previous``."""
-    step_s = float(np.median(np.diff(previous.time)))
+    step_s = float(previous.time[-1] - previous.time[0]) / (len(previous) - 1)
     if not -0.5 * step_s < run.time[0] - previous.time[-1] < _SEAM_STEPS_MAX * step_s:
         return False
     return _has_same_settings(run, previous) and _has_same_motion(run, previous)
