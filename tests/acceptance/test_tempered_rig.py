@@ -322,7 +322,7 @@ def test_mean_step_time_matches_plant(preset, degrees):
 
 
 @pytest.mark.parametrize(
-    ("law", "bar_s", "seeds"), [(PLAIN, 1.0, 3), (BETTER, 1.3, 3), ("series-valve", 6.0, 1)]
+    ("law", "bar_s", "seeds"), [(PLAIN, 1.2, 3), (BETTER, 1.6, 3), ("series-valve", 6.0, 1)]
 )
 def test_one_start_stays_within_cpu_time(law, bar_s, seeds):
     """Fit 5 currents, 4 temperatures and 3 motions of 4 s at 500 Hz, including the preparation.

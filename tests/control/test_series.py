@@ -56,7 +56,7 @@ def test_power_table_is_accurate(exponent: float) -> None:
     )
 
 
-def test_functions_of_the_valve_are_accurate() -> None:
+def test_tabulated_functions_match_tanh_and_gaussian() -> None:
     tables, _ = tabulate_series(damper(), 2.0, (293.15, 293.15))
     u = np.linspace(0.0, 200.0, 40_001)
     assert np.abs(tables.side.evaluate(u) - np.tanh(u)).max() < 1e-5

@@ -120,7 +120,7 @@ def test_errors_between_motions_match_regression(linear):
     groups = motion_groups(problem.runs)
     number = {k: g for g, members in enumerate(groups) for k in members}
     rows = regression(problem, result)
-    # The linear fit without a motion is the regression without its runs.
+    # The normal equations without the runs of a motion give the parameters of the fit without this motion.
     for fold, damper in zip(sorted(groups), folds.dampers, strict=True):
         rest = [k for k in range(len(rows)) if k not in fold]
         if len(rest) == len(rows) - len(fold):

@@ -44,12 +44,12 @@ class Verification:
 
     @property
     def max_ulp(self) -> int:
-        """Largest difference of all outputs, in units in the last place."""
+        """Largest difference of C and Python over all outputs, in units in the last place."""
         return max((each.ulp for each in self.outputs.values()), default=0)
 
     @property
     def max_relative(self) -> float:
-        """Largest difference of all outputs, divided by the value in Python."""
+        """Largest difference of C and Python over all outputs, divided by the value in Python."""
         return max((each.relative for each in self.outputs.values()), default=0.0)
 
     def as_json(self) -> dict[str, Any]:

@@ -61,7 +61,7 @@ class ReadFiles:
 
     @property
     def inferred(self) -> tuple[Inference, ...]:
-        """Return the values that were inferred from words."""
+        """Return currents and temperatures that were read from names and texts, with their source."""
         return tuple(inference for _, file in self.files for inference in file.inferred)
 
     @property

@@ -221,7 +221,7 @@ def _wide_part(
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
-    """Return the channels of a table in SI by role, its time [s], and the resampled columns."""
+    """Return the channels of a table (SI, by role), the time [s], and the columns on one clock."""
     names = {column.role: column.name for column in columns if column.role != "time"}
     one = to_one_clock(table, names, chosen, place)
     raw = dict(one.columns)

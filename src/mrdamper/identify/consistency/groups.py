@@ -95,7 +95,7 @@ def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySett
     group = order[:cut] if len(low) < len(high) else order[cut:]
     effect = analysis.common_effect(kind, np.isin(np.arange(len(values)), group).astype(np.float64))
     if effect.fraction < analysis.common_effect(kind, _ramp(analysis)).fraction:
-        return  # A drift explains more than two groups.
+        return  # A drift explains the residuals better than two groups.
     error = scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high)))
     names = ", ".join(analysis.runs[number].name for number in sorted(group.tolist())[:NAME_COUNT_MAX])
     which = f"the {len(group)} runs ({names}{' ...' * (len(group) > NAME_COUNT_MAX)})"

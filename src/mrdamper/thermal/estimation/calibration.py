@@ -140,7 +140,7 @@ def calibrate_drawing(
     fit = _NetworkFit(curve, drawing, loads, model)
     found = fit.solve(np.zeros(len(curve)))
     for _ in range(2 if model == "reduced" else 0):
-        found = fit.solve(_model_less_network(found, works, duty, model))
+        found = fit.solve(_model_minus_network(found, works, duty, model))
     return found
 
 
@@ -156,7 +156,8 @@ def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> Damper
 def residual_variance(residual: FloatArray, parameters: int) -> float:
     """Return the variance of residuals times (1 + r) / (1 - r); r is the correlation of adjacent residuals.
 
-    The factor follows from a first-order autoregression. It includes a part of the model error.
+    The factor is exact for a first-order autoregression. An error of the model also makes adjacent residuals
+    correlate, so the factor accounts for a part of this error.
     """
     total = float(residual @ residual)
     correlation = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
@@ -187,7 +188,8 @@ class _NetworkFit:
         factor_min, factor_max = SETTINGS.calibration_factor_range
         low = np.array([point[0] - SETTINGS.start_range_K, *[math.log(factor_min)] * 2])
         high = np.array([point[0] + SETTINGS.start_range_K, *[math.log(factor_max)] * 2])
-        # The noise weights the priors. The second fit uses the residual of the first fit as noise.
+        # The noise determines the weight of the data relative to the priors. The second fit takes the noise
+        # from the residuals of the first fit.
         for _ in range(2):
 
             def residuals(at: FloatArray, noise: float = noise) -> FloatArray:
@@ -248,12 +250,12 @@ class _NetworkFit:
             )
 
 
-def _model_less_network(
+def _model_minus_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return the temperature of the thermometer in ``model`` minus in the network [K], shape (n,).
+    """Return the thermometer temperature of ``model`` minus that of the network [K], shape (n,).
 
-    The values apply to the times of the curve.
+    The n times are those of the measured curve.
     """
     curves = [
         simulate_rise(works, found.drawing, duty, model=each, start_K=found.start_K, stop_at_limit=False)
