@@ -240,7 +240,7 @@ def test_unnormalised_bouc_wen_equals_normalised():
         simulate_reference(own, UNEVEN), simulate_reference(same, UNEVEN), atol=1e-6 * 4e5 * z_m
     )
     assert isinstance(law.python, PythonLaw)
-    assert law.title == "Bouc-Wen as a user would write it, unnormalised."
+    assert law.title == "A user-defined law: the unnormalised Bouc-Wen model."
 
 
 LAW_FILE = '''
