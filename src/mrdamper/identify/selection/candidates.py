@@ -94,7 +94,7 @@ class ValidatedCandidate:
 
     @property
     def cv_mean_percent(self) -> float:
-        """Mean error [%] of held-out runs, which decides the model selection.
+        """Mean error [%] of held-out runs, by which terms are selected.
 
         The root mean square is not used because a few runs with large errors for all candidates would
         dominate it, such as runs at zero current in which only friction acts.

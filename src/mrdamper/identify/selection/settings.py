@@ -41,8 +41,9 @@ class SelectionSettings:
     # the accepted term.
     training_gain_fraction_min: float = 0.25
 
-    # Comparison of two candidates: a candidate is better if its cross-validation gain and the Student's t of
-    # this gain over the folds exceed the first two values. Alternatively, both exceed the last two values.
+    # Comparison of two candidates of a law: a candidate is better if its cross-validation gain and the
+    # Student's t of this gain over the folds exceed the first two values. Alternatively, both exceed the last
+    # two values. A law replaces another law if its gain exceeds the third value.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
