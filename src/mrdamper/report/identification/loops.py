@@ -83,17 +83,15 @@ def _with_names(campaign: Campaign, errors: Sequence[RunError]) -> list[Drawn]:
 def overview(campaign: Campaign) -> Figure:
     """Return a figure of all loops if there are few runs, else of the main motion at each current.
 
-    The latter figure also has the worst run.
+    The latter figure also has the worst run. Without a main motion, it has the worst run of each motion.
     """
     drawn = _with_names(campaign, campaign.errors)
     if len(drawn) > PANEL_COLUMNS_MAX:
         level = campaign.levels.values[0] if campaign.warm else None
         loops = [] if campaign.main is None else _over_commands(campaign, campaign.main, level)
         loops = list(pick_evenly(loops, 5))
-        worst = find_worst_by_motion(campaign.errors)[: 1 if loops else PANEL_COLUMNS_MAX]
-        drawn = loops + [
-            (f"worst: {title}", colour, run) for title, colour, run in _with_names(campaign, worst)
-        ]
+        worst = _with_names(campaign, find_worst_by_motion(campaign.errors)[:PANEL_COLUMNS_MAX])
+        drawn = [*loops, ("worst run", *worst[0][1:])] if loops else worst
     return _loops(campaign, drawn)
 
 
