@@ -173,7 +173,7 @@ COMMANDS_OF = {
     "report/identification": ("fit",),
     "jobs/sweep": ("sweep",),
 }
-OTHER_TEXTS = ("registry/__init__.py", "cli/help_texts.py", "report/base.py")  # These texts name no command.
+OTHER_TEXTS = ("registry/__init__.py", "cli/commands.py", "report/base.py")  # These texts name no command.
 
 
 def message_texts(path: Path) -> Iterator[str]:

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.codegen.c_code import c_files, literal, tables_bytes
-from mrdamper.codegen.kernel_files import flag_texts, kernel_files
+from mrdamper.codegen.c_code import c_files, flag_texts, kernel_files, literal, tables_bytes
 from mrdamper.codegen.target import target_of
 from mrdamper.control.config import config_values
 from mrdamper.control.stepper import Flag

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mrdamper.codegen.target import target_of
-from mrdamper.thermal.compact.model import compact_model
+from mrdamper.thermal.compact import compact_model
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.support.cards import DOUBLE

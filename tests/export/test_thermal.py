@@ -12,8 +12,7 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.codegen.target import Target, target_of
 from mrdamper.codegen.verify import verify_c
-from mrdamper.thermal.compact.model import CompactModel, compact_model
-from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
+from mrdamper.thermal.compact import CompactLoad, CompactModel, compact_model, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.export.masters import Library, table_of, written

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrdamper.codegen.kernel_files import kernel_files
+from mrdamper.codegen.c_code import kernel_files
 from mrdamper.jobs.export import export as exported
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.actuation import Actuation

@@ -16,8 +16,8 @@ from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
 from mrdamper.models.characteristics import steady_cycle
 from mrdamper.models.dependence import TemperatureDependent
-from mrdamper.report.identification.campaign import Campaign
-from mrdamper.report.identification.groups import (
+from mrdamper.report.identification.campaign import (
+    Campaign,
     levels_of,
     main_sine,
     peak_force,

@@ -164,14 +164,14 @@ _ROWS = (
     Job(
         name="data list",
         help="List the public data sets.",
-        run="mrdamper.jobs.public_data.datasets:list_data",
+        run="mrdamper.jobs.public_data:list_data",
         report="mrdamper.report.datasets:LISTED",
     ),
     Job(
         name="data fetch",
         out="runs",
         help="Fetch a public data set and print the paths of its files.",
-        run="mrdamper.jobs.public_data.datasets:fetch_data",
+        run="mrdamper.jobs.public_data:fetch_data",
         report="mrdamper.report.datasets:FETCHED",
         files_help="Write the files to this folder, each with its channel map.",
         progress_word="set",
@@ -220,6 +220,6 @@ QUERIES: Mapping[str, str] = {
     "damper": "mrdamper.jobs.previews.heat:damper_facts",
     "drawn": "mrdamper.jobs.previews.heat:draw_damper",
     "card": "mrdamper.jobs.previews.card:require_card",
-    "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
+    "catalogue": "mrdamper.jobs.public_data:catalogue",
 }
 """Functions that answer the queries, by name of the query. Queries are short computations for web pages."""
