@@ -128,10 +128,10 @@ class GroupedCommands(click.Group):
         width = max(map(len, self.commands))
         for title, names in GROUPS.items():
             with formatter.section(title):
-                summaries = [self.commands[name].get_short_help_str(SUMMARY_LENGTH_MAX) for name in names]
-                formatter.write_dl(
-                    [(name.ljust(width), text) for name, text in zip(names, summaries, strict=True)]
-                )
+                summaries = {
+                    name: self.commands[name].get_short_help_str(SUMMARY_LENGTH_MAX) for name in names
+                }
+                formatter.write_dl([(name.ljust(width), text) for name, text in summaries.items()])
 
 
 class HelpfulCommand(click.Command):
