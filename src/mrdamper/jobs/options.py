@@ -144,6 +144,8 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckOptions:
+    """Inputs and options of ``check``."""
+
     files: ClassVar[Annotated[Runs, _FILES]]
     write_map: ClassVar[OutputFile] = None
     """Write the channel map with which the files were read. It can be edited and used with --channels."""
@@ -153,6 +155,8 @@ class CheckOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluateOptions:
+    """Inputs and options of ``evaluate``."""
+
     card: ClassVar[CardOfAnyLaw]
     runs: ClassVar[Runs]
     preparation: ClassVar[Preparing] = None
@@ -161,6 +165,8 @@ class EvaluateOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
+    """Inputs and options of ``fit``."""
+
     runs: ClassVar[Runs]
     law: ClassVar[LawName] = None
     """Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating,
@@ -196,6 +202,8 @@ class FitOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompareOptions:
+    """Inputs and options of ``compare``."""
+
     first: ClassVar[CardOfAnyLaw]
     """Read this card as the reference."""
     second: ClassVar[CardOfAnyLaw]
@@ -204,6 +212,8 @@ class CompareOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CyclesOptions:
+    """Inputs and options of ``cycles``."""
+
     record: ClassVar[Annotated[Path, _RECORD, Option(argument=True, reading=("channels",))]]
     """Read this record."""
     least_stroke_mm: Annotated[
@@ -214,6 +224,8 @@ class CyclesOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOptions:
+    """Inputs and options of ``track``."""
+
     card: ClassVar[Card]
     plant: ClassVar[Annotated[str, _PLANT, _DAMPER, Option(label="Controlled damper")]] = "nominal"
     """Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card (JSON)."""
@@ -244,6 +256,8 @@ class TrackOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulateOptions:
+    """Inputs and options of ``simulate``."""
+
     card: ClassVar[CardOfAnyLaw]
     motion: ClassVar[Annotated[str, Option(metavar="MOTION|RUN", argument=True)]]
     """Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the file of a run."""
@@ -256,6 +270,8 @@ class SimulateOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
+    """Inputs and options of ``export``."""
+
     card: ClassVar[Card]
     damper: ClassVar[Annotated[str | None, _DRAWING, _THERMAL_MODEL]] = None
     """Add the thermal model of this geometry file (TOML), which also detects a frozen temperature sensor."""
@@ -300,6 +316,8 @@ class HeatingInputs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DerateOptions(HeatingInputs):
+    """Inputs and options of ``derate``."""
+
     quantity: Annotated[
         Literal["current", "stroke", "duty"],
         Option(titles=("the current", "the stroke", "the share of time at work")),
@@ -315,6 +333,8 @@ class DerateOptions(HeatingInputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatOptions(HeatingInputs):
+    """Inputs and options of ``heat``."""
+
     sink: ClassVar[Annotated[Path | None, _SINK, _ANY_SINK]] = None
     """Use the heat sink of this file (TOML table [sink])."""
     calibrate: ClassVar[
@@ -347,7 +367,7 @@ class HeatOptions(HeatingInputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions(HeatingInputs):
-    """Default limits are those of the heat sink in the geometry file."""
+    """Inputs and options of ``heatsink``. Default limits are those of the sink in the geometry file."""
 
     span_mm: Annotated[float | None, _LIMIT, Option(unit="mm", label="Length")] = None
     """Limit the length of the finned body, in mm."""
@@ -371,6 +391,8 @@ class HeatsinkOptions(HeatingInputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FluidOptions:
+    """Inputs and options of ``fluid``."""
+
     tables: ClassVar[Annotated[tuple[str, ...], _RHEOMETER, _TABLES]]
     """Read these rheometer tables."""
     like: ClassVar[Annotated[str, _FLUID, Option(label="Other properties from")]] = "paper"
@@ -380,6 +402,8 @@ class FluidOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigOptions:
+    """Inputs and options of ``rig``."""
+
     preset: ClassVar[Annotated[str, _PRESET, _DAMPER, Option(label="Damper")]] = "nominal"
     """Test this virtual damper: a preset, or a TOML file with a preset and changed parameters."""
     campaign: ClassVar[
@@ -403,18 +427,24 @@ class DataListOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataFetchOptions:
+    """Inputs and options of ``data fetch``."""
+
     name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True)]]
     """Fetch the data set with this name. The command data list prints the names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
+    """Inputs and options of ``demo``."""
+
     quick: Annotated[bool, Option(label="fewer and shorter runs", begins=True)] = False
     """Use fewer and shorter runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepOptions:
+    """Inputs and options of ``sweep``."""
+
     campaigns: ClassVar[
         Annotated[tuple[str, ...] | None, _PATHS, Option(label="Campaigns to fit", word="campaigns")]
     ] = None
