@@ -13,13 +13,9 @@ from scipy.linalg import expm
 
 from mrdamper.control.config import Axes
 from mrdamper.control.controllers import Safety, controllers_for
+from mrdamper.control.settings import SETTINGS
 from mrdamper.control.tables.heating import Heating
 from mrdamper.control.tuning import (
-    FREEWHEEL_RATIO,
-    FREEWHEEL_STRETCH,
-    HORIZON_RATIO,
-    HORIZON_STEPS,
-    JERK_DENSITY,
     check_sampling,
     feedback_gains,
     horizon_end,
@@ -87,9 +83,12 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
     without = replace(actuation, delay_s=0.0)
-    span, parts = without.response_time(HORIZON_RATIO), HORIZON_STEPS
+    span, parts = without.response_time(SETTINGS.horizon_ratio), SETTINGS.horizon_steps
     if wheel:
-        span, parts = max(span, without.response_time(FREEWHEEL_RATIO, 2.0, 0.0)), 3 + 3 * FREEWHEEL_STRETCH
+        span, parts = (
+            max(span, without.response_time(SETTINGS.freewheel_ratio, 2.0, 0.0)),
+            3 + 3 * SETTINGS.freewheel_stretch,
+        )
     span = min(span, 122e-3 - dead)  # max number of samples in the delay line
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
@@ -138,7 +137,7 @@ def test_slow_bus_counts_as_stuck_later():
     assert slow.config.motion.holds_readings
 
 
-@pytest.mark.parametrize(("noise", "density"), [(0.0, JERK_DENSITY), (1e-5, 0.0), (1e-5, math.nan)])
+@pytest.mark.parametrize(("noise", "density"), [(0.0, SETTINGS.jerk_density), (1e-5, 0.0), (1e-5, math.nan)])
 def test_filter_rejects_zero_noise_or_jerk(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
         motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)

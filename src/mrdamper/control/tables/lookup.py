@@ -2,7 +2,7 @@
 
 A table is piecewise cubic. The cell width doubles with every octave of the argument because the functions
 bend most strongly near zero. Each table has the smallest number of cells for which the error at all test
-points is at most ``CURVE_ERROR`` (hysteretic state) or ``SPEED_ERROR`` (function of speed).
+points is at most ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
 ``track_tables.h`` reads the tables.
 """
 
@@ -17,15 +17,9 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray, read_only
+from mrdamper.control.settings import SETTINGS
 from mrdamper.models.laws import VISCOUS_SPEED
 
-CURVE_ERROR = 1e-4
-"""Absolute tolerance of a hysteretic state, whose range is -1 to 1."""
-
-SPEED_ERROR = 1e-5
-"""Absolute tolerance of a function of speed. The unit is m/s for the viscous function, otherwise 1."""
-
-CELL_BITS_MAX = 6
 TEST_POINTS = np.linspace(0.0625, 0.9375, 8)  # Positions in a cell where table and function are compared.
 
 _Function = Callable[[FloatArray], FloatArray]
@@ -108,7 +102,7 @@ def fit_lookup(
     is returned.
     """
     best: LookupTable | None = None
-    for bits in range(CELL_BITS_MAX + 1):
+    for bits in range(SETTINGS.cell_bits_max + 1):
         for halvings in range(30):
             fine = 2.0 ** (math.ceil(math.log2(end)) - halvings)
             made = tabulate_lookup(value, slope, fine, end, bits=bits, rising=rising)
@@ -214,7 +208,7 @@ def _sample_branches(kappa: float, n: float) -> _Branches:
     if stop:  # The curve passes w = -1 between two samples. For kappa = 0, it never does.
         slope = max(1.0 - kappa * down[stop - 1] ** n, 1e-9)
         fall[stop:] = min(fall[stop], fall[stop - 1] + (down[stop] - down[stop - 1]) / slope)
-    loaded = float(np.interp(1.0 - 0.2 * CURVE_ERROR, up, dense))
+    loaded = float(np.interp(1.0 - 0.2 * SETTINGS.curve_error, up, dense))
     unloaded = float(np.interp(1.0 - 1e-6, down, fall))
     return _Branches(kappa, n, dense, up, down, fall, loaded, unloaded)
 
@@ -233,13 +227,13 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
 
     return CurveTables(
         unloaded=unloaded,
-        loading=fit_lookup(curve.load, curve.load_slope, loaded, CURVE_ERROR, rising=True),
-        unloading=fit_lookup(curve.unload, curve.unload_slope, unloaded, CURVE_ERROR, rising=True),
+        loading=fit_lookup(curve.load, curve.load_slope, loaded, SETTINGS.curve_error, rising=True),
+        unloading=fit_lookup(curve.unload, curve.unload_slope, unloaded, SETTINGS.curve_error, rising=True),
         unload_map=fit_lookup(
             lambda tau: curve.to_unloading(curve.load(tau)),
             lambda tau: curve.load_slope(tau) / unload_slope_after(tau),
             loaded,
-            CURVE_ERROR,
+            SETTINGS.curve_error,
             weight=unload_slope_after,
             rising=True,
         ),
@@ -247,7 +241,7 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
             curve.reload,
             curve.reload_slope,
             half,
-            CURVE_ERROR,
+            SETTINGS.curve_error,
             weight=lambda tau: curve.load_slope(curve.reload(tau)),
             rising=True,
         ),
@@ -256,7 +250,7 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
             lambda rest: -curve.reload(position(rest)),
             lambda rest: curve.reload_slope(position(rest)),
             half,
-            CURVE_ERROR,
+            SETTINGS.curve_error,
             weight=lambda rest: curve.load_slope(curve.reload(position(rest))),
             rising=True,
         ),
@@ -301,31 +295,31 @@ def functions_of_speed(
             lambda v: v * (np.maximum(v, 1e-300) / VISCOUS_SPEED) ** (exponent - 1.0),
             lambda v: exponent * (np.maximum(v, 1e-9) / VISCOUS_SPEED) ** (exponent - 1.0),
             end,
-            SPEED_ERROR,
+            SETTINGS.speed_error,
             rising=True,
         )
     side, steepness = _side(transition)
     if "sliding" in present:
-        sliding = fit_lookup(side, steepness, min(end, 7.0 * transition), SPEED_ERROR, rising=True)
+        sliding = fit_lookup(side, steepness, min(end, 7.0 * transition), SETTINGS.speed_error, rising=True)
     if "breakaway" in present:
         breakaway = fit_lookup(
             lambda v: side(v) * np.exp(-((v / stribeck) ** 2)),
             lambda v: (steepness(v) - 2.0 * v / stribeck**2 * side(v)) * np.exp(-((v / stribeck) ** 2)),
             min(end, 3.5 * stribeck),
-            SPEED_ERROR,
+            SETTINGS.speed_error,
         )
     if saturating:
         saturation = _saturation(shape["saturation_velocity"], end)
     elif memoryless:
         steep = shape["yield_velocity"]
-        saturation = fit_lookup(*_side(steep), min(end, 7.0 * steep), SPEED_ERROR, rising=True)
+        saturation = fit_lookup(*_side(steep), min(end, 7.0 * steep), SETTINGS.speed_error, rising=True)
     return SpeedTables(viscous, sliding, breakaway, saturation)
 
 
 def _saturation(half: float, end: float) -> LookupTable:
     """Tabulate the saturation curve v / (v + half)."""
     return fit_lookup(
-        lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SPEED_ERROR, rising=True
+        lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SETTINGS.speed_error, rising=True
     )
 
 
