@@ -117,7 +117,7 @@ class Option:
             yield pydantic.PlainSerializer(self.from_si, when_used="unless-none")
 
     @property
-    def given(self) -> Json:
+    def non_defaults(self) -> Json:
         """Return the properties that differ from their default."""
         pairs = ((each, getattr(self, each.name)) for each in dataclasses.fields(self))
         return {each.name: value for each, value in pairs if value != each.default}
@@ -291,7 +291,7 @@ def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - 
     while True:
         if get_origin(hint) is Annotated:
             hint, *extras = get_args(hint)
-            options = (each.given.items() for each in extras if isinstance(each, Option))
+            options = (each.non_defaults.items() for each in extras if isinstance(each, Option))
             given = dict(chain(*options)) | given
         elif get_origin(hint) in (Union, types.UnionType) and type(None) in get_args(hint):
             optional = True

@@ -10,7 +10,7 @@ class ControlSettings:
     """Settings of design rules (``tuning``), tables, the real-time model, targets and scores."""
 
     # Motion filter
-    jerk_density: float = 1.0  # of the motion model [m/s^3 per root Hz]
+    jerk_density: float = 1.0  # jerk of the motion model [m/s^3 per root Hz]
     harmonic_jerk_ratio: float = 0.3  # factor on the jerk density if the motion is assumed to be harmonic
     frequency_filter_s: float = 1.0  # time constant of the averages of v^2 and a^2 in the frequency estimate
     # Shortest period of the assumed harmonic motion / time constant of the motion filter. The squared angular
@@ -40,7 +40,7 @@ class ControlSettings:
     move_cost_ratio: float = 0.03  # cost of a change of the command / force change that it causes
     move_cost_error_ratio: float = 12.0  # additional cost / force error of the card
     move_cost_ratio_max: float = 0.25
-    implicit_move_cost_ratio_max: float = 0.6  # for a law with an implicit step
+    implicit_move_cost_ratio_max: float = 0.6  # max for a law with an implicit step
     # Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete. If the current rises
     # after a reversal, the force of a Bouc-Wen law builds up too slowly because the state of the law is
     # relative to the yield force. A value of 0 is correct for a damper that is identical to the card. On the

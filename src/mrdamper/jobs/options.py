@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from mrdamper.identify.temperature import Temperature
 from mrdamper.schema import MORE, Option
@@ -29,7 +29,7 @@ _EXPORTS = (
 )
 
 
-def _input(word: str, read: str, metavar: str, *places: str, **more: str) -> Option:
+def _input(word: str, read: str, metavar: str, *places: str, **more: Any) -> Option:  # noqa: ANN401
     """Return the option of an input: its kind, its reader, its placeholder and the folders of its files.
 
     The reader is a function of this package. In the folder ``inputs``, which is the default, a form offers
