@@ -41,8 +41,8 @@ class ControlSettings:
     move_cost_error_ratio: float = 12.0  # additional cost / force error of the card
     move_cost_ratio_max: float = 0.25
     implicit_move_cost_ratio_max: float = 0.6  # max for a law with an implicit step
-    # Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete. If the current rises
-    # after a reversal, the force of a Bouc-Wen law builds up too slowly because the state of the law is
+    # Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete. After a reversal, the
+    # force of a Bouc-Wen law builds up too slowly if the current rises, because the state of the law is
     # relative to the yield force. A value of 0 is correct for a damper that is identical to the card. On the
     # virtual dampers of the rig, a value of 0 lets the force overshoot by up to 200 N after each reversal.
     settled_ratio: float = 0.4
