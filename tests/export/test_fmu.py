@@ -1,4 +1,4 @@
-"""FMUs run in independent simulation masters and compute the same bits as Python."""
+"""FMUs run in independent simulation masters and give results that are bit-identical to Python."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def test_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
 
 
 @PRECISIONS
-def test_controller_has_the_bits_of_python(made, precision):
+def test_controller_is_bit_identical_to_python(made, precision):
     target, path = made("controller", precision)
     table = controller_inputs()
     found, flags = simulated(path, table, ("current", "flags"), use_wanted_force_ahead=True)
@@ -221,7 +221,7 @@ def test_controller_has_the_bits_of_python(made, precision):
 
 
 @PRECISIONS
-def test_model_has_the_bits_of_python(made, precision):
+def test_model_is_bit_identical_to_python(made, precision):
     target, path = made("model", precision)
     table = model_inputs()
     found, flags = simulated(path, table, ("force", "flags"), use_velocity=True)
@@ -251,7 +251,7 @@ def test_combined_fmu_matches_controller_and_model(loaded):
 
 
 @pytest.mark.nightly
-def test_fmu_rebuilt_from_sources_has_the_same_bits(made, place, tool):
+def test_fmu_rebuilt_from_sources_gives_identical_commands(made, place, tool):
     tool("cmake")
     target, path = made()
     folder = place / "built"

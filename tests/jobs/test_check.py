@@ -79,7 +79,7 @@ def test_file_named_by_two_paths_is_one_run(folder):
     ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
 )
 def test_faulty_time_is_the_only_finding(tmp_path, spoil):
-    """Runs with faulty time are not compared with each other or with names, which requires correct times."""
+    """Comparisons between runs, and with the frequencies in their names, require correct times."""
     columns = columns_of(short_runs()[0])
     columns["time_s"] = spoil(columns["time_s"])
     for name in ("sine 1 Hz.csv", "sine 2 Hz.csv"):

@@ -178,7 +178,8 @@ def test_written_channel_map_is_read_again(tmp_path):
 # ------------------------------------------------------------------------------------------- heating
 
 
-def test_quick_heating_agrees_with_job(tmp_path):
+def test_heating_preview_agrees_with_heat_job(tmp_path):
+    """The preview is the quick curve that a page updates while the user changes values."""
     card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()
     fast = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0)

@@ -190,7 +190,7 @@ def test_force_response_needs_lag_and_current_dependence():
         assert way.command_t63 == pytest.approx(-0.01 * math.log(0.37), rel=2e-3)
 
 
-# Scope
+# Default commands, temperatures and speeds
 
 
 def test_assumed_temperatures_count_if_one_was_tested():

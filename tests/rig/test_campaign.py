@@ -123,7 +123,8 @@ def test_run_has_its_labels_and_temperature(small):
     assert np.mean(run.temperature) == pytest.approx(333.15, abs=0.05)
 
 
-def test_part_of_a_campaign_has_the_same_bytes(small):
+def test_subset_of_campaign_has_identical_runs(small):
+    """A run, including its noise, does not depend on the other runs of the campaign."""
     part = replace(SMALL, motions=("chirp3mm",), temperatures_degC=(60.0,), steps=None)
     whole = {run.name: run for run, _ in small}
     for run, _ in measure(NOMINAL, part, seed=3):

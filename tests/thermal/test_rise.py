@@ -208,7 +208,7 @@ def test_reduced_rise_follows_the_elements():
 
 
 def test_reported_force_belongs_to_its_segment():
-    """Each of two segments has its own work at the fluid temperature. The rest has no work."""
+    """The two moving segments have different forces, which fall with temperature. The pause has none."""
     kelvin = np.array([293.15, 393.15])
     works = [
         LoopWork(kelvin, np.full(2, 60.0), np.array([1000.0, 800.0])),
