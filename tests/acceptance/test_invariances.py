@@ -29,7 +29,7 @@ STANDARD_ERROR_RATIO_MAX = 0.05  # Parameters with a larger relative standard er
 
 @dataclass(frozen=True)
 class Case:
-    """A data set and the law that is fitted without terms. If ``law`` is None, the model is selected."""
+    """A data set and the law that is fitted without terms. Without a law, the model is selected."""
 
     runs: Dataset
     hold_out: tuple[str, ...]
