@@ -69,7 +69,8 @@ def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, perio
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_equal_and_missing_lags_have_limits():
+def test_equal_and_missing_lags_are_continuous_limits():
+    """Two equal lags give t/T exp(-t/T) in the second lag. A missing lag has no remainder."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))

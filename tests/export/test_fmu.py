@@ -140,7 +140,7 @@ def test_fmpy_validates_each_content(made, content):
     assert VALIDATION.validate_fmu(str(made(content)[1])) == []
 
 
-def test_real_variables_have_units_temperatures_celsius(made):
+def test_fmu_variables_have_units_and_celsius_display(made):
     description = fmpy.read_model_description(str(made("both")[1]))
     reals = [each for each in description.modelVariables if each.type == "Real"]
     assert all(each.unit for each in reals)
@@ -385,7 +385,8 @@ def test_invalid_parameters_keep_previous_values(loaded):
 
 
 @pytest.mark.parametrize("length", [PERIOD, 10.0005 * PERIOD])
-def test_multiple_of_the_period_is_one_step(loaded, length):
+def test_communication_step_may_have_several_periods(loaded, length):
+    """The tolerance of a communication step is a thousandth of a period."""
     _, library = loaded()
     with library.slave() as slave:
         slave.begin().step(0.0, length)
@@ -456,7 +457,8 @@ def test_coarse_steps_keep_the_force_at_rest(loaded, length):
     assert coarse == pytest.approx(fine, rel=1e-3)
 
 
-def test_calls_in_the_wrong_phase_are_errors(loaded):
+def test_calls_in_wrong_order_are_errors(loaded):
+    """A step before initialisation, a second initialisation, a step after the end, and a wrong GUID fail."""
     _, library = loaded()
     with library.slave() as slave:
         with pytest.raises(FmiError):

@@ -171,7 +171,7 @@ def test_constant_reading_at_balance_is_not_flagged(folder):
     assert still[-1, 0] == pytest.approx(ROOM_K, abs=0.1)
 
 
-def test_unknown_inputs_are_flagged_outputs_finite(folder):
+def test_unknown_inputs_set_flags_outputs_stay_finite(folder):
     power = np.full(400, 100.0)
     power[200:300] = np.nan
     found, flags = stepped(folder, even(400, power))

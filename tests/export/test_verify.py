@@ -167,7 +167,8 @@ def test_crashing_program_fails(monkeypatch):
 # ------------------------------------------------------------------------------------------ the record
 
 
-def test_record_belongs_to_its_sources():
+def test_verification_record_contains_hash_of_sources():
+    """A changed C file has a different hash, a changed README has the same hash."""
     record = verify_c(a_target(content="model"), samples=1000)
     files = c_files(a_target(content="model"))
     assert record.sources_sha256 == sources_sha256(files | {"README.md": "other words"})

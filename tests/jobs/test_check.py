@@ -42,7 +42,7 @@ def spoilt(folder):
     return mrdamper("check", folder / "spoilt", "--out", folder / "out", "--json")
 
 
-def test_correct_runs_exit_with_zero(folder):
+def test_correct_runs_give_exit_code_0(folder):
     answer = answer_of(mrdamper("check", folder / "runs", "--json"))
     assert answer["usable"] is True
     assert answer["counts"]["fault"] == 0
@@ -90,7 +90,7 @@ def test_faulty_time_is_the_only_finding(tmp_path, spoil):
     assert checked.groups == ()
 
 
-def test_fault_exits_with_five_and_json(spoilt):
+def test_fault_gives_exit_code_5_and_json(spoilt):
     assert spoilt.returncode == 5
     assert spoilt.stderr == ""
     answer = json.loads(spoilt.stdout)

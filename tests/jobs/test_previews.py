@@ -64,7 +64,7 @@ def test_preview_shows_columns_run_and_findings(file):
     assert answer["findings"] == findings_in(file)["findings"][0]
 
 
-def test_card_line_describes_card_or_error(tmp_path):
+def test_card_list_entry_describes_card_or_error(tmp_path):
     card = read_card(write_card_of(tmp_path / "card.json"))
     line = card_line(tmp_path / "card.json")
     assert (line["title"], line["law"], line["error"]) == (card.title, card.damper.law.name, None)
@@ -191,7 +191,8 @@ def test_heating_preview_agrees_with_heat_job(tmp_path):
     assert max(half["curve"]["hottest_degC"]) < max(fast["curve"]["hottest_degC"])
 
 
-def test_changed_geometry_is_written_with_errors_by_key():
+def test_edited_geometry_is_written_or_rejected():
+    """An unknown key in the form of the page causes an error."""
     facts = damper_facts("paper", "paper")
     drawn = draw_damper("paper", "mine", facts["tables"])
     assert parse_toml(drawn["text"]) == facts["tables"]
