@@ -40,7 +40,7 @@ class Case:
     message: str  # Regular expression.
 
 
-# ------------------------------------------------------------------------------------------- text
+# ------------------------------------------------------------------------------------- text files
 
 
 def columns() -> dict[str, np.ndarray]:
@@ -132,7 +132,7 @@ def twins(folder: Path) -> Arguments:
     return identify("run.csv", "run.txt")
 
 
-# ------------------------------------------------------------------------------------------- binary
+# ------------------------------------------------------------------------------------- binary files
 
 
 SIGNATURE_BYTES = 24  # These bytes identify every format.
@@ -312,7 +312,7 @@ def no_unit(document: dict) -> None:  # type: ignore[type-arg]
     document["coefficients"]["viscosity"]["unit"] = "N"
 
 
-# ------------------------------------------------------------------------------------------- other TOML
+# ------------------------------------------------------------------------------------- other TOML files
 
 
 def toml(content: str, *arguments: object) -> Callable[[Path], Arguments]:

@@ -128,7 +128,7 @@ def test_chirp_of_hard_damper_is_predicted(law, bar_N):
     assert {t: round(errors[CHIRP, t], 1) for t in (*TRAINED, *HELD_OUT) if errors[CHIRP, t] > bar_N} == {}
 
 
-# ---------------------------------------------------------------------- what temperature is worth
+# ----------------------------------------------------------------- without temperature dependence
 
 
 @cache
@@ -178,7 +178,7 @@ def test_fit_method_of_paper_is_less_accurate(preset):
         assert over(theirs, [motion], TRAINED) > over(ours, [motion], TRAINED)
 
 
-# ---------------------------------------------------------------------- noise on the displacement
+# ---------------------------------------------------------------------- noise of the displacement
 
 KNOWN = Damper(
     LAWS[PLAIN],
@@ -238,7 +238,7 @@ def test_noise_does_not_bias_exponent(terms):
     assert abs(bias_of_n(None, terms)) < 0.05
 
 
-# ---------------------------------------------------------------------- force lost to warmth
+# ------------------------------------------------------------ loss of force with temperature
 
 
 def peak_of(damper: Damper, degrees: float) -> float:
@@ -319,7 +319,7 @@ def test_mean_step_time_matches_plant(preset, degrees):
     assert abs(np.mean(list(lateness(preset, degrees).values()))) <= 2.0
 
 
-# ---------------------------------------------------------------------- time
+# ---------------------------------------------------------------------- CPU time
 
 
 @pytest.mark.parametrize(
@@ -342,7 +342,7 @@ def test_fit_from_one_start_is_fast(law, bar_s, seeds):
         assert min(spent) <= bar_s, f"seed {seed}"
 
 
-# ---------------------------------------------------------------------- few data
+# ---------------------------------------------------------------------- one motion
 
 
 def test_cost_matches_damper_with_few_data():

@@ -87,7 +87,7 @@ def greatest(score: Score) -> float:
     return score.max_feasible_N
 
 
-# ---------------------------------------------------------------------- the card
+# ---------------------------------------------------------------------- card
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
@@ -99,7 +99,7 @@ def test_magnetic_hysteresis_is_identified(preset):
     assert 2.0 * HYSTERESIS_WEIGHT * actuation.hysteresis_width_A == pytest.approx(known, rel=0.15)
 
 
-# ---------------------------------------------------------------------- the table
+# ---------------------------------------------------------------------- limits of errors
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
@@ -124,7 +124,7 @@ def test_targets_are_mostly_feasible(preset, target):
     assert score_of(preset, target).feasible_share > 0.5
 
 
-# ---------------------------------------------------------------------- against others
+# ---------------------------------------------------------------------- comparison with other controllers
 
 
 @pytest.mark.parametrize(("known", "times"), [("at 20 degC", 4.6), ("pooled", 2.5)])
@@ -215,7 +215,7 @@ def test_slow_sampling_adds_little_error():
     assert added(slow, SCENARIOS[SLOW]) <= 8.0
 
 
-# ---------------------------------------------------------------------- time
+# ---------------------------------------------------------------------- CPU time
 
 
 def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
@@ -248,7 +248,7 @@ def test_step_takes_a_microsecond_in_c():
     assert cpu_per_step(one_by_one, steps, 2.5e-6) <= 2.5e-6
 
 
-# ---------------------------------------------------------------------- dampers that nothing was tuned on
+# ----------------------------------------------------------------------------------------- random dampers
 
 
 def drawn_damper(rng: np.random.Generator) -> LumpedDamper:

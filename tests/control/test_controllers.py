@@ -344,7 +344,7 @@ def test_clipped_on_off_returns_zero_or_maximum(wanted, force, expected):
     assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 
 
-# --- Refused dampers --------------------------------------------------------------------------------------
+# --- Rejected dampers -------------------------------------------------------------------------------------
 
 
 UNMOVED = {"yield_force": Constant(300.0), "second_force": Constant(200.0)}

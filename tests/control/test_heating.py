@@ -59,7 +59,7 @@ def first(flags: NDArray[np.int64]) -> float:
     return PERIOD * float(raised[0]) if raised.size else math.inf
 
 
-# --- Detected ---------------------------------------------------------------------------------------------
+# --- Detected faults --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("single", [False, True])
@@ -163,7 +163,7 @@ def test_wrong_heat_loss_causes_no_false_alarm(wrong):
     assert first(made.run(made.start(), rows(900.0, current=1.0, kelvin=kelvin))[2]) == math.inf
 
 
-# --- Values -----------------------------------------------------------------------------------------------
+# --- Values of the heat balance ---------------------------------------------------------------------------
 
 
 def test_heat_balance_has_values_of_geometry():

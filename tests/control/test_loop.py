@@ -247,7 +247,7 @@ def test_batched_loops_match_single_loops(preset):
             assert np.array_equal(run.current, alone.current)
 
 
-# --- Refused inputs ---------------------------------------------------------------------------------------
+# --- Rejected inputs --------------------------------------------------------------------------------------
 
 
 FAR = replace(SHORT, motion="sine:2500mm:1Hz")

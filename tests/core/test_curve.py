@@ -68,7 +68,7 @@ def exact_branch(k: float, n: float, *, below: float = 1.0) -> Branch:
     )
 
 
-# ------------------------------------------------------------------------------------ the oracle itself
+# ----------------------------------------------------------------------------------- reference solution
 
 
 def test_reference_matches_elementary_cases():

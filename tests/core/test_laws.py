@@ -134,7 +134,7 @@ def relative(found, expected) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-# ------------------------------------------------------------------------- an independent integrator
+# ---------------------------------------------------------------------------- independent integrator
 
 
 @pytest.mark.system
@@ -217,7 +217,7 @@ def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
     assert 1.8 < math.log(rms[0] / rms[2]) / math.log(16.0) < 2.2
 
 
-# -------------------------------------------------------------------------------------- the closed form
+# ----------------------------------------------------------------------------------------- closed forms
 
 
 def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float]]:
@@ -329,7 +329,7 @@ def test_chain_converges_with_order_one(off):
     assert 0.8 < math.log(errors[0] / errors[2]) / math.log(16.0) < 1.3
 
 
-# ------------------------------------------------------------------------------------------ laws of nature
+# --------------------------------------------------------------------------------------- conservation laws
 
 
 @every_law
@@ -504,7 +504,7 @@ def test_chain_is_passive_while_current_changes(data, size, seed):
     assert np.all(work >= -5e-3 * path.step * np.cumsum(np.abs(power)) - 1e-9)
 
 
-# ------------------------------------------------------------------------------------------------ limits
+# ------------------------------------------------------------------------------ limits and special cases
 
 
 def test_dahl_is_a_case_of_bouc_wen():
@@ -683,7 +683,7 @@ def test_tangents_match_central_differences(name):
         assert worst_tangent(columns[place], force_at, value) < 1e-6, d.law.names[place]
 
 
-# -------------------------------------------------------------------------------------- sums and ensembles
+# ------------------------------------------------------------------------------------------ sums over runs
 
 
 @every_law
@@ -884,7 +884,7 @@ def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
     assert work == pytest.approx(expected, rel=1e-3, abs=1e-12)
 
 
-# ---------------------------------------------------------------------------------------------- refusals
+# --------------------------------------------------------------------- special cases and rejected inputs
 
 
 def test_double_law_reduces_to_a_single_element():

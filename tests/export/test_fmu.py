@@ -206,7 +206,7 @@ def test_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
     assert [line for line in lines if line.split()[-2] in "bBdDC"] == []
 
 
-# ---------------------------------------------------------------------------------------- bits of Python
+# -------------------------------------------------------------------------------- comparison with Python
 
 
 @PRECISIONS

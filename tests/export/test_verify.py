@@ -32,7 +32,7 @@ def _compiler(tool):
     tool("gcc")
 
 
-# ---------------------------------------------------------------------------------- the bits of Python
+# ------------------------------------------------------------------------------ comparison with Python
 
 
 def assert_same_bits(target, samples=SHORT):
@@ -164,7 +164,7 @@ def test_crashing_program_fails(monkeypatch):
         verify_c(a_target(), samples=100)
 
 
-# ------------------------------------------------------------------------------------------ the record
+# ---------------------------------------------------------------------------------------------- record
 
 
 def test_verification_record_contains_hash_of_sources():

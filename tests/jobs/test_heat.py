@@ -81,7 +81,7 @@ def test_fitted_card_heats_as_in_paper():
         assert rise.energy_closure <= 1e-9
 
 
-# --------------------------------------------------------------------------------------------- the answer
+# --------------------------------------------------------------------------------- contents of the answer
 
 
 def test_heating_without_sink_is_simulated(answer):
@@ -303,7 +303,7 @@ def test_invalid_curve_is_rejected_with_message(folder):
     assert not (folder / "none").exists()
 
 
-# ------------------------------------------------------------------------------------------------ bad input
+# ------------------------------------------------------------------------------------------ rejected inputs
 
 
 @pytest.mark.parametrize(

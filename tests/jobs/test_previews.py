@@ -76,7 +76,7 @@ def test_card_list_entry_describes_card_or_error(tmp_path):
         assert str(card_line(tmp_path / "card.json")["error"]).startswith("not a readable card")
 
 
-# ------------------------------------------------------------------------------------------- series
+# -------------------------------------------------------------------------------------- stored runs
 
 
 def test_stored_run_has_single_precision(file, tmp_path):
@@ -142,7 +142,7 @@ def test_model_of_stored_run_is_simulated(file, tmp_path):
         keep_model(card, file, 1, tmp_path / "model", "mine")
 
 
-# ------------------------------------------------------------------------------------------- maps
+# ----------------------------------------------------------------------------------- channel maps
 
 
 def written(folder, *headers):

@@ -189,7 +189,7 @@ def test_infeasible_default_targets_are_omitted(folder):
     assert any(note.startswith("left out") for note in found.notes)
 
 
-# --- Refused inputs ---------------------------------------------------------------------------------------
+# --- Rejected inputs --------------------------------------------------------------------------------------
 
 
 def refused(folder, *arguments, card="card.json"):

@@ -29,7 +29,7 @@ def small():
     return list(measure(NOMINAL, SMALL, seed=3))
 
 
-# ------------------------------------------------------------------------------------------- what is run
+# ------------------------------------------------------------------------------------------ planned runs
 
 
 def test_hold_out_patterns_match_the_held_out_runs():
@@ -114,7 +114,7 @@ def test_invalid_campaign_raises(document, message):
     assert message in str(error.value)
 
 
-# ------------------------------------------------------------------------------------------- what comes of it
+# ---------------------------------------------------------------------------------------------- measured runs
 
 
 def test_run_has_its_labels_and_temperature(small):

@@ -265,7 +265,7 @@ def test_force_falls_with_temperature_rises_with_current(preset):
     assert (np.diff(by_warmth, axis=0) > 0.0).all()
 
 
-# ------------------------------------------------------------------------------------------- use
+# -------------------------------------------------------------------- blocks, states and samples
 
 
 def rough_run(n=3000, seed=2):
@@ -321,7 +321,7 @@ def test_invalid_sample_raises_and_keeps_the_state(sample, value):
     assert plant.state == before
 
 
-# -------------------------------------------------------------------------------------- independence
+# ------------------------------------------------------------------------ independence of the kernel
 
 
 def test_c_and_python_have_the_same_parameters():

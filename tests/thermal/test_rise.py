@@ -42,7 +42,7 @@ def temperature_dependent() -> Damper:
     )
 
 
-# -------------------------------------------------------------------------------------------------- duties
+# --------------------------------------------------------------------------------------------- load cycles
 
 
 def test_amplitude_table_has_a_segment_per_row(tmp_path):
@@ -206,7 +206,7 @@ def test_reduced_rise_follows_the_elements():
     assert rise.energy_closure < 1e-9
 
 
-# ---------------------------------------------------------------------------------------- ends of what may be
+# --------------------------------------------------------------------------------------------------- segments
 
 
 def test_reported_force_belongs_to_its_segment():
