@@ -157,7 +157,7 @@ def test_function_has_explicit_signature(name):
             assert f"\n{parameter.name} : " in (inspect.getdoc(function) or "")
 
 
-# ------------------------------------------------------------------------------- remedies that messages name
+# --------------------------------------------------------------------------------------- options in messages
 
 SOURCE = Path(mrdamper.__file__).parent
 NAMED_OPTION = re.compile(r"(?:mrdamper ([a-z]+)[^.;()]*? )?(?<![^\s(`])(--[a-z][\w-]*)")

@@ -33,10 +33,11 @@ NO_LAG_S = 1e-9  # The matrix exponential needs a positive lag.
 
 
 def of_two_lags(first: float, second: float, time: float) -> tuple[float, float, float, float]:
-    """Return the remainder of each gap, the part of the first in the second, and the lateness of a ramp.
+    """Return four coefficients of two lags in series during a time step, by the matrix exponential.
 
-    Gaps to a held command obey g1' = -g1 / T1, g2' = (g1 - g2) / T2. The gap of a lag to a ramp r' = 1 / time
-    from rest obeys g' = 1 / time - g / T2.
+    1, 2: the remaining fractions of the first and the second gap to a constant command, for which
+    g1' = -g1 / T1 and g2' = (g1 - g2) / T2. 3: the fraction of the first gap that enters the second gap.
+    4: the gap of the second lag to a ramp r' = 1 / time from rest, for which g' = 1 / time - g / T2.
     """
     one, two = max(first, NO_LAG_S), max(second, NO_LAG_S)
     gaps = expm(time * np.array([[-1.0 / one, 0.0], [1.0 / two, -1.0 / two]]))
@@ -64,7 +65,8 @@ def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, perio
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_equal_and_missing_lags_have_limits():
+def test_equal_and_missing_lags_are_continuous_limits():
+    """Two equal lags give t/T exp(-t/T) in the second lag. A missing lag has no remainder."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))

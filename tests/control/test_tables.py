@@ -141,7 +141,7 @@ def test_curve_tables_equal_the_kernel(kappa, n):
 
 
 def test_cubics_are_of_fourth_order():
-    """An error of one hundredth needs about three times as many cells."""
+    """To reduce the error to a hundredth, about three times as many cells are necessary."""
     cells = [len(fit_lookup(np.sin, np.cos, 3.0, error).cell) for error in (1e-3, 1e-5, 1e-7)]
     assert cells[0] < cells[1] < cells[2] < 150
     made = fit_lookup(np.sin, np.cos, 3.0, 1e-5)

@@ -122,7 +122,7 @@ def test_time_to_limit_matches_the_host(folder, model):
     host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
-    late = at > 300.0  # The power is a mean over minutes.
+    late = at > 300.0  # The prediction uses a mean power, which needs minutes of data.
     assert (found[late, 4] + at[late]) == pytest.approx(np.full(late.sum(), reached), rel=0.03)
     rest, _ = stepped(folder, even(300, 0.0, 0.0), command=0.0)
     assert rest[-1, 4] == 7200.0
@@ -170,7 +170,7 @@ def test_constant_reading_at_balance_is_not_flagged(folder):
     assert still[-1, 0] == pytest.approx(ROOM_K, abs=0.1)
 
 
-def test_unknown_inputs_are_flagged_outputs_finite(folder):
+def test_unknown_inputs_set_flags_outputs_stay_finite(folder):
     power = np.full(400, 100.0)
     power[200:300] = np.nan
     found, flags = stepped(folder, even(400, power))
