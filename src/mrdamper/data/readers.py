@@ -31,7 +31,7 @@ _GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})  # Programs write any object 
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """An unreadable file and its error. The error has questions if answers would make the file readable."""
+    """An unreadable file and its error. ``questions`` are the items that the user can supply to read it."""
 
     path: Path
     fault: InputError

@@ -49,7 +49,7 @@ def is_lvm(head: bytes) -> bool:
 
 
 def read_lvm(path: Path, _options: FileOptions) -> Table:
-    """Return the table of the first segment of a LabVIEW measurement text; later segments follow it."""
+    """Return the first segment of a LabVIEW measurement file; ``following`` contains later segments."""
     head = read_head(path)
     tags, labels_at = _head_tags(path, head)
     delimiter = _SEPARATORS.get(tags.get("Separator", ["Tab"])[0].lower(), "\t")

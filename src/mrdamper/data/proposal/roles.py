@@ -181,7 +181,11 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
 def _column_without_unit(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
-    """Return a column that is identified by its word alone; a scale or a rate must confirm its unit."""
+    """Return the column whose header names the role without a unit of the role, None if there is none.
+
+    The unit comes from the map, a stated scale, or the sampling rate. Raise InputError if a required column
+    has no unit.
+    """
     channel = chosen.channel(role)
     worded = [each for each in headers if each.of_word == role and role not in each.of_unit]
     scaled = _scaled(role, table, headers)

@@ -38,7 +38,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label names, "" if none: ``unit``, or ``x unit`` for the time axis."""
+    """Return the property that a label names, such as ``unit`` (of the time axis: ``x unit``); "" if none."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
