@@ -117,8 +117,8 @@ def _reading(path: Path) -> Iterator[None]:
 def decoding(path: Path, what: str) -> Iterator[None]:
     """Convert each exception of a library that decodes a binary file into one ``InputError``.
 
-    The libraries raise undocumented exceptions on damaged bytes, and a panic of Polars is not a subclass of
-    ``Exception``. Messages and logs of the libraries describe their own code and do not help the user.
+    The libraries raise undocumented exceptions on damaged bytes. Their messages and logs describe their own
+    code and do not help the user. Interrupts pass.
     """
     loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
     loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
@@ -127,11 +127,15 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
-    except (MrdamperError, KeyboardInterrupt, SystemExit, GeneratorExit):
+    except MrdamperError:
         raise
     except MemoryError as error:
         raise InputError(place=path, found=_TOO_LARGE) from error
     except BaseException as error:
+        # A panic of Polars is not an Exception, and a library can replace an interrupt by its own exception.
+        is_fault = isinstance(error, Exception) or type(error).__name__ == "PanicException"
+        if not is_fault or isinstance(error.__context__, KeyboardInterrupt):
+            raise
         raise InputError(
             place=path,
             found=f"not a readable {what} file: it is damaged, cut off, or of an unknown version",

@@ -24,7 +24,7 @@ from mrdamper.data.proposal.clocks import (
     to_one_clock,
     with_clocks,
 )
-from mrdamper.data.proposal.column import Column, headers_of
+from mrdamper.data.proposal.column import Column, explained, headers_of
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
     command_of,
@@ -81,7 +81,13 @@ class _Part:
 
 
 def runs_in(
-    tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "", stated: Sequence[Place] = ()
+    tables: Sequence[Table],
+    chosen: ChannelMap,
+    file: Path,
+    *,
+    name: str = "",
+    stated: Sequence[Place] = (),
+    notes: Sequence[str] = (),
 ) -> RigFile:
     """Return the recordings in the tables of a file.
 
@@ -91,7 +97,9 @@ def runs_in(
     ----------
     name : name of the runs; "": the name of the file
     stated : lines of documents about the file
+    notes : all lines of documents, which may explain columns and the sampling rate
     """
+    tables = [explained(table, notes) for table in tables] if notes else tables
     parts: list[_Part] = []
     faults: list[InputError] = []
     tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
@@ -108,12 +116,12 @@ def runs_in(
             raise NoRunError(faults=[error], questions=error.questions)
         raise error
     layout = tables[0].layout
-    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    remarks = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     if len(parts) < len(tables):
-        notes += (f"{len(tables) - len(parts)} tables without force over time left out",)
+        remarks += (f"{len(tables) - len(parts)} tables without force over time left out",)
     if len(parts) > 1 and tables[0].title:
-        notes += (f"{len(parts)} parts",)
-    layout = replace(layout, notes=(*layout.notes, *notes))
+        remarks += (f"{len(parts)} parts",)
+    layout = replace(layout, notes=(*layout.notes, *remarks))
     whole = [piece for part in parts for piece in part.pieces]
     pieces = [(piece, parts[0].role) for piece in (join_pieces(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:

@@ -24,6 +24,8 @@ _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # The word must have the unit's role
 _NO_UNITS = frozenset({"in", "kp", "min"})  # Alone, these are an input, a gain and a minimum.
 _BRACKETED = (_NOTED, _BRACKETS)
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
+_CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
+_NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 _SET_POINT = re.compile(
@@ -59,6 +61,24 @@ def word_and_unit(header: str) -> tuple[str, str]:
     if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis"
         return "", text
     return text, ""
+
+
+def legend_in(line: str) -> list[tuple[int | None, str, str]]:
+    """Return the columns that a sentence or a row explains: number (None if missing), word, and unit.
+
+    Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``.
+    """
+    cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]", line.strip().strip("|"))]
+    units = [cell for cell in cells[1:] if roles_of_unit(cell)]
+    if len(units) == 1 and cells[0] and len(cells) > 1:
+        return [(None, cells[0], units[0])]
+    found: list[tuple[int | None, str, str]] = []
+    for chunk in _CHUNKS.split(re.sub(r"(\d)\s*[.:=)]\s+", r"\1 ", line)):
+        numbered = _NUMBERED_CHUNK.fullmatch(chunk.strip())
+        word, unit = word_and_unit(numbered[2] if numbered else chunk.strip(" -*#`"))
+        if word and unit and len(word.split()) <= 3:
+            found.append((int(numbered[1]) if numbered else None, word, unit))
+    return found
 
 
 def _means(word: str, roles: Sequence[str]) -> bool:

@@ -18,7 +18,7 @@ from mrdamper.quantities import QUANTITIES, to_si
 _NUMBER = r"\d+(?:[.,p]\d+)?"
 _END = r"(?![A-Za-z0-9/²^*·])"
 _UNITS = {
-    "current": r"m?A(?:mp(?:ere)?s?)?",
+    "current": r"m?A(?:mp(?:ere)?s?)?|[mM]A|amps|amperes?|(?<=\d )amp",
     "voltage": r"m?V(?:olts?)?",
     "temperature": r"(?:°|deg\.?|º)?\s?[CF]|K|℃|℉",
 }
@@ -27,7 +27,7 @@ _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
 # A minus after a letter is a dash before a current, but a temperature may be negative.
 _BEGIN = r"(?:(?<![\w.,+-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = {"current": r"|(?<=[^\W\d]-)", "voltage": r"|(?<=[^\W\d]-)", "temperature": ""}
-_RANGE = r"(?<!\bto )(?<!\bbis )(?<![-–…~] )"
+_RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )"
 _FORMS = {
     role: re.compile(
         rf"((?<![^\s_=:(])[+-])?{_BEGIN.format(symbol=_SYMBOLS[role], dash=_DASHES[role])}{_RANGE}"
@@ -40,10 +40,12 @@ _AFTER_UNIT = {
     for role, unit in _UNITS.items()
 }
 _NOT_SET = re.compile(
-    r"max|min\b|limit|range|rated|nominal|fuse|supply|peak|full.?scale|bereich|grenz|capacity|excitation"
+    r"max|min\b|limit|range|rated|nominal|fuse|peak|full.?scale|bereich|grenz|capacity|excitation"
     r"|sensitiv",
     re.IGNORECASE,
 )
+_SUPPLY = re.compile(r"supply|netzteil|alimentation", re.IGNORECASE)
+_COIL = re.compile(r"coil|magnet|\bset\b|curr|damper|spul|strom|bobin", re.IGNORECASE)
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
@@ -92,7 +94,11 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
     for number, unit in found:
         try:
             value = float(
-                to_si(float(number.replace(",", ".").replace("p", ".")), unit.replace(" ", ""), role)
+                to_si(
+                    float(number.replace(",", ".").replace("p", ".")),
+                    "mA" if unit == "MA" else unit.replace(" ", ""),
+                    role,
+                )
             )
         except InputError:
             continue
@@ -156,6 +162,10 @@ def _may_say(place: Place, role: str) -> bool:
     if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
     if _NOT_SET.search(place.text):
+        return False
+    # A supply states its rating, such as 24 V and 5 A, unless the line is about the coil.
+    is_coil = role == "current" and _COIL.search(place.text) and not labels_in(place.text, "voltage")
+    if _SUPPLY.search(place.text) and not is_coil:
         return False
     if role == "temperature":
         return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))
