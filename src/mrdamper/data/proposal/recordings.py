@@ -102,7 +102,12 @@ def runs_in(
     tables = [explained(table, notes) for table in tables] if notes else tables
     parts: list[_Part] = []
     faults: list[InputError] = []
-    tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
+    tables = [
+        with_clocks(run)
+        for table in tables
+        for wide in wide_of_long(table)
+        for run in side_by_side(wide, chosen)
+    ]
     for number, table in enumerate(tables):
         own = _segment_map(chosen, table, number, len(tables))
         try:

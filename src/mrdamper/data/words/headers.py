@@ -38,8 +38,13 @@ _COMMAND = re.compile(
 )
 _MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
-_PER_CENT = re.compile(r"(?:%|\b(?:pct|percent|per cent|prozent)\b)[\s\])}]*$", re.IGNORECASE)
+_PER_CENT = re.compile(
+    r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
+    r"(?:\s*(?:of|v\.|vom|du|de)?\s*(?:fso?|f\.s\.|range|full scale|endwert|messbereich|nennwert|rated))?[\s\])}]*$",
+    re.IGNORECASE,
+)
 _STATISTIC = re.compile(r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b")
+_FILTERED = re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b")
 _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
 
 _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일")
@@ -146,6 +151,11 @@ def is_per_cent(text: str) -> bool:
 def is_ambient(word: str) -> bool:
     """Return True if a header names the ambient temperature."""
     return _AMBIENT.search(_split_words(word)) is not None
+
+
+def is_filtered(word: str) -> bool:
+    """Return True if a header names a filtered signal."""
+    return _FILTERED.search(_split_words(word)) is not None
 
 
 def is_of_fluid(word: str) -> bool:

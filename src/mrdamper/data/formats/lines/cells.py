@@ -25,7 +25,7 @@ def _form(point: str, group: str) -> re.Pattern[str]:
     Groups of thousands are accepted only before a point or if there are two of them, because 1,234 may be
     1.234.
     """
-    grouped = rf"[0-9]{{1,3}}(?:[{group}'][0-9]{{3}})"
+    grouped = rf"[0-9]{{1,3}}(?:[{group}'\s][0-9]{{3}})"
     return re.compile(
         rf"([+-]?)\s?({grouped}+(?=[{point}])|{grouped}{{2,}}|[0-9]*)(?:[{point}]([0-9]*))?"
         r"(?:[eEdD]([+-]?[0-9]+))?"

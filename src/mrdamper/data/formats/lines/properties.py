@@ -70,7 +70,9 @@ def find_properties(
     count = len(first) - leads
     found: dict[str, list[str]] = {}
     for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines)):
-        if name in {"name", "unit", "factor", "offset"} and len(values) in range(max(count - 2, 1), count + 1):
+        if name in {"name", "unit", "factor", "offset"} and len(values) in range(
+            max(count - 2, 1), count + 1
+        ):
             found.setdefault(name, values)
     names = found.get("name")
     if names is None or len({*map(len, found.values())}) > 1:
