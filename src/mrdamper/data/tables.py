@@ -84,12 +84,10 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """
     with _reading(path):
         known = _recognise_format(path)
-    if known.read in _TEXTS:
-        with _reading(path):
-            table = known.read(path, options or FileOptions())
-    else:
-        with decoding(path, known.name):
-            table = known.read(path, options or FileOptions())
+    is_text = known.read in _TEXTS
+    with _reading(path) if is_text else decoding(path, known.name):
+        table = known.read(path, options or FileOptions())
+    if not is_text:
         table = replace(
             table,
             columns=_decode_on_use(table.columns, path, known.name),

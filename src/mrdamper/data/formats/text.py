@@ -201,24 +201,16 @@ def read_head(path: TextSource) -> Head:
             isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory),
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
-        raise InputError(
-            place=f"{path}",
-            found="is a web page or XML",
-            remedy="Download the file itself",
-        )
+        raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
-            place=f"{path}",
-            found="lines end in CR alone, as on old Macs",
-            remedy="Save it with such lines",
+            place=f"{path}", found="lines end in CR alone, as on old Macs", remedy="Save it with such lines"
         )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
         raise InputError(
-            place=f"{path}",
-            found=f"the first line has more than {_HEAD_BYTES} bytes",
-            remedy="Split it",
+            place=f"{path}", found=f"the first line has more than {_HEAD_BYTES} bytes", remedy="Split it"
         )
     encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
@@ -309,7 +301,7 @@ def _column_blocks(
                     expected=f"a {wanted_cell}",
                     remedy="Correct the cell, or leave it out with its row",
                 )
-        yield [columns[k].numbers() if numeric[k] else columns[k].texts() for k in range(len(order))]
+        yield [columns[k].numbers if numeric[k] else columns[k].texts for k in range(len(order))]
 
 
 def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:

@@ -104,7 +104,7 @@ def headers_of(table: Table, place: str) -> list[Header]:
 def explained(table: Table, notes: Sequence[str]) -> Table:
     """Return a table with names and units of columns, and the sampling rate, from lines of a document.
 
-    Only columns without a name or a unit are explained. Numbered entries name columns if all columns have one.
+    Only columns without a name or a unit are explained. Numbered entries name the columns if each has one.
     """
     legend = [entry for line in notes for entry in legend_in(line)]
     numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}

@@ -26,12 +26,15 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
 
 _ROLES = ("current", "voltage", "temperature")
-_RUN = r"no|nr|num|number|run|test|file|id|rec|record|specimen|versuch|lauf|messung|essai|prueba"
-_NUMBER_WORDS = re.compile(rf"^$|\b({_RUN})\b|#", re.IGNORECASE)
-_NUMBER_IN_LINE = re.compile(rf"\b(?:{_RUN})[\s_.#-]{{0,2}}(\d{{1,9}})\b", re.IGNORECASE)
+_RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
+_NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
+_NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
+    rf"\b(?:{_RUN})[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
+    re.IGNORECASE,
+)
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
-    r"\b(?:all|every|alle[nr]?|tou(?:te)?s(?: les)?) (?:the )?(?:run|test|file|measurement|record|mess|versuch|essai)"
+    r"\b(?:all|every|alle[nr]?|tou(?:te)?s(?: les)?) (?:the )?(?:run|test|file|meas|record|mess|versuch)"
     r"|^\W*(?:general|common|global|allgemein)\W*$",
     re.IGNORECASE,
 )

@@ -40,7 +40,7 @@ _MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|se
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
 _PER_CENT = re.compile(
     r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
-    r"(?:\s*(?:of|v\.|vom|du|de)?\s*(?:fso?|f\.s\.|range|full scale|endwert|messbereich|nennwert|rated))?[\s\])}]*$",
+    r"(?:\s*(?:of|v\.|vom|du)?\s*(?:fso?|f\.s\.|range|full scale|endwert|messbereich|rated))?[\s\])}]*$",
     re.IGNORECASE,
 )
 _STATISTIC = re.compile(r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b")

@@ -45,7 +45,10 @@ _NOT_SET = re.compile(
     re.IGNORECASE,
 )
 _SUPPLY = re.compile(r"supply|netzteil|alimentation", re.IGNORECASE)
-_COIL = re.compile(r"coil|magnet|\bset\b|curr|damper|spul|strom|bobin", re.IGNORECASE)
+_SET = re.compile(
+    rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
+    re.IGNORECASE,
+)
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
@@ -163,9 +166,9 @@ def _may_say(place: Place, role: str) -> bool:
         return True
     if _NOT_SET.search(place.text):
         return False
-    # A supply states its rating, such as 24 V and 5 A, unless the line is about the coil.
-    is_coil = role == "current" and _COIL.search(place.text) and not labels_in(place.text, "voltage")
-    if _SUPPLY.search(place.text) and not is_coil:
+    # A supply states its rating, such as 24 V and 5 A, unless the line is about a set current.
+    is_set = role == "current" and _SET.search(place.text) and not labels_in(place.text, "voltage")
+    if _SUPPLY.search(place.text) and not is_set:
         return False
     if role == "temperature":
         return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))

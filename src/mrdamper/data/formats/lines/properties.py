@@ -17,7 +17,7 @@ from mrdamper.data.words.headers import word_and_unit
 
 _WORDS: Mapping[str, re.Pattern[str]] = {
     "name": re.compile(
-        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|channel names?|nom|nombre|quantity|messgröße)"
+        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|nom|nombre|quantity|messgröße)"
     ),
     "unit": re.compile(r"(units?|einheit(en)?|unité|unidad|vunits?)"),
     "factor": re.compile(r"(factor|scale|scaling|gain|slope|multiplier|faktor|skalierung|steigung)"),
