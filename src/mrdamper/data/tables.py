@@ -130,9 +130,10 @@ def decoding(path: Path, what: str) -> Iterator[None]:
     except MemoryError as error:
         raise InputError(place=path, found=_TOO_LARGE) from error
     except BaseException as error:
-        # A panic of Polars is not an Exception, and a library can replace an interrupt by its own exception.
-        is_fault = isinstance(error, Exception) or type(error).__name__ == "PanicException"
-        if not is_fault or isinstance(error.__context__, KeyboardInterrupt):
+        if isinstance(error.__context__, KeyboardInterrupt):  # The library replaced the interrupt.
+            raise error.__context__ from None
+        # A panic of Polars is not an Exception.
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
         raise InputError(
             place=path,

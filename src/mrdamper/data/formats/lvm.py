@@ -7,6 +7,7 @@ separate recordings. If x restarts in each segment, a segment starts at its stat
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,6 +20,7 @@ from mrdamper.data.formats.lines.encodings import open_text_bytes
 from mrdamper.data.formats.lines.header import split_line
 from mrdamper.data.formats.table import FileOptions, Layout, Table
 from mrdamper.data.formats.text import parse_rows, read_head
+from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.data.words.headers import unit_in_brackets
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
@@ -58,7 +60,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
     if not content[headers[0].end() :].strip():
         raise InputError(place=path, found="no rows after its header", expected="rows of numbers")
     names = split_line(headers[0][2].decode(head.encoding), delimiter)
-    tables: list[tuple[Table, Sampling | None]] = []
+    tables: list[tuple[Table, Sampling]] = []
     above = 0
     for number, (each, stop) in enumerate(
         zip(headers, [*(other.start() for other in headers[1:]), len(content)], strict=True)
@@ -78,7 +80,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
     begun = filled[0][1]
     found_tables = [table if len(filled) == 1 else _with_time(table, own, begun) for table, own in filled]
     notes = (*head.notes, f"{len(filled)} segments") if len(filled) > 1 else head.notes
-    first, *others = [replace(table, start=begun and begun.began) for table in found_tables]
+    first, *others = [replace(table, start=begun.began) for table in found_tables]
     return replace(first, following=tuple(others), layout=replace(first.layout, notes=notes))
 
 
@@ -91,17 +93,17 @@ def _tags_of(content: bytes, encoding: str) -> Tags:
     return tags
 
 
-def _sampling(tags: Tags, channel: int) -> Sampling | None:
-    """Return start and step of a channel, by its number; None if the header states no step."""
-    cells = {
-        name: [cell for cell in tags.get(name, []) if cell] or [""]
-        for name in ("X0", "Delta_X", "Date", "Time")
-    }
-    x0, step, date, clock = (given[min(channel, len(given) - 1)] for given in cells.values())
+def _sampling(tags: Tags, channel: int) -> Sampling:
+    """Return start and step of a channel, by its number. The step is NaN if the header states no step."""
+    cells = [
+        [cell for cell in tags.get(name, []) if cell] or [""] for name in ("X0", "Delta_X", "Date", "Time")
+    ]
+    x0, step, date, clock = (given[min(channel, len(given) - 1)] for given in cells)
     settings = {"t offset s": x0.replace(",", "."), "delta x s": step.replace(",", ".")}
     if date:
-        settings["start time"] = f"{date} {clock}"
-    return stated_sampling(settings)
+        # Fractions of a second have many digits.
+        settings["start time"] = re.sub(r"([.,]\d{6})\d+", r"\1", f"{date} {clock}")
+    return stated_sampling(settings) or Sampling(math.nan, began=moment_of(settings.get("start time", "")))
 
 
 def _with_clock(table: Table, tags: Tags) -> Table:
@@ -122,7 +124,7 @@ def _with_clock(table: Table, tags: Tags) -> Table:
     ends = {name: int(filled[-1]) + 1 if len(filled) else 0 for name, filled in rows.items()}
     cut = {name: values[: ends[name]] for name, values in columns.items()}
     table = replace(table, names=names, columns=cut, units=units)
-    samplings = {name: own for k, name in enumerate(names) if (own := _sampling(tags, k)) is not None}
+    samplings = {name: own for k, name in enumerate(names) if (own := _sampling(tags, k)).step_s > 0.0}
     if len(x) > 1 and any(not np.array_equal(other, x[0], equal_nan=True) for other in x):
         began = {name: own.began_s for name, own in samplings.items() if own.began_s is not None}
         first = min(began.values(), default=0.0)
@@ -141,24 +143,16 @@ def _with_clock(table: Table, tags: Tags) -> Table:
     )
 
 
-def _with_time(table: Table, own: Sampling | None, first: Sampling | None) -> Table:
+def _with_time(table: Table, own: Sampling, first: Sampling) -> Table:
     """Return the table of a segment with a column of times [s].
 
     If the times of a segment begin at zero, the start of the segment relative to the first segment is added.
     """
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table
-    offset_s = own.offset_s if own is not None else 0.0
-    uniform = np.asarray(offset_s + (table.step_s or 0.0) * np.arange(table.rows), dtype=np.float64)
+    uniform = np.asarray(own.offset_s + (table.step_s or 0.0) * np.arange(table.rows), dtype=np.float64)
     time = table.columns.get("time", uniform)
-    if (
-        own
-        and first
-        and own.began_s is not None
-        and first.began_s is not None
-        and len(time)
-        and time[0] == 0.0
-    ):
+    if own.began_s is not None and first.began_s is not None and len(time) and time[0] == 0.0:
         time = time + (own.began_s - first.began_s)
     names = table.names if "time" in table.names else ("time", *table.names)
     columns = {**table.columns, "time": time}

@@ -118,7 +118,9 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
     rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
-    return replace(table, units={**table.units, **units}, said=(*table.said, *rates))
+    remarks = (f"units from a document: {', '.join(units)}",) if units else ()
+    layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
+    return replace(table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates))
 
 
 def _means_same(word: str, header: Header) -> bool:

@@ -25,6 +25,7 @@ _NO_UNITS = frozenset({"in", "kp", "min"})  # Alone, these are an input, a gain 
 _BRACKETED = (_NOTED, _BRACKETS)
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
+_IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
 _NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
@@ -80,7 +81,10 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
     found: list[tuple[int | None, str, str]] = []
     for chunk in _CHUNKS.split(re.sub(r"(\d)\s*[.:=)]\s+", r"\1 ", line)):
         numbered = _NUMBERED_CHUNK.fullmatch(chunk.strip())
-        word, unit = word_and_unit(numbered[2] if numbered else chunk.strip(" -*#`"))
+        text = numbered[2] if numbered else chunk.strip(" -*#`")
+        word, unit = word_and_unit(text)
+        if not unit and (match := _IN.fullmatch(text)) and roles_of_unit(match[2]):
+            word, unit = match[1], match[2]
         if word and unit and len(word.split()) <= 3:
             found.append((int(numbered[1]) if numbered else None, word, unit))
     return found
