@@ -128,6 +128,15 @@ def a_file_for_each_channel(folder: Path) -> None:
             write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
 
 
+def files_of_channels_named_by_current(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        t, *values = columns(run)
+        for name, unit, value in zip(("displacement", "force"), ("mm", "N"), values, strict=False):
+            write(
+                folder, f"{k}x_{run.command[0]:.2f}A_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value)
+            )
+
+
 def a_folder_for_each_run(folder: Path) -> None:
     for k, run in enumerate(RUNS):
         t, *values = columns(run)
@@ -176,6 +185,11 @@ def bystanders(folder: Path) -> None:
     head = "Time [s],Cycle,Force max [N],Force min [N],Temperature [°C]\n"
     write(folder, "cycles.csv", head + table(*np.ones((5, 1)) * np.arange(60.0)))
     write(folder, "heater.log", table(*np.ones((3, 1)) * np.arange(60.0), sign=" "))
+    write(
+        folder,
+        "gas.csv",
+        "Time (s),Pressure (bar),Gas force (N)\n" + table(*np.ones((3, 1)) * np.arange(60.0)),
+    )
     write(folder, "notes.md", "# Notes\n\nforce cell changed\n")
     write(
         folder,
@@ -255,6 +269,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         )
     ),
     "files_of_channels": a_file_for_each_channel,
+    "files_of_channels_named_by_current": files_of_channels_named_by_current,
     "folders_of_channels": a_folder_for_each_run,
     "files_of_one_column": files_without_time,
     "channels_in_rows": each(
@@ -399,6 +414,6 @@ def test_archived_run_states_archive_and_file(tmp_path):
 def test_unrelated_files_are_listed(tmp_path):
     bystanders(tmp_path)
     found = {finding.run for finding in read_each(tmp_path).findings if finding.kind == "no_run"}
-    assert found == {"results.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}
+    assert found == {"results.csv", "gas.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}
     assert len(read_runs(tmp_path)) == len(RUNS)
     assert len(RUNS[0]) == N

@@ -46,7 +46,7 @@ from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import LEAST_SAMPLES, Recording
-from mrdamper.data.words.headers import candidates
+from mrdamper.data.words.headers import candidates, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import printable
@@ -157,8 +157,11 @@ def _may_be_run(table: Table) -> bool:
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
     if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
         return False
-    samples = [each.name for each in headers_of(table, "")]
-    return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", samples)))
+    samples = headers_of(table, "")
+    # A column without a unit, or in volts, may be a motion.
+    is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
+    has_force = bool(candidates("force", [each.name for each in samples]))
+    return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:

@@ -135,7 +135,8 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
     """Return the texts that may describe a table, the nearest first."""
     found = [Place("title", title)] if title else []
     found += [Place("header", line) for line in said]
-    found += [Place("file name", path.stem)]
+    # In "run1_0.5A", the text after the point is no suffix.
+    found += [Place("file name", path.name if path.suffix[1:2].isdigit() else path.stem)]
     folders = [path.parent, path.parent.parent]
     return (*found, *(Place(f"folder {each.name!r}", each.name) for each in folders if each.name))
 

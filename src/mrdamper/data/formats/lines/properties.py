@@ -17,7 +17,7 @@ from mrdamper.data.words.headers import word_and_unit
 
 _WORDS: Mapping[str, re.Pattern[str]] = {
     "name": re.compile(
-        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|nom|nombre|quantity|messgröße)"
+        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|nom|nombre|voies?|quantity|messgröße)"
     ),
     "unit": re.compile(r"(units?|einheit(en)?|unité|unidad|vunits?)"),
     "factor": re.compile(r"(factor|scale|scaling|gain|slope|multiplier|faktor|skalierung|steigung)"),
@@ -70,6 +70,8 @@ def find_properties(
     count = len(first) - leads
     found: dict[str, list[str]] = {}
     for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines)):
+        if name == "name" and any(number_in(value, ".") is not None for value in values):
+            continue
         if name in {"name", "unit", "factor", "offset"} and len(values) in range(
             max(count - 2, 1), count + 1
         ):
@@ -78,8 +80,6 @@ def find_properties(
     if names is None or len({*map(len, found.values())}) > 1:
         return None
     if len(found) < 2 and not all(word_and_unit(name)[1] for name in names):
-        return None
-    if any(number_in(name, ".") is not None for name in names):
         return None
     settings: dict[str, str] = {}
     for label, values in _settings(rows, lines):
