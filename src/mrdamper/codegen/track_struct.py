@@ -30,7 +30,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Nested:
-    """A struct member that is itself a struct."""
+    """A struct member that is a struct."""
 
     members: Mapping[str, Value]
 

@@ -57,7 +57,8 @@ _BANKS = ("paper", "paper-unaware")
 NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
 """Controllers that require a card with a delay or lag between current and force."""
 
-# Max time without a valid reading for which the temperature estimate is held constant, or is extrapolated.
+# Without a valid reading, the temperature estimate is held constant for at most ``_HELD_S``, or extrapolated
+# for at most ``_LONGEST_S``.
 _HELD_S, _LONGEST_S = 10.0, 1800.0
 
 

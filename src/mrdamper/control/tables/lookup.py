@@ -186,7 +186,8 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
     def load_slope(tau: FloatArray) -> FloatArray:
         return np.asarray(1.0 - np.minimum(load(tau), 1.0) ** n)
 
-    def unload(tau: FloatArray) -> FloatArray:  # The last cell needs a linear extrapolation.
+    # The last cell of the table can extend beyond ``unloaded``, where the curve is extrapolated linearly.
+    def unload(tau: FloatArray) -> FloatArray:
         there = np.abs(core.curve(kappa, n, -np.minimum(tau, unloaded))[0])
         return np.asarray(there + (1.0 - kappa * there**n) * np.maximum(tau - unloaded, 0.0))
 

@@ -28,7 +28,7 @@ WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
 
 
 def choices() -> dict[str, object]:
-    """Return all names that the options of jobs accept, with titles and units if available."""
+    """Return the names (of laws, fluids, ...) that job options accept, with titles and units if available."""
     return {
         "laws": [
             {"name": "auto", "title": "compare all, take the best"},

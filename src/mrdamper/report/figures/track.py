@@ -1,4 +1,4 @@
-"""Figures of ``mrdamper track``: force, error and current over time, as in Figures 28 to 31 of the paper.
+"""Figures of ``mrdamper track``: force, error and current versus time, as in Figures 28 to 31 of the paper.
 
 The grey band is the attainable force between zero and maximum current. The lower panels are grey if the
 target is outside this band less a margin.

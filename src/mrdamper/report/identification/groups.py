@@ -1,6 +1,6 @@
 """Runs grouped by motion, temperature and current: pooled errors and measured peak forces.
 
-A run belongs to the level of temperature (or current) that is closest to its mean.
+A run belongs to the level that is closest to the mean temperature (or current) of the run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mrdamper.identify.scores import RunError
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
-    """The levels of a report, which groups runs by temperature [degC], or by current [A] (voltage [V])."""
+    """Levels of temperature [degC] or current [A] (voltage [V]) by which a report groups the runs."""
 
     kind: Literal["temperature", "command"]
     values: tuple[float, ...]

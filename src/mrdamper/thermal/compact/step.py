@@ -78,7 +78,7 @@ def simulate_compact(
 
 
 def typical_power(model: CompactModel) -> float:
-    """Return the typical power of a damper [W]: without losses, it causes 100 K in half an hour."""
+    """Return the typical power of a damper [W], which without losses heats the damper by 100 K in 30 min."""
     return float(model.capacity[0]) * SETTINGS.typical_power_rise_K / SETTINGS.typical_power_time_s
 
 

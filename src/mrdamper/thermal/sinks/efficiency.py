@@ -1,9 +1,10 @@
 """Effect of a heat sink, and the "heat dissipation efficiency" of the paper, Eq. (10).
 
-The equation is missing in the paper. According to the text, the efficiency has a maximum at a fin width of 23
-mm. For three, four and five fins, the efficiency first rises and then falls, while the temperature always
-falls. Only one interpretation as a ratio reproduces these trends: the reduction of the temperature rise,
-divided by 1 + A_fins / A_damper. The search for a better heat sink (``design``) does not use the efficiency.
+The equation is missing in the reference paper (docs/heat_sinks.md). According to its text, the efficiency has
+a maximum at a fin width of 23 mm. If the number of fins increases from three to five, the efficiency first
+rises and then falls, although the temperature falls with every fin. Only one of the compared definitions has
+both trends: the reduction of the temperature rise, divided by 1 + A_fins / A_damper. The search for a better
+heat sink (``design``) does not use the efficiency.
 """
 
 from __future__ import annotations
