@@ -13,7 +13,7 @@ from mrdamper.virtual_rig.plant import STEP_S, Plant, VirtualDamper
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
 # Largest error, largest feasible error, feasible RMS error [N]. One limit of the largest errors is 175.3 N
-# instead of 175 N because no damper can follow the target at its sample.
+# instead of 175 N because at one sample no damper can follow the target more closely.
 MUST = {
     ("nominal", SLOW): (120.0, 62.5, 21.0),
     ("nominal", FAST): (176.0, 75.0, 25.0),

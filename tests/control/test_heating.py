@@ -166,7 +166,7 @@ def test_wrong_heat_loss_causes_no_false_alarm(wrong):
 # --- Values -----------------------------------------------------------------------------------------------
 
 
-def test_heat_balance_has_values_of_drawing():
+def test_heat_balance_has_values_of_geometry():
     bare = Heating.from_drawing(PAPER.with_sink(None))
     assert bare.capacity_J_K == pytest.approx(zone_network(PAPER.with_sink(None)).total_capacity)
     assert WHOLE.loss_W_K > 3.0 * bare.loss_W_K

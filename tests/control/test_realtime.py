@@ -305,7 +305,10 @@ def test_missing_current_is_held_for_30_ms():
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 7.0, None])
 def test_missing_displacement_is_integrated(value):
-    """Only the spring force needs displacement. After 120 ms the motion is unknown. None: stuck sensor."""
+    """Without displacement readings, the model integrates the velocity. After 120 ms a flag is set.
+
+    Only the spring force depends on the displacement. The value None stands for a stuck sensor.
+    """
     rows = rows_for(Sine(5e-3, 1.0), 1.0)
     clean = MODEL.run(MODEL.start(), rows)[1]
     bad = rows.copy()

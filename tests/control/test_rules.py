@@ -37,7 +37,7 @@ NO_LAG_S = 1e-9  # The matrix exponential needs a positive lag.
 
 
 def of_two_lags(first: float, second: float, time: float) -> tuple[float, float, float, float]:
-    """Return the remainder of each gap, the part of the first in the second, and the lateness of a ramp.
+    """Return the remaining fraction of each gap, the coupling of the gaps, and the delay of a ramp.
 
     Gaps to a held command obey g1' = -g1 / T1, g2' = (g1 - g2) / T2. The gap of a lag to a ramp r' = 1 / time
     from rest obeys g' = 1 / time - g / T2.

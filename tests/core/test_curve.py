@@ -1,7 +1,8 @@
 """The universal curve of the Bouc-Wen law: quadrature, closed form, and its own equation.
 
-The reference integrates travel over w in q = -ln(1 - u), without singularities. It gives
-travel, slope and tangents to rounding, also next to w = 1, where ``scipy.special.hyp2f1`` loses digits.
+The reference integrates the travel over w with the substitution q = -ln(1 - u), which removes the
+singularity. Travel, slope and tangents of the reference are exact to rounding, also next to w = 1, where
+``scipy.special.hyp2f1`` loses digits.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def exact_branch(k: float, n: float, *, below: float = 1.0) -> Branch:
 
 
 def test_reference_matches_elementary_cases():
-    """N = 1 is 1 - exp(-tau), n = 2 is tanh(tau); kappa = -1, n = 2 falls as tan(tau)."""
+    """The curve is 1 - exp(-tau) for n = 1 and tanh(tau) for n = 2; kappa = -1, n = 2 falls as tan(tau)."""
     one, two, fall = exact_branch(1.0, 1.0), exact_branch(1.0, 2.0), exact_branch(-1.0, 2.0)
     np.testing.assert_allclose(one.u, -np.expm1(-one.travel), atol=2e-15)
     np.testing.assert_allclose(two.u, np.tanh(two.travel), atol=2e-15)

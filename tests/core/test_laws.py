@@ -1,4 +1,4 @@
-"""The laws of the kernel: independent integrator, closed forms, conservation laws, limits, and equal bits.
+"""The laws of the kernel: independent integrator, closed forms, conservation laws, limits, bitwise equality.
 
 Values in the docstrings were measured when the test was written.
 """
@@ -166,10 +166,11 @@ def test_law_matches_an_adaptive_integrator(name, tolerance, rate):
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
 )
 def test_varying_command_matches_the_integrator(name, tolerance):
-    """The integrator agrees with rho exponential in the current.
+    """Kernel and integrator agree if rho is an exponential function of the current.
 
-    The kernel takes its mean over a sample interval: order two, 7e-6 of the peak at 1 kHz, 1.1e-4 at 250 Hz.
-    The errors at 1 kHz, including the internal steps, are 1.6e-5 for lugre and 3.5e-5 for spencer.
+    The kernel uses the mean of rho over a sample interval, which has order two: the error is 7e-6 of the peak
+    force at 1 kHz and 1.1e-4 at 250 Hz. The errors of lugre and spencer at 1 kHz, which include the errors of
+    their internal steps, are 1.6e-5 and 3.5e-5.
     """
     trajectory = with_command(random_drive(3))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
@@ -221,7 +222,7 @@ def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
 
 
 def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float]]:
-    """Return the analytic reversals of a sine, as the closed form takes them."""
+    """Return the exact reversals of a sine in the format of ``bouc_wen_closed_form``."""
     times = np.arange(0.25, motion.frequency * duration, 0.5) / motion.frequency
     return [(int(t * rate), float(motion.displacement(t))) for t in times]
 
@@ -229,7 +230,7 @@ def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float
 @pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 1e-4)])
 @pytest.mark.parametrize(("rho", "kappa", "n"), [(1500.0, -0.4, 1.6), (2000.0, -0.9, 0.3), (1e4, -0.9, 0.8)])
 def test_bouc_wen_matches_its_closed_form(rate, tolerance, rho, kappa, n):
-    """The error is relative to the largest force: 1.7e-7 at 1 kHz, 6e-5 at 100 Hz for the stiffest."""
+    """Relative to the largest force, the error is up to 1.7e-7 at 1 kHz and up to 6e-5 at 100 Hz."""
     motion = Sine(0.010, 1.7)
     trajectory = drive(motion, duration=1.5, rate_Hz=rate, command=0.0)
     exact = bouc_wen_closed_form(
@@ -311,7 +312,7 @@ def test_slot_creeps_linearly_to_its_yield_force():
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
 def test_chain_converges_with_order_one(off):
-    """All terms are enabled except the corner and terms for which the integrator fails (1/2, 1/8, 1/32 ms).
+    """The steps are 1/2, 1/8 and 1/32 ms. The corner, and terms for which the integrator fails, are disabled.
 
     The first 20 ms are ignored because the gas of the cavity is compressed first.
     """
@@ -371,7 +372,7 @@ def test_states_are_bounded(name, rho, kappa, n, excess, fade, series, size, rat
 def work_of_last_cycle(
     d: Damper, motion: Sine, *, form: Literal["record", "causal"] = "record"
 ) -> tuple[float, float]:
-    """Return the work taken [J] over the third cycle, and its size 4 A max |F| [J]."""
+    """Return the dissipated work of the third cycle [J], and its upper limit 4 A max |F| [J]."""
     per_cycle = 400
     trajectory = drive(
         motion, duration=3.0 / motion.frequency, rate_Hz=per_cycle * motion.frequency, command=0.0
@@ -455,8 +456,8 @@ PASSIVE = {
 def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, coulomb, breakaway):
     """For all admissible coefficients the damper dissipates energy in a closed cycle.
 
-    The trapezoidal rule over 400 samples has an error of 1e-4 of the box around the loop. A loop may be
-    thinner.
+    The trapezoidal rule with 400 samples has an error of 1e-4 of the area of the box around the loop. The
+    area of a thin loop can be smaller than this error.
     """
     own = {key: data.draw(value, label=key) for key, value in PASSIVE[name].items()}
     common = {"viscosity": viscosity, "stiffness": stiffness, "coulomb_friction": coulomb}
@@ -570,9 +571,9 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
 def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rms):
     """The reference is the program of the virtual rig at 20 kHz, with textbook coefficients (3 kN damper).
 
-    The kernel has 1 kHz. The largest error relative to the peak force and the rms error relative to the
-    standard deviation are 1e-4 and 3e-5; 6e-4 and 2e-4; 2.2e-3 and 7e-4. The loop is steep (yield
-    displacement 21 um), so that the reversal time within a millisecond causes the error.
+    The kernel runs at 1 kHz. In the three cases, the largest error is 1e-4, 6e-4 and 2.2e-3 of the peak
+    force, and the RMS error is 3e-5, 2e-4 and 7e-4 of the standard deviation. The loop is steep (yield
+    displacement 21 um). Therefore the uncertain reversal time within a sample causes most of the error.
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (
@@ -593,7 +594,7 @@ def test_steep_bouc_wen_is_dry_friction():
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
     moving = np.abs(trajectory.velocity) > 1e-3
-    moving[0] = False  # it starts at w = 0
+    moving[0] = False  # The hysteresis variable w starts at zero.
     np.testing.assert_allclose(force[moving], 500.0 * np.sign(trajectory.velocity[moving]), atol=1e-3)
 
 
@@ -654,7 +655,7 @@ def test_causal_form_matches_with_varying_command(name):
 
 
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
-    """Generate central differences of fourth order with three steps: the best depends on the curvature."""
+    """Generate fourth-order central differences with three steps; the best step depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -703,8 +704,8 @@ def test_squared_errors_match_single_runs(name):
 
 
 @every_law
-def test_gram_sums_match_single_runs(name):
-    """The reference multiplies tangents and force of single runs by NumPy."""
+def test_gram_matrices_match_numpy_products(name):
+    """The reference is the product of the tangents and residuals of single runs, computed by NumPy."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
@@ -728,8 +729,11 @@ def test_gram_sums_match_single_runs(name):
 @pytest.mark.parametrize("name", ["series-valve", "chain"])
 @examples(25)
 @given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4))
-def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
-    """Runs in a batch have the bits of single runs; tangents agree within the search tolerance."""
+def test_batched_gram_matrices_match_single_runs(name, data, seed, candidates):
+    """Gram matrices of a batch and of single runs are bit-identical.
+
+    They agree with products of separately computed tangents within the tolerance of the root search.
+    """
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
@@ -751,7 +755,8 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
             rows = [*columns, measured[k] - force]
             scored = np.array(rows)[:, starts[k] :]
             size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
-            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)  # else rounding
+            # A smaller norm is a rounding error.
+            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)
             size[: len(told)] = np.maximum(size[: len(told)], told)
             pairs, expected = np.outer(size, size), scored @ scored.T
             np.testing.assert_allclose(found[j, k] / pairs, expected / pairs, atol=1e-3)
@@ -769,7 +774,7 @@ def _level() -> Iterator[None]:
 @pytest.mark.usefixtures("_level")
 @every_law
 def test_instruction_sets_give_the_same_bits(name):
-    """The compiler does not fuse or reorder operations, so that all machines compute the same card."""
+    """The compiler does not fuse or reorder operations. Therefore all machines compute the same card."""
     trajectory = random_drive(2)
     d = damper(name, **FRICTION)
     values = coefficients_of(d)
@@ -843,13 +848,17 @@ def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
     expected = viscosity * 0.1 * np.abs(v / 0.1) ** exponent * np.sign(v)
     found = simulate(dashpot(viscosity=viscosity, viscous_exponent=exponent), trajectory)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
-    assert np.all(found * v >= 0.0)  # it takes power at every moment
+    assert np.all(found * v >= 0.0)  # The force dissipates power at every sample.
 
 
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
 def test_viscous_force_and_tangents_are_additive(name, varying):
-    """The derivative by viscosity is the power of velocity, by the exponent the force times ln(|v| / v0)."""
+    """The derivatives of the viscous force have closed forms.
+
+    With respect to the viscosity, the derivative is a power of the velocity. With respect to the exponent, it
+    is the force times ln(|v| / v0).
+    """
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
     plain = damper(name, viscosity=0.0)

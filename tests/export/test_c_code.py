@@ -208,7 +208,7 @@ def test_card_title_stays_inside_c_comment(title, tool, tmp_path):
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_literals_read_back_as_the_same_bits(value):
+def test_literals_are_read_back_unchanged(value):
     single, double = literal(value, "float"), literal(value, "double")
     assert np.float32(single.removesuffix("f")).tobytes() == np.float32(value).tobytes()
     assert np.float64(double).tobytes() == np.float64(value).tobytes()

@@ -30,7 +30,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_bare_cortex_runs_at_a_kilohertz(folder, tool, tmp_path):
-    """No step is late in QEMU with 31 million instructions per second. Board and host give equal bits.
+    """No step is late in QEMU with 31 million instructions per second. Board and host are bit-identical.
 
     A timer interrupts every millisecond.
     """

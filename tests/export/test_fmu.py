@@ -1,4 +1,4 @@
-"""FMUs run in independent simulation masters and compute the same bits as Python."""
+"""FMUs run in independent simulation masters and are bit-identical to Python."""
 
 from __future__ import annotations
 
@@ -206,11 +206,11 @@ def test_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
     assert [line for line in lines if line.split()[-2] in "bBdDC"] == []
 
 
-# ---------------------------------------------------------------------------------------- bits of Python
+# ------------------------------------------------------------------------------ bit-identical to Python
 
 
 @PRECISIONS
-def test_controller_has_the_bits_of_python(made, precision):
+def test_controller_matches_python_bitwise(made, precision):
     target, path = made("controller", precision)
     table = controller_inputs()
     found, flags = simulated(path, table, ("current", "flags"), use_wanted_force_ahead=True)
@@ -221,7 +221,7 @@ def test_controller_has_the_bits_of_python(made, precision):
 
 
 @PRECISIONS
-def test_model_has_the_bits_of_python(made, precision):
+def test_model_matches_python_bitwise(made, precision):
     target, path = made("model", precision)
     table = model_inputs()
     found, flags = simulated(path, table, ("force", "flags"), use_velocity=True)
@@ -446,8 +446,8 @@ class Ramp:
 
 
 @pytest.mark.parametrize("length", [2, 5, 10])
-def test_coarse_steps_keep_the_force_at_rest(loaded, length):
-    """The force after a stop depends on the preceding motion. It must have no overshoot."""
+def test_coarse_steps_do_not_change_final_force(loaded, length):
+    """The force after a stop depends on the preceding motion. The extrapolated motion must not overshoot."""
     _, library = loaded("model")
     fine, coarse = (
         stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]

@@ -123,7 +123,7 @@ def test_time_to_limit_matches_the_host(folder, model):
     host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
-    late = at > 300.0  # The power is a mean over minutes.
+    late = at > 300.0  # The thermal model averages the power over minutes.
     assert (found[late, 4] + at[late]) == pytest.approx(np.full(late.sum(), reached), rel=0.03)
     rest, _ = stepped(folder, even(300, 0.0, 0.0), command=0.0)
     assert rest[-1, 4] == 7200.0

@@ -32,7 +32,7 @@ def _compiler(tool):
     tool("gcc")
 
 
-# ---------------------------------------------------------------------------------- the bits of Python
+# ---------------------------------------------------------------------------- bit-identical to Python
 
 
 def assert_same_bits(target, samples=SHORT):
@@ -44,12 +44,12 @@ def assert_same_bits(target, samples=SHORT):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", one_by_day(["series-valve", *DAMPERS], 2))
-def test_law_in_c_has_the_bits_of_python(law):
+def test_law_in_c_matches_python_bitwise(law):
     assert_same_bits(a_target(law))
 
 
 @pytest.mark.parametrize("damper", one_by_day([CHAIN, DOUBLE]))
-def test_actuation_in_c_has_the_bits_of_python(damper):
+def test_actuation_in_c_matches_python_bitwise(damper):
     lags = Actuation(
         0.004,
         0.001,
@@ -67,7 +67,7 @@ def test_actuation_in_c_has_the_bits_of_python(damper):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("controller", ["paper", "recommended-causal", "recommended-observer", "pi"])
-def test_controller_in_c_has_the_bits_of_python(controller):
+def test_controller_in_c_matches_python_bitwise(controller):
     assert_same_bits(a_target("bouc-wen", content="controller", controller=controller))
 
 
@@ -82,7 +82,7 @@ def test_periods_and_double_precision_match_python(target):
 
 
 @pytest.mark.nightly
-def test_command_in_volts_matches_python_bits():
+def test_command_in_volts_matches_python_bitwise():
     assert_same_bits(target_of(card_of(replace(DOUBLE, command_unit="V"))))
 
 
@@ -98,8 +98,8 @@ def test_full_run_raises_every_flag_of_readings():
     assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
-def test_stuck_thermometer_is_flagged_with_equal_bits():
-    """A light damper under a hard load warms quickly, but the reading is constant."""
+def test_stuck_thermometer_is_flagged_in_c():
+    """C and Python set the flag if a light damper under a heavy load has a constant temperature reading."""
     light = Heating(capacity_J_K=2.0, loss_W_K=0.01, resistance_20_ohm=5.0)
     record = assert_same_bits(target_of(card_of(DOUBLE), heating=light), 3 * SHORT)
     for part in ("model", "controller"):

@@ -42,13 +42,13 @@ def test_yield_stress_of_paper_falls_linearly(flux_density):
 
 
 @given(st.floats(200.0, 500.0))
-def test_collapse_is_a_logistic_curve(kelvin):
+def test_thermal_collapse_is_logistic_in_temperature(kelvin):
     expected = 1.0 / (1.0 + math.exp((kelvin - 414.15) / 1.5))
     assert float(Collapse(414.15, 1.5).value(kelvin)) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 def test_thermal_collapse_is_included_on_request():
-    """The collapse begins at 138 degC, outside the valid range."""
+    """The decrease of the viscosity by the collapse begins at 138 degC, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
         plain, collapsed = float(PAPER.viscosity(hot)), float(PAPER.viscosity(hot, with_collapse=True))

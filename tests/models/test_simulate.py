@@ -196,7 +196,7 @@ def relative(found, expected) -> float:
 
 
 every_law = pytest.mark.parametrize("name", list(REFERENCE_DAMPERS))
-# tests/core/test_laws.py compares the chain with the integrator. With heating, the comparison takes minutes.
+# The chain is omitted because it takes minutes with heating; tests/core/test_laws.py tests it without.
 every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DAMPERS if name != "chain"])
 
 
@@ -287,7 +287,7 @@ def test_warming_run_matches_integrator(name, varying):
 
 
 def differences(force_at, value: float) -> Iterator[FloatArray]:
-    """Generate central differences of fourth order with three steps: the best depends on the curvature."""
+    """Generate fourth-order central differences with three steps; the best step depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)

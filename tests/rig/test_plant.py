@@ -52,7 +52,7 @@ def driven(damper, motion, current, temperature_degC, duration, step=STEP_S):
 
 @pytest.mark.parametrize("degrees", [20.0, 100.0])
 def test_coil_current_is_a_first_order_lag(degrees):
-    """With feed-forward only i = I R0 / R (1 - exp(-t R / L)), R at the coil's temperature."""
+    """With feed-forward control only, i = I R0 / R (1 - exp(-t R / L)). R applies at the coil temperature."""
     time, response = at_rest(BARE_COIL, 1.5, degrees, duration=0.05)
     ohm = 5.0 * (1.0 + 0.00393 * (degrees - 20.0))
     expected = 1.5 * 5.0 / ohm * (1.0 - np.exp(-time * ohm / 0.04))
@@ -192,7 +192,7 @@ def rates(damper, motion, command, degrees):
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_stiff_solver_finds_the_same_force(preset):
-    """LSODA solves the equations without play, because play has no rate."""
+    """LSODA solves the equations without the play operator, which is not a differential equation."""
     damper = replace(LUMPED[preset], play_share=0.0)
     motion, degrees = Sine(4e-3, 3.0), 70.0
     command = CurrentSteps((1.3, 0.2, 0.9), 0.08).current
@@ -211,7 +211,10 @@ def test_stiff_solver_finds_the_same_force(preset):
 
 
 def test_method_has_first_order():
-    """Compared with a tenth of the step the errors of step and half step have the ratio 0.9 to 0.4."""
+    """The errors of the step and of half the step have the ratio of a first-order method.
+
+    The reference has a tenth of the step. Therefore this ratio is (1 - 0.1) / (0.5 - 0.1).
+    """
     forces = {
         k: driven(NOMINAL, Sine(5e-3, 1.0), 1.0, 40.0, 1.2, step=STEP_S / k)[2][::k] for k in (1, 2, 10)
     }
@@ -245,7 +248,7 @@ def test_closed_cycle_dissipates_energy(preset, amplitude, frequency, current, d
     amplitude=st.floats(1e-3, 1e-2),
 )
 def test_force_is_odd_in_motion(preset, current, degrees, amplitude):
-    """Without asymmetry and offset a reversed motion reverses the force to the bit."""
+    """Without asymmetry and offset, a reversed motion gives the reversed force, bit-identical."""
     damper = replace(LUMPED[preset], asymmetry=0.0, offset_N=0.0)
     time = grid(0.6)
     motion = Sine(amplitude, 2.0)
@@ -280,7 +283,7 @@ def rough_run(n=3000, seed=2):
     )
 
 
-def test_block_has_the_bits_of_its_steps():
+def test_block_matches_single_steps_bitwise():
     run = rough_run()
     steps, blocks = Plant(NOMINAL), Plant(NOMINAL)
     stepwise = [steps.advance(*map(float, sample)) for sample in zip(*run, strict=True)]

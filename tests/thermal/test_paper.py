@@ -51,7 +51,7 @@ def rise(work: LoopWork, drawing: DamperDrawing, minutes: float) -> Rise:
     return simulate_rise([work], drawing, duty, stop_at_limit=False)
 
 
-def test_rig_damper_takes_seventy_watts(work):
+def test_rig_damper_dissipates_seventy_watts(work):
     assert work.peak_at(293.15) == pytest.approx(1300.0, abs=1.0)
     assert work.power_at(293.15) == pytest.approx(73.4, abs=0.2)
 

@@ -89,14 +89,16 @@ def test_measured_sine_heats_as_a_sine(tmp_path):
 # --------------------------------------------------------------------------------------------------- power
 
 
-def test_dry_friction_power_is_four_strokes():
+def test_dry_friction_power_is_closed_form():
+    """The mean power of dry friction in a sine is 4 x force x amplitude x frequency."""
     work = tabulate_work(dry_and_viscous(dry=1000.0), segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.constant
     assert work.power[0] == pytest.approx(4.0 * 1000.0 * 0.015, rel=1e-3)
     assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
 
 
-def test_dashpot_power_is_half_the_product():
+def test_dashpot_power_is_closed_form():
+    """The mean power of a dashpot in a sine is half of the peak force times the peak velocity."""
     speed = 2.0 * math.pi * 2.0 * 0.005
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(Sine(0.005, 2.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.5 * 3000.0 * speed**2, rel=1e-5)
@@ -109,7 +111,10 @@ def test_spring_dissipates_no_power():
 
 
 def test_aperiodic_motion_is_averaged():
-    """The tolerance is the effect of half a beat."""
+    """The mean power of two tones is the sum of the powers of both tones.
+
+    The tolerance is the error if the averaging time contains an additional half beat.
+    """
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
     exact = sum(0.5 * 3000.0 * (2.0 * math.pi * f * a) ** 2 for a, f in ((0.003, 1.0), (0.002, 1.5)))
