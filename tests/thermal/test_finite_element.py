@@ -207,7 +207,7 @@ def test_symmetric_damper_has_symmetric_field(drawing: DamperDrawing):
 
 @pytest.mark.nightly
 def test_contact_resistance_causes_temperature_drop():
-    """The temperature drop from body to fins is heat flow times contact resistance divided by area."""
+    """The temperature difference between body and fins is heat flow times contact resistance / area."""
     assert SINK is not None
     contact = 4e-4
     with_it = DRAWING.with_sink(replace(SINK, contact=contact))

@@ -11,7 +11,7 @@ from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, typical_power
 __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
-HORIZON_S = 7200.0  # MRD_THERMAL_HORIZON
+HORIZON_S = 7200.0  # same value as MRD_THERMAL_HORIZON of the kernel
 
 
 def steps_between_updates(period_s: float) -> int:
