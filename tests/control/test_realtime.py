@@ -307,7 +307,7 @@ def test_missing_current_is_held_for_30_ms():
 def test_missing_displacement_is_integrated(value):
     """Without displacement readings, the model integrates the velocity. After 120 ms a flag is set.
 
-    Only the spring force depends on the displacement. The value None stands for a stuck sensor.
+    Only the spring force depends on the displacement. The value None means a stuck sensor.
     """
     rows = rows_for(Sine(5e-3, 1.0), 1.0)
     clean = MODEL.run(MODEL.start(), rows)[1]

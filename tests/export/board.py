@@ -45,7 +45,7 @@ CLEAN = (
 )  # fmt: skip
 """Warnings under which the kernel and its tables compile without one."""
 
-_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # In QEMU, an instruction takes 1024 ns, and a timer tick 40 ns.
+_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # An instruction takes 1024 ns in QEMU, a timer tick 40 ns.
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ _BANKS = ("paper", "paper-unaware")
 NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
 """Controllers that require a card with a delay or lag between current and force."""
 
-# Without a valid reading, the temperature estimate is held constant for at most ``_HELD_S``, or extrapolated
+# The temperature estimate is held constant for at most ``_HELD_S`` without a valid reading, or extrapolated
 # for at most ``_LONGEST_S``.
 _HELD_S, _LONGEST_S = 10.0, 1800.0
 
