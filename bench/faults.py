@@ -3,10 +3,10 @@
     python -m bench.faults --data DIR               the half of the faults that is for reports
     python -m bench.faults --data DIR --tuning      the other half
 
-Each fault has the smallest size of its list with which the card has twice the error on the sound runs, else
-the largest size. A silent acceptance is a fault without a finding whose card has more than twice the error. A
-hash of name and location assigns a fault to one of the halves. ``DIR`` holds public runs (``utfsm_sine*``,
-``utfpr*``); the virtual dampers need none.
+Each fault has the smallest size in its list that doubles the error of the card on the sound runs. If no
+size does, the fault has the largest size. A silent acceptance is a fault without a finding whose card has
+more than twice the error. A hash of name and location assigns a fault to one of the halves. ``DIR`` holds
+public runs (``utfsm_sine*``, ``utfpr*``); the virtual dampers need none.
 """
 
 from __future__ import annotations

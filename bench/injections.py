@@ -87,7 +87,7 @@ def delayed(run: RigRun, ms: float) -> FloatArray:
 
 
 def low_passed(run: RigRun, cutoff_Hz: float) -> FloatArray:
-    """Filter the force by one pole, as an amplifier's input does."""
+    """Filter the force by a first-order low-pass, like the input of an amplifier."""
     step = float(np.median(np.diff(run.time)))
     pole = float(np.exp(-2.0 * np.pi * cutoff_Hz * step))
     state = np.array([pole * run.force[0]])

@@ -16,9 +16,9 @@ FOLDERS = (CORE / "binding", CORE / "kernel")
 
 
 def declarations(header: str, *, single: bool) -> str:
-    """Return what a header and its own includes declare, in the subset of C that cffi reads.
+    """Return the declarations of a header and of the headers that it includes, in the C subset of cffi.
 
-    Constants whose value is a number stay; every other line of the preprocessor is removed.
+    Constants with a number as value are kept. All other preprocessor lines are removed.
     """
     path = next(folder / header for folder in FOLDERS if (folder / header).is_file())
     text = re.sub(r"/\*.*?\*/", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)

@@ -13,7 +13,7 @@ Values = dict[str, float]
 
 
 class Slipping:
-    """z is the spring's stretch over the yield displacement."""
+    """The state z is the stretch of the spring divided by the yield displacement."""
 
     name = "slipping"
     coefficients = (

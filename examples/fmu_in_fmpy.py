@@ -1,4 +1,4 @@
-"""A card's damper with its controller as one FMU, followed through two seconds of a sine by FMPy.
+"""Export damper and controller of a card as one FMU, and simulate two seconds of a sine with FMPy.
 
 python examples/fmu_in_fmpy.py card.json    (needs a C compiler and `pip install fmpy`)
 """

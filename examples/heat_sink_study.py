@@ -1,4 +1,4 @@
-"""Heat sinks for a damper: what the fluid's temperature after half an hour costs in grams.
+"""Heat sinks for a damper: fluid temperature after half an hour versus mass of the fins.
 
 python examples/heat_sink_study.py CARD [DRAWING]    (default drawing: the paper's)
 """

@@ -1,17 +1,17 @@
-"""A quarter car on an ISO 8608 road, its damper commanded by a skyhook demand.
+"""A quarter car on an ISO 8608 road, whose damper follows the target force of a skyhook controller.
 
 python examples/quarter_car.py [CARD]
 
-Without a card, one is identified on the virtual rig's vehicle damper (half a minute). The car's damper is the
-card's real-time model, and the controller is made from the same card. The states are
+Without CARD, the example identifies the vehicle damper of the virtual rig (half a minute). The damper of the
+car is the real-time model of the card, and the controller is made from the same card. The states are
 z = (x_b - x_w, x_b', x_w - x_r, x_w'): rattle space, body speed, tyre deflection and wheel speed about rest.
 The damper force F resists extension:
 
     m_b x_b'' = -k_s (x_b - x_w) - F
     m_w x_w'' =  k_s (x_b - x_w) + F - k_t (x_w - x_r)
 
-The skyhook demand F* = c x_b' is wanted while the damper can dissipate it (F* v > 0, v = x_b' - x_w'), else
-zero.
+The target force is the skyhook force F* = c x_b' while the damper can dissipate (F* v > 0, v = x_b' - x_w'),
+otherwise zero.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from mrdamper.virtual_rig.plant import PRESETS
 
 STEP_S = 0.25e-3  # Step of car and damper.
 CONTROL_PERIOD_S = 1e-3
-SPEED_MAX_M_S = 4.0  # The tables of model and controller reach to this speed: a car's damper is fast.
+SPEED_MAX_M_S = 4.0  # Maximum speed of the tables, because the damper of a car is fast.
 UNSCORED_S = 2.0  # Transient from rest.
 SKYHOOK_N_S_M = 2500.0
 
@@ -103,7 +103,7 @@ def skyhook(z: States) -> float:
 
 
 def ideal_damper(_step: int, z: States) -> float:
-    """Return the demand itself: an actuator without lag and error."""
+    """Return the target force itself, like an actuator without lag and error."""
     return skyhook(z)
 
 
@@ -112,8 +112,8 @@ def card_damper(
 ) -> Damper:
     """Return the card's damper with a controller; None: without current.
 
-    The road ahead is unknown. The car's free motion over the controller's preview is the best estimate of the
-    demand then.
+    The road ahead is unknown. The free motion of the car during the preview of the controller gives the best
+    estimate of the future target force.
     """
     kelvin = temperature_degC + ZERO_CELSIUS_K
     model = realtime_model(card, period_s=STEP_S, speed_m_s=SPEED_MAX_M_S)

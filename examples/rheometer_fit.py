@@ -1,4 +1,4 @@
-"""A rheometer's table of viscosity: three laws fitted, the best first, and how far the viscosity falls."""
+"""Fit three viscosity laws to a rheometer table, and print the decrease of the viscosity by the best law."""
 
 import numpy as np
 

@@ -81,14 +81,14 @@ FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # max 4 lines
+"""  # This task must need at most 4 lines of a script.
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
 runs = mrdamper.read("logger.csv", {"displacement_mm": "Pos", "force_kN": "Load", "current_A": "Coil"})
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # max 6 lines
+"""  # This task must need at most 6 lines of a script.
 
 
 @pytest.fixture(scope="module")

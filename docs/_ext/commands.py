@@ -16,7 +16,7 @@ from mrdamper.cli import cli
 
 
 def every_command(group: click.Group, name: str) -> Iterator[tuple[str, click.Command]]:
-    """Yield each command of a group and of its groups, with its whole name."""
+    """Generate each command of a group and of its subgroups, with its complete name."""
     for command in sorted(group.commands.values(), key=lambda command: command.name or ""):
         full_name = f"{name} {command.name}"
         if isinstance(command, click.Group):

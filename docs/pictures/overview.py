@@ -1,6 +1,6 @@
 """Draw README's picture: loops at a temperature that was not fitted, heating, force tracking. Virtual rig.
 
-python docs/pictures/overview.py    (writes overview.svg beside itself; 10 s of CPU)
+python docs/pictures/overview.py    (writes overview.svg next to this file; 10 s of CPU)
 """
 
 from __future__ import annotations

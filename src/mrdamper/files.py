@@ -175,5 +175,5 @@ def _toml_value(value: object) -> str:
         if not math.isfinite(value):
             return "nan" if math.isnan(value) else f"{value:+}"
         short = f"{value + 0.0:.12g}"  # "-0" would be read as the integer 0
-        return short if float(short) == value else repr(value)  # The text is read as the same number.
+        return short if float(short) == value else repr(value)  # The text must read back as this number.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # DEL is invalid in TOML.

@@ -59,7 +59,7 @@ class Picture:
     def _repr_html_(self) -> str:
         figure = self._figure()
         svg = "" if figure is None else vars(figure)["_repr_svg_"]()
-        from html import escape  # Importing it takes a tenth of the import of the package.
+        from html import escape  # This import takes a tenth of the import time of the package.
 
         svg = svg.replace("<svg", '<svg style="max-width: 100%; height: auto"', 1)
         return f"<pre>{escape(repr(self))}</pre>{svg}"

@@ -11,7 +11,7 @@ text below a field is its help::
     body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06): SI inside
     table = write_record(body)                                      # {"length_mm": 60.0}
 
-A field with a ``key`` and a unit contains a value in SI (kelvin). Its file contains the value in the unit.
+If a field has a ``key`` and a unit, the record contains its value in SI (kelvin), and the file in this unit.
 
 All faults of a document are reported in one ``InputError``, one line for each: place, key, found value and
 expected value. ``__post_init__`` checks combinations of fields and raises an ``InputError``. This module adds

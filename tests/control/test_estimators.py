@@ -64,7 +64,7 @@ def test_white_jerk_causes_stated_velocity_error():
     assert np.sqrt(np.mean(errors[1000:] ** 2)) == pytest.approx(stated, rel=0.05)
 
 
-def test_motion_of_controller_equals_the_filter():
+def test_controller_motion_estimate_matches_python_filter():
     made, reference = controllers_for(DOUBLE)["paper"], MotionFilter(PERIOD)
     rng, t = np.random.default_rng(0), PERIOD * np.arange(300)
     x = MOVED.displacement(t) + 10e-6 * rng.standard_normal(len(t))
@@ -100,7 +100,7 @@ def test_observer_follows_actuation_of_card(period):
     assert np.abs(found - whole[99::100]).max() < max(2e-3, blur)
 
 
-def test_applied_current_of_controller_equals_observer():
+def test_controller_applied_current_matches_python_observer():
     made, observer = controllers_for(DOUBLE)["recommended"], AppliedCurrent(LAGS, PERIOD)
     t = PERIOD * np.arange(400)
     rows = np.full((len(t), 5), np.nan)

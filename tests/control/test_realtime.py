@@ -159,7 +159,7 @@ def test_stepped_current_gives_force_of_law(dead_time, bound):
 
 
 def test_model_equals_the_observer_of_controller():
-    """The model with the commands of a controller has the same applied current and force as its observer."""
+    """With the commands of a controller, model and observer have the same applied current and force."""
     made = controllers_for(DOUBLE)["recommended"]
     model = RealtimeDamper(made.config, made.tables)  # Both have the same motion filter.
     state, observed, command = made.start(), model.start(), 0.0

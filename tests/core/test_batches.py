@@ -1,4 +1,4 @@
-"""Batches of the kernel: a run that is carried from batch to batch, as a plant of the closed loop uses it."""
+"""Runs that the kernel computes in batches, as in a closed loop, compared with runs in one call."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def values_of(name: str) -> np.ndarray:
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("size", [2, 7, 300])
 def test_batches_match_whole_run(name, size):
-    """The borders of the batches do not change the force by a single bit."""
+    """The force is bit-identical for any division of the run into batches."""
     path, law, values = replace(random_drive(5), dead_band=1e-5), LAWS[name].kernel or 0, values_of(name)
     motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
     columns = (path.displacement, path.velocity, path.acceleration)

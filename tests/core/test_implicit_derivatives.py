@@ -1,4 +1,4 @@
-"""The derivatives of the implicit laws, written by hand in C, against differences of the force."""
+"""The hand-written derivatives of the implicit laws in C, compared with differences of the force."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STATES = 1000
 SAMPLES = 12
 STEP_RATIO = 1e-5  # Step of the differences divided by the coefficient.
 
-# Range of each coefficient: lower, upper; both positive means that the logarithm is uniform.
+# Lower and upper limit of each coefficient. If both are positive, the logarithm is distributed uniformly.
 VALVE = {
     **{
         "stiffness": (0.0, 2e3),
@@ -75,7 +75,7 @@ def random_records(draw: np.random.Generator) -> list[core.Record]:
 
 
 @pytest.mark.parametrize("name", ["series-valve", "chain"])
-def test_lane_derivatives_match_central_differences(name):
+def test_implicit_derivatives_match_central_differences(name):
     """Compare at the last sample of 1,000 random motions and models; the largest deviation is 3e-4."""
     draw, law = np.random.default_rng(0), LAWS[name].kernel or 0
     records, values = random_records(draw), random_coefficients(name, draw)

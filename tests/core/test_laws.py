@@ -166,10 +166,11 @@ def test_law_matches_an_adaptive_integrator(name, tolerance, rate):
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
 )
 def test_varying_command_matches_the_integrator(name, tolerance):
-    """The integrator agrees with rho exponential in the current.
+    """Kernel and integrator agree if rho is an exponential function of the current.
 
-    The kernel takes its mean over a sample interval: order two, 7e-6 of the peak at 1 kHz, 1.1e-4 at 250 Hz.
-    The errors at 1 kHz, including the internal steps, are 1.6e-5 for lugre and 3.5e-5 for spencer.
+    The kernel uses the mean of rho over a sample interval, which has order two: the error is 7e-6 of the peak
+    force at 1 kHz and 1.1e-4 at 250 Hz. The errors of lugre and spencer at 1 kHz, which include the errors of
+    their internal steps, are 1.6e-5 and 3.5e-5.
     """
     trajectory = with_command(random_drive(3))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
@@ -221,7 +222,7 @@ def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
 
 
 def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float]]:
-    """Return the analytic reversals of a sine, as the closed form takes them."""
+    """Return the exact reversals of a sine in the format of ``bouc_wen_closed_form``."""
     times = np.arange(0.25, motion.frequency * duration, 0.5) / motion.frequency
     return [(int(t * rate), float(motion.displacement(t))) for t in times]
 
@@ -229,7 +230,7 @@ def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float
 @pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 1e-4)])
 @pytest.mark.parametrize(("rho", "kappa", "n"), [(1500.0, -0.4, 1.6), (2000.0, -0.9, 0.3), (1e4, -0.9, 0.8)])
 def test_bouc_wen_matches_its_closed_form(rate, tolerance, rho, kappa, n):
-    """The error is relative to the largest force: 1.7e-7 at 1 kHz, 6e-5 at 100 Hz for the stiffest."""
+    """Relative to the largest force, the error is up to 1.7e-7 at 1 kHz and up to 6e-5 at 100 Hz."""
     motion = Sine(0.010, 1.7)
     trajectory = drive(motion, duration=1.5, rate_Hz=rate, command=0.0)
     exact = bouc_wen_closed_form(
@@ -456,8 +457,8 @@ PASSIVE = {
 def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, coulomb, breakaway):
     """For all admissible coefficients the damper dissipates energy in a closed cycle.
 
-    The trapezoidal rule over 400 samples has an error of 1e-4 of the box around the loop. A loop may be
-    thinner.
+    The trapezoidal rule with 400 samples has an error of 1e-4 of the area of the box around the loop. The
+    area of a thin loop can be smaller than this error.
     """
     own = {key: data.draw(value, label=key) for key, value in PASSIVE[name].items()}
     common = {"viscosity": viscosity, "stiffness": stiffness, "coulomb_friction": coulomb}
@@ -594,7 +595,7 @@ def test_steep_bouc_wen_is_dry_friction():
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
     moving = np.abs(trajectory.velocity) > 1e-3
-    moving[0] = False  # it starts at w = 0
+    moving[0] = False  # The hysteresis variable w starts at zero.
     np.testing.assert_allclose(force[moving], 500.0 * np.sign(trajectory.velocity[moving]), atol=1e-3)
 
 
@@ -752,7 +753,8 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
             rows = [*columns, measured[k] - force]
             scored = np.array(rows)[:, starts[k] :]
             size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
-            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)  # else rounding
+            # A smaller norm is a rounding error.
+            told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)
             size[: len(told)] = np.maximum(size[: len(told)], told)
             pairs, expected = np.outer(size, size), scored @ scored.T
             np.testing.assert_allclose(found[j, k] / pairs, expected / pairs, atol=1e-3)
@@ -844,7 +846,7 @@ def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
     expected = viscosity * 0.1 * np.abs(v / 0.1) ** exponent * np.sign(v)
     found = simulate(dashpot(viscosity=viscosity, viscous_exponent=exponent), trajectory)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
-    assert np.all(found * v >= 0.0)  # it takes power at every moment
+    assert np.all(found * v >= 0.0)  # The force dissipates power at every sample.
 
 
 @every_law

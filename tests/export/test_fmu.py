@@ -447,8 +447,8 @@ class Ramp:
 
 
 @pytest.mark.parametrize("length", [2, 5, 10])
-def test_coarse_steps_keep_the_force_at_rest(loaded, length):
-    """The force after a stop depends on the preceding motion. It must have no overshoot."""
+def test_coarse_steps_do_not_change_final_force(loaded, length):
+    """The force after a stop depends on the preceding motion. The extrapolated motion must not overshoot."""
     _, library = loaded("model")
     fine, coarse = (
         stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]

@@ -216,7 +216,7 @@ def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count)
 @pytest.mark.nightly
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
 def test_known_hysteresis_is_within_standard_error(play):
-    """All eight seeds agree. A damper without hysteresis gets at most the standard error."""
+    """The width is correct for eight seeds. Without hysteresis, it is at most its standard error."""
     damper = with_actuation(KNOWN["slow rise"], hysteresis_width_A=play)
     results = [fit(simulate_runs(damper, seed=seed)) for seed in range(8)]
     errors = np.array([result.standard_errors["hysteresis_width_A"] for result in results])

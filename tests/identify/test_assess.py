@@ -111,7 +111,8 @@ def bingham(**values: float | Polynomial) -> Damper:
 def test_passivity_matches_closed_forms() -> None:
     """The loop of a viscous damper is an ellipse with pi/4 of the area of its box.
 
-    Forces without energy have worst cases: a spring at full stroke, a mass at 1 % of it, an offset at 20 %.
+    A spring, a mass and an offset dissipate nothing but enlarge the box. The spring has the largest effect at
+    full stroke, the mass at 1 % and the offset at 20 % of the stroke.
     """
     runs = simulate_runs(REFERENCE_DAMPERS["bingham"], noise=0.0, seed=0)
     stroke = max(np.abs(run.trajectory.displacement).max() for run in runs)

@@ -67,8 +67,8 @@ def test_late_run_is_reported_with_delay(rig_runs):
 
 
 @pytest.mark.nightly
-def test_wrong_last_run_is_found():
-    """The fit follows the wrong run and deviates from its neighbours. A second fit omits it."""
+def test_wrong_last_run_is_reported():
+    """A fit to all runs follows the wrong run and deviates from other runs. A second fit omits this run."""
     series = []
     for k, current in enumerate((0.0, 0.7, 1.4, 2.0)):
         motions = ((20, 0.5 + 0.03 * k), (17, 0.7 + 0.02 * k), (13, 0.9 - 0.02 * k), (9 + k, 1.1 + 0.05 * k))
@@ -148,7 +148,7 @@ def test_exchanged_commands_are_reported_for_both(noisy):
 
 
 @pytest.mark.parametrize(("percent", "kinds"), [(2.0, ["errors_contradict"]), (9.0, []), (np.nan, [])])
-def test_training_error_above_cross_validation_error(noisy, percent, kinds):
+def test_training_error_above_cross_validation_is_reported(noisy, percent, kinds):
     """A wrong model has a large training error. A cross-validation error of 2 % contradicts it."""
     wrong = TRUTH.with_parameters({"viscosity.c0": 1.2 * TRUTH.parameters["viscosity.c0"]})
     score = CandidateScore("spencer", cv_percent_by_run=(percent,) * 3)

@@ -114,7 +114,10 @@ def test_band_widens_with_distance_from_motions() -> None:
 
 
 def test_fit_to_all_motions_predicts_smaller_error() -> None:
-    """Each motion requires different parameters if the law is wrong. A correct law gains nothing."""
+    """With a wrong law, the fit to all motions has a smaller expected error than the refits.
+
+    Each motion then requires different parameters. With the correct law, both errors are equal.
+    """
     shares = {}
     for law in ("bingham", "dahl"):
         left = refit_without_folds(*fitted(law, "dahl", noise=0.01))
@@ -177,7 +180,7 @@ def test_single_motion_is_split_in_time() -> None:
 
 
 def test_band_covers_runs_with_changing_current() -> None:
-    """A response that is too fast adds errors. The band contains 90 % of them."""
+    """A model without lag has larger errors at changing current. The widened band contains 90 % of them."""
     model, path = REFERENCE_DAMPERS["dahl"], drive(Sine(0.01, 1.0), duration=6.0, rate_Hz=500.0, command=0.0)
     truth = replace(model, command_lag_s=0.03)
     rng = np.random.default_rng(4)

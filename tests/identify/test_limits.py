@@ -58,7 +58,7 @@ def test_limits_keep_coefficient_that_vanishes_hot() -> None:
 
 
 def test_parameter_without_effect_stays_small() -> None:
-    """A breakaway force that decays below the slowest sampled velocity acts in no sample."""
+    """A breakaway force that decays below the lowest sampled velocity has no effect on any sample."""
     time = np.arange(1500) / 500.0
     volts = 0.5 * np.sin(4.0 * np.pi * time)
     speed = np.gradient(volts, time)

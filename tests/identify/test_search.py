@@ -46,7 +46,7 @@ def values_of(objective: Objective, damper: Damper) -> tuple[FloatArray, FloatAr
 # Sums
 
 
-def test_gram_sums_match_central_differences() -> None:
+def test_gram_matrices_match_central_differences() -> None:
     """The Gram matrix of tangents and residual agrees with central differences of the force."""
     objective = objective_of()
     names = (*objective.nonlinear, *objective.linear)

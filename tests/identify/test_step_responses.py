@@ -33,7 +33,7 @@ def blended_run(*, bend_N: float = 0.0, hysteresis_N: float = 0.0) -> tuple[Prep
     """Return a run whose force follows each step as a first-order lag, and its response at each sample.
 
     ``bend_N`` adds a parabola over position that differs between directions and levels. ``hysteresis_N`` is
-    added while a level was reached from above.
+    added while the present level was reached from above.
     """
     count = HOLD_SAMPLES * len(LEVELS)
     number = np.arange(count) // HOLD_SAMPLES

@@ -146,7 +146,7 @@ def test_errors_between_motions_match_regression(linear):
 
 
 def test_band_of_similar_folds_contains_90_percent():
-    """The errors are uniform up to the band's unit width, so 90 % of them are within 0.9 of it."""
+    """The errors are uniform up to the unit width of the band, so 90 % of them are below 0.9 of it."""
     rng = np.random.default_rng(0)
     folds = []
     for _ in range(4):

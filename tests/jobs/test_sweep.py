@@ -156,7 +156,7 @@ def test_sweep_does_not_replace_its_card(card: Path, tmp_path: Path):
 
 @pytest.mark.nightly
 def test_cluster_gives_equal_results(card: Path, tmp_path: Path, reference: bytes):
-    """A Dask worker that is killed costs no result."""
+    """If a Dask worker is killed, no result is lost."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50

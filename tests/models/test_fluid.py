@@ -48,7 +48,7 @@ def test_thermal_collapse_is_logistic_in_temperature(kelvin):
 
 
 def test_thermal_collapse_is_included_on_request():
-    """The collapse begins at 138 degC, outside the valid range."""
+    """The decrease of the viscosity by the collapse begins at 138 degC, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
         plain, collapsed = float(PAPER.viscosity(hot)), float(PAPER.viscosity(hot, with_collapse=True))

@@ -60,7 +60,7 @@ def test_standard_errors_of_viscosity_are_calibrated(law):
 
 
 def test_arrhenius_fit_is_the_textbook_line():
-    """The reference is the line ln eta over 1/T by numpy.polyfit, with its covariance."""
+    """The reference is the fit of ln eta versus 1/T by numpy.polyfit, with the covariance of this fit."""
     viscosity = noisy(0.15 * Arrhenius(1435.5).value(KELVIN), 1)
     (slope, _), covariance = np.polyfit(1.0 / KELVIN - 1.0 / 293.15, np.log(viscosity), 1, cov=True)
     activation = named(fit_viscosity(KELVIN, viscosity), "arrhenius").parameters[1]
@@ -88,7 +88,7 @@ def test_fit_is_independent_of_unit_and_order(scale, order, rate, seed):
 
 
 def test_points_above_130_degC_are_not_fitted():
-    """The fluid of the paper collapses there."""
+    """The viscosity of the fluid in the paper collapses above 130 degC."""
     kelvin = 273.15 + np.arange(20.0, 151.0, 5.0)
     collapsing = 0.153 * Arrhenius(1435.5).value(kelvin) / (1.0 + np.exp((kelvin - 414.15) / 1.5))
     study = fit_viscosity(kelvin, collapsing, place="table.csv")
@@ -106,7 +106,7 @@ def test_extrapolated_fall_and_rising_viscosity_are_noted():
 
 
 def test_pole_at_its_bound_has_no_standard_error():
-    """If ln(eta) is concave in T, the pole moves to its bound, which is Reynolds' law."""
+    """If ln(eta) is concave in T, the pole moves to its bound, where the law equals Reynolds' law."""
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
     assert math.isnan(named(study, "vft").parameters[2].standard_error)

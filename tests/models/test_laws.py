@@ -53,8 +53,8 @@ def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
         ({"coulomb_friction": 50.0, "transition_velocity": 1e-6}, lambda x, v: 50.0 * np.sign(v)),
     ],
 )
-def test_chain_of_one_term_has_its_force(given, expected):
-    """The chain is rigid: its deflection is negligible compared with the stroke at every moving sample."""
+def test_chain_with_one_term_matches_closed_form(given, expected):
+    """The springs of the chain are so stiff that their deflection is negligible compared with the stroke."""
     forms = {name: Constant(value) for name, value in ({"yield_force": 0.0} | RIGID | given).items()}
     path = drive(Sine(0.5, 0.05), duration=40.0, rate_Hz=25.0, command=0.0)
     force = simulate(Damper(LAWS["chain"], forms), path)

@@ -176,7 +176,10 @@ def test_varying_command_follows_the_same_curve():
 
 
 def test_linear_chain_is_maxwell_element():
-    """Without gap, a linear valve gives k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y' (state y)."""
+    """A chain with a linear valve and no free play is a Maxwell element with the state y.
+
+    The equation is k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y'.
+    """
     k, c, f0, k0, b, large = 2e5, 300.0, 40.0, 9e3, -30.0, 1e4
     valve = {"yield_force": 1.0, "yield_velocity": 10.0, "thinning": large, "thinning_exponent": 1.0}
     chain = {"gap_stiffness": k, "gap": 0.0, "gap_corner": 1e-9, "leak_damping": c}

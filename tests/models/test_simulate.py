@@ -196,7 +196,7 @@ def relative(found, expected) -> float:
 
 
 every_law = pytest.mark.parametrize("name", list(REFERENCE_DAMPERS))
-# tests/core/test_laws.py compares the chain with the integrator. With heating, the comparison takes minutes.
+# The chain is omitted because it takes minutes with heating; tests/core/test_laws.py tests it without.
 every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DAMPERS if name != "chain"])
 
 

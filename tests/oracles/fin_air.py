@@ -47,7 +47,7 @@ class FinAir:
     rim: float
     drift: float  # Relative difference of the means over the last two quarters of the time [-].
     mean: float  # area mean of sides and floor, or the coefficient of a bare tube
-    doubt: float = math.nan  # relative error of ``mean`` by the grid [-]
+    doubt: float = math.nan  # relative error of ``mean`` caused by the grid [-]
 
 
 def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:

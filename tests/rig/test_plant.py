@@ -52,7 +52,7 @@ def driven(damper, motion, current, temperature_degC, duration, step=STEP_S):
 
 @pytest.mark.parametrize("degrees", [20.0, 100.0])
 def test_coil_current_is_a_first_order_lag(degrees):
-    """With feed-forward only i = I R0 / R (1 - exp(-t R / L)), R at the coil's temperature."""
+    """With feed-forward control only, i = I R0 / R (1 - exp(-t R / L)). R applies at the coil temperature."""
     time, response = at_rest(BARE_COIL, 1.5, degrees, duration=0.05)
     ohm = 5.0 * (1.0 + 0.00393 * (degrees - 20.0))
     expected = 1.5 * 5.0 / ohm * (1.0 - np.exp(-time * ohm / 0.04))

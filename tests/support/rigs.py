@@ -50,7 +50,8 @@ def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.Complete
             patch.delenv(name, raising=False)
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("default")
-        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # a command installs handlers
+        # The command replaces the signal handlers. Restore them at the end.
+        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             stack.callback(signal.signal, each, signal.getsignal(each))
         if cwd is not None:
             stack.enter_context(chdir(cwd))

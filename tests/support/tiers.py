@@ -9,6 +9,6 @@ import pytest
 
 
 def one_by_day(cases: Iterable[Any], day: int = 1) -> list[Any]:
-    """Return the cases for ``parametrize``. The first ``day`` cases are fast tests, the rest are nightly."""
+    """Return the cases for ``parametrize``. The first ``day`` cases are fast, all others nightly tests."""
     given = list(cases)
     return [*given[:day], *(pytest.param(case, marks=pytest.mark.nightly) for case in given[day:])]

@@ -1,4 +1,4 @@
-"""Random dampers of many shapes, by seed. Even seeds are for the choice of constants, odd seeds for reports.
+"""Random dampers of many shapes, by seed. Even seeds are used to choose constants, odd seeds for reports.
 
 ``python -m tests.thermal.bodies 50`` prints the errors of the reduced model compared with the finite
 elements.

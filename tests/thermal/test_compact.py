@@ -32,7 +32,7 @@ from mrdamper.thermal.model.stepping import Load
 from tests.thermal.bodies import draw_body, odd_bodies
 
 SEGMENTS = 8
-LATE_S = 15.0  # time after a step of the power
+LATE_S = 15.0  # Gap and coil are compared only from this time after a power step on.
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def test_compact_films_agree_with_the_section(model: CompactModel):
 
 
 def test_compact_gains_are_steady_kalman_gains(model: CompactModel):
-    """The recursion starts without information: implicit steps, and a missing heat with random walk."""
+    """The reference is the Kalman recursion from an unknown state, with missing heat as a random walk."""
     found, n = sensor_gains(model), model.states
     power, h = model.capacity[0] * 100.0 / 1800.0, UPDATE_S
     air, kinds = (model.reference, model.air_speed), range(len(model.law))

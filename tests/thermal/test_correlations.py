@@ -70,7 +70,7 @@ def test_fin_efficiency_agrees_with_ht(film, root, width, thickness, conductivit
     ht = pytest.importorskip("ht")
     theirs = ht.fin_efficiency_Kern_Kraus(2 * root, 2 * (root + width), thickness, conductivity, film)
     ours = annular_fin_efficiency(film, root, root + width, thickness, conductivity)
-    # both take differences of nearly equal products where the fin is very effective
+    # Both programs subtract nearly equal products for a very effective fin, and lose digits.
     assert ours == pytest.approx(theirs, rel=1e-12 if theirs < 0.99 else 1e-10)
 
 

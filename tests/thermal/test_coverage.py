@@ -34,7 +34,7 @@ from mrdamper.thermal.temperature_rise import simulate_rise
 from tests.thermal.bodies import HALF_HOUR_S, HeatedBody, draw_body, odd_bodies
 
 _REACHED = 0.7  # Fraction of the time at which the nominal body reaches the limit.
-_90 = 1.645  # standard deviations
+_90 = 1.645  # half width of a 90 % interval of the normal distribution / standard deviation
 
 
 def _times(factor: float, load: Load) -> Callable[[FloatArray], FloatArray]:
@@ -131,7 +131,10 @@ def hold_gains(seed: int, draws: int) -> list[bool]:
 
 @pytest.mark.release
 def test_intervals_cover_their_stated_fraction():
-    """The tolerance is the standard error of about 240 samples each."""
+    """85 to 95 % of the intervals contain the reference, with a tolerance of two standard errors.
+
+    There are about 240 samples of the time to a limit, and about 240 of the gain of a heat sink.
+    """
     times = [each for seed in odd_bodies(40) for each in hold_times(seed, 6)]
     gains = [each for seed in odd_bodies(20) for each in hold_gains(seed, 20)]
     for held in (times, gains):

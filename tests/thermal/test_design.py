@@ -110,7 +110,7 @@ def test_designed_sinks_are_within_the_limits(found):
 
 
 @pytest.mark.nightly
-def test_mass_limit_cuts_the_front(found):
+def test_mass_limit_removes_heavier_designs(found):
     half = search_grid(DAMPER, replace(PAPER_LIMITS, mass=0.5 * found.best.mass))
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
 
@@ -143,8 +143,8 @@ def test_gain_interval_contains_the_gain(reference):
     assert band.better
 
 
-def test_dirt_and_tolerance_narrow_the_gap():
-    """Narrow gaps lose more than wide gaps. A closed gap is rejected. This determines the minimum gap."""
+def test_fouling_and_tolerance_reduce_fin_gap():
+    """Fouling reduces the cooling of narrow gaps most. A closed gap is invalid. The minimum gap increases."""
     dirty = replace(DRAWING, manufacture=Manufacture(tolerance=0.4e-3, fouling=0.8e-3))
     lost = []
     for sink in (SINK, replace(SINK, fins=12, thickness=1e-3, pitch=7e-3)):

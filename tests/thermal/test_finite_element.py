@@ -66,7 +66,8 @@ def insulated(section: Section) -> Section:
 # ----------------------------------------------------------------------------------------- closed forms
 
 
-def test_insulated_field_rises_by_power():
+def test_insulated_field_rise_is_closed_form():
+    """The temperature rise is the supplied heat divided by the heat capacity."""
     section = insulated(section_of(DRAWING))
     model = discretise(section, mesh_section(section, 0.016))
     course = simulate_field(model.equation, [Load(600.0, constant(80.0), 0.0)])
@@ -137,7 +138,7 @@ def test_perfect_conductor_rise_is_power_by_conductance():
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
 def test_section_capacity_equals_network_capacity(drawing: DamperDrawing):
-    """Volumes are counted twice, by annuli of zones and by triangles of a mesh."""
+    """The volumes are computed by two methods: from annuli of zones, and from triangles of a mesh."""
     model = build_field(drawing)
     expected = zone_network(drawing).total_capacity
     assert model.section.heat_capacity == pytest.approx(expected, rel=1e-12)
@@ -174,7 +175,7 @@ def test_surfaces_have_their_areas():
 
 @pytest.mark.system
 @pytest.mark.parametrize("longest_step", [60.0, 20.0])
-def test_field_energy_closes_at_any_step(longest_step: float):
+def test_field_energy_is_conserved_at_any_step(longest_step: float):
     loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
     course = heat_field(DRAWING, loads, size=0.016, longest_step=longest_step)[1]
     assert course.closure <= 1e-9
@@ -205,8 +206,8 @@ def test_symmetric_damper_has_symmetric_field(drawing: DamperDrawing):
 
 
 @pytest.mark.nightly
-def test_contact_resistance_causes_its_own_drop():
-    """The temperature drop from body to fins is heat flow times contact resistance divided by area."""
+def test_contact_resistance_causes_temperature_drop():
+    """The temperature difference between body and fins is heat flow times contact resistance / area."""
     assert SINK is not None
     contact = 4e-4
     with_it = DRAWING.with_sink(replace(SINK, contact=contact))

@@ -71,8 +71,8 @@ def without_losses(network: ThermalNetwork) -> ThermalNetwork:
 # ------------------------------------------------------------------------------------------------- limits
 
 
-def test_insulated_network_rises_by_power():
-    """The sum of all nodes agrees to 1e-6."""
+def test_insulated_network_rise_is_closed_form():
+    """The mean temperature rise is the supplied heat divided by the heat capacity, within 1e-6."""
     for drawing in (BARE, DRAWING):
         network = without_losses(zone_network(drawing))
         heated = simulate_network(network, [Load(600.0, constant(90.0))])
@@ -95,8 +95,11 @@ def test_one_node_follows_the_closed_form():
     assert heated.fluid - AMBIENT == pytest.approx(exact - AMBIENT, rel=1e-6, abs=1e-9)
 
 
-def test_fin_node_has_the_exact_heat(monkeypatch):
-    """For constant heat transfer without radiation the fin node is exact, also with contact resistance."""
+def test_fin_node_has_exact_heat_flow(monkeypatch):
+    """Without radiation and with constant heat transfer, the heat flow from body to fin is exact.
+
+    This also applies with a contact resistance.
+    """
     film = 14.0
     for module in (network_module, surfaces):
         monkeypatch.setattr(module, "fin_film", lambda _, kelvin: np.full(np.shape(kelvin), film))
@@ -124,7 +127,8 @@ def shell(inner: float, outer: float, conductivity: float, length: float) -> flo
 def heated(inner: float, outer: float, conductivity: float, length: float, *, cooled_outside: bool) -> float:
     """Return the resistance from the mean of an evenly heated annulus to its one cooled face [K/W].
 
-    The heat generated on the insulated side of a radius flows through it. The mean is weighted by area.
+    The heat generated between the insulated face and a radius flows through this radius. The mean is weighted
+    by area.
     """
     radius = np.linspace(inner, outer, 4001)
     passing = radius**2 - inner**2 if cooled_outside else outer**2 - radius**2
@@ -198,7 +202,7 @@ UPRIGHT = replace(
 
 
 @pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
-def test_network_and_elements_lose_the_same(drawing):
+def test_network_and_elements_have_equal_losses(drawing):
     """The losses agree for each path at any temperature. A corrected radius includes the rim of the fins."""
     network, model = zone_network(drawing), build_field(drawing, size=0.05)
     equation = model.equation
@@ -215,8 +219,8 @@ def test_network_and_elements_lose_the_same(drawing):
 
 
 @pytest.mark.parametrize("through", [True, False])
-def test_weak_mount_takes_its_whole_conductance(through):
-    """Heat flows into the mount along the rod and through the cap, in proportion to the conductances."""
+def test_mount_loss_is_divided_by_conductances(through):
+    """The heat flow to the mount is divided between rod and cap in proportion to their conductances."""
     held = replace(BARE, rod=replace(BARE.rod, through=through, mount=1e-6))
     network = zone_network(replace(held, surroundings=replace(BARE.surroundings, mount=0.0)))
     excess = float(network.grid[-1] - AMBIENT)
@@ -242,7 +246,7 @@ def test_weak_mount_takes_its_whole_conductance(through):
     start=st.floats(-20.0, 60.0),
     model=st.sampled_from([zone_network, lumped_network]),
 )
-def test_network_energy_closes_for_any_design(fins, width, air, step, start, model):
+def test_network_energy_is_conserved_for_any_design(fins, width, air, step, start, model):
     sink = None if fins == 0 else HeatSink(fins=fins, width=width, thickness=2e-3, pitch=0.02)
     drawing = replace(BARE.with_sink(sink), surroundings=replace(BARE.surroundings, air_speed=air))
     heated = simulate_network(model(drawing), [DUTY], longest_step=step, start=AMBIENT + start)
@@ -255,12 +259,12 @@ def test_network_steps_converge_with_second_order():
     network = zone_network(DRAWING)
     warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
         -1
-    ]  # past the start
+    ]  # state after the initial transient
     load = [Load(960.0, fading, 16.8)]
     exact = simulate_network(network, load, start=warm, longest_step=0.25).fluid[-1]
     errors = []
     for step in (16.0, 8.0, 4.0):
-        # steps that do not grow: each load begins with 1 s and grows by 1.4 to the longest
+        # The simulation increases its steps within a load. Loads of one step each give equal steps.
         pieces = [Load(step, fading, 16.8)] * round(960.0 / step)
         state = warm
         heated = heat_up_evenly(network, pieces, state)

@@ -51,7 +51,7 @@ def rise(work: LoopWork, drawing: DamperDrawing, minutes: float) -> Rise:
     return simulate_rise([work], drawing, duty, stop_at_limit=False)
 
 
-def test_rig_damper_takes_seventy_watts(work):
+def test_rig_damper_dissipates_seventy_watts(work):
     assert work.peak_at(293.15) == pytest.approx(1300.0, abs=1.0)
     assert work.power_at(293.15) == pytest.approx(73.4, abs=0.2)
 
@@ -76,9 +76,10 @@ def test_fluid_limit_is_passed_after_thirty_minutes(work):
 
 
 def test_paper_reduction_is_relative_to_temperature_rise(work):
-    """The 48.23 % refer to the rise above 20 degC. Relative to degC they would need 148.5 degC at 30 min.
+    """The reduction of 48.23 % refers to the rise above 20 degC.
 
-    A temperature of 148.5 degC after 30 min contradicts 140 degC after 35 min, because the curve rises.
+    If it referred to the temperature in degC, the damper without fins would have 148.5 degC after 30 min.
+    This contradicts 140 degC after 35 min, because the curve rises.
     """
     bare, finned = (rise(work, drawing, 30.0).fluid_degC[-1] for drawing in (BARE, FINNED))
     assert 100.0 * (bare - finned) / (bare - 20.0) == pytest.approx(48.23, abs=0.5)

@@ -111,7 +111,10 @@ def test_spring_dissipates_no_power():
 
 
 def test_aperiodic_motion_is_averaged():
-    """The tolerance is the effect of half a beat."""
+    """The mean power of two tones is the sum of the powers of both tones.
+
+    The tolerance is the error if the averaging time contains an additional half beat.
+    """
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
     exact = sum(0.5 * 3000.0 * (2.0 * math.pi * f * a) ** 2 for a, f in ((0.003, 1.0), (0.002, 1.5)))

@@ -1,4 +1,4 @@
-"""Altitude: thin air carries less heat away."""
+"""Altitude: air of low density removes less heat."""
 
 from __future__ import annotations
 

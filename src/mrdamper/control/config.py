@@ -103,9 +103,9 @@ class Actuation:
     freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
     hysteresis_width: float  # [A] half width of the magnetic hysteresis after the lags
-    hysteresis_weight: float  # [-] weight of the part of the field with this hysteresis, below 1
+    hysteresis_weight: float  # [-] weight of the part of the field with ``hysteresis_width``, below 1
     wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: none
-    wide_hysteresis_weight: float  # [-] weight of the part of the field with the wider hysteresis
+    wide_hysteresis_weight: float  # [-] weight of the part of the field with ``wide_hysteresis_width``
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +168,7 @@ class Faults:
 
     displacement_limit: float  # [m] maximum absolute displacement
     speed_limit: float  # [m/s] maximum absolute velocity
-    frozen_samples: int  # number of equal consecutive readings that is a fault
+    frozen_samples: int  # This number of equal consecutive readings is a fault.
     frozen_speed_min: float  # [m/s] Equal readings are a fault only if the previous speed was higher.
     coast_samples: int  # samples without displacement until the fall-back command is used
     recovery_samples: int  # samples with displacement until the fall-back ends

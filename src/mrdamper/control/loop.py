@@ -4,11 +4,11 @@ At sample k (time k P, with the sampling period P) the sensors are read and the 
 The driver rounds the current to its resolution and limits it to the range from 0 to the highest current.
 After the command delay, the driver holds this current for one sampling period. The damper is a ``Plant`` that
 follows the prescribed motion. The loop does not depend on the physics of the plant. The same scenario, damper
-and controller give the same run, bit for bit.
+and controller give bit-identical runs.
 
 Controllers made from cards run on virtual dampers in C (``core/binding/closed_loop.c``); one call computes
-several loops in parallel. All other controllers and plants run in Python, sample by sample. Both ways give
-identical bits.
+several loops in parallel. All other controllers and plants run in Python, sample by sample. The results are
+bit-identical.
 
 Arrays at the time steps of the plant, shape (n,), contain the value at the end of each step h, at the times
 h, 2 h, ..., n h.
@@ -149,7 +149,7 @@ def run_loops(
     """Run each controller in each scenario; return for each controller the runs of all scenarios.
 
     Every run starts with a copy of the plant in its present state. The scenarios may differ only in seed,
-    sensors and disturbance. Loops in C run in parallel and give the same bits as single runs. ``course`` is
+    sensors and disturbance. Loops in C run in parallel and are bit-identical to single runs. ``course`` is
     the motion and target at the time steps of the plant; if None, it is computed from the scenario.
 
     Raises

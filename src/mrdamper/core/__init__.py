@@ -215,8 +215,8 @@ def _runs(
 def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
     """Return the record of a trajectory for the kernel, with its turning points.
 
-    The record keeps the arrays of the trajectory alive. The implicit laws take no step longer than
-    ``longest_step`` [s].
+    The record keeps the arrays of the trajectory in memory. No integration step of the implicit laws is
+    longer than ``longest_step`` [s].
     """
     return Record(
         trajectory.step,

@@ -72,7 +72,8 @@ def doubles(array: FloatArray, name: str, *, write: bool = False) -> Any:  # noq
     ValueError
         If the array is not contiguous, or if it is read-only but C writes to it.
     """
-    dtype = array.dtype  # Identity is compared first because it is twice as fast. Unpickled types are copies.
+    # ``is`` is twice as fast as ``==``, but False for an unpickled array, whose type is an equal copy.
+    dtype = array.dtype
     if dtype is not _FLOAT64 and dtype != _FLOAT64:
         raise TypeError(f"{name} must be contiguous float64")
     return ffi.from_buffer(_DOUBLES, array, write)

@@ -153,7 +153,7 @@ class Tracker:
         if len(memory) == self._build.state_size:
             at = self._build.ffi.from_buffer(self._build.state, memory)
             is_sound = 0 <= at.newest_command < DELAY_MAX and 0 <= at.prediction_samples < STEPS_MAX
-            if is_sound:  # Both values are array indices, and the state may come from a file.
+            if is_sound:  # Both values are array indices in C, and a state from a file can be damaged.
                 return memory, at
         raise ValueError("this is not a controller's state")
 

@@ -23,7 +23,7 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map that describes how files were read, so that they can be read again in the same way."""
+    """A channel map that describes how files were read. With it, the files are read in the same way again."""
 
     document: Mapping[str, Any]
     comments: tuple[str, ...]  # differences between the files, which the map cannot express

@@ -129,7 +129,7 @@ class _Damper:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Errors of one controller on one target at one temperature, each the larger one of two noise seeds."""
+    """Largest errors of one controller on one target at one temperature, with two seeds of sensor noise."""
 
     controller: str
     target: str

@@ -1,4 +1,4 @@
-"""Posterior samples of the parameters of a card. They give predictions an interval.
+"""Posterior samples of the parameters of a card, from which jobs compute intervals of predictions.
 
 The posterior samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card
 itself contains the best fit. A hash of law and parameters in the file assigns the samples to their card.

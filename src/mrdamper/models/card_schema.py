@@ -325,7 +325,7 @@ def content_sha256(document: Json) -> str:
     The hash depends only on the values. A different layout of the file does not change it.
     """
     content = {key: value for key, value in document.items() if key not in _KEYS_OUTSIDE_HASH}
-    values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 are the same number.
+    values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 have the same hash.
     text = json.dumps(values, sort_keys=True, separators=(",", ":"))
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 

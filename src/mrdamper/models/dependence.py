@@ -231,7 +231,7 @@ class Hill:
         )
         log_h = np.log(half / self.reference)
         by_half = rise * (exponent / half) * (free_at_reference - free)
-        # The factor 0 outweighs log u (-inf) at zero command: the limit is 0.
+        # The logarithm of u is -inf at zero command, but its product with the rise has the limit 0.
         by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
         columns = [np.ones_like(base), rise, gain * by_half, gain * by_exponent]
         for sharpness in sharp:  # zero or one element

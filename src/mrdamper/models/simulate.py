@@ -161,7 +161,7 @@ def _admissible_coefficients(
     Raises
     ------
     InputError
-        If the law is not well posed with them at these displacements [m].
+        If the law is not well posed with these coefficients at the displacements [m].
     """
     found = damper.coefficients_at(command, temperature)
     violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))

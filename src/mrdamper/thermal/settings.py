@@ -48,7 +48,7 @@ class ThermalSettings:
     output_weight_W: float = 100.0
 
     # Kalman filter of the compact model
-    # The typical power of a damper without heat losses causes the following rise in the following time.
+    # The typical power heats a damper without losses by the first value [K] in the second value [s].
     typical_power_rise_K: float = 100.0
     typical_power_time_s: float = 1800.0
     # Standard deviations of power error and missing heat / typical power, and their correlation times

@@ -58,7 +58,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class FluidHeat:
-    """Effective heat transfer of the moving fluid."""
+    """Effective conductivities and conductance of the moving fluid."""
 
     gap: float  # effective conductivity in the gap [W/(m K)]
     chamber: float  # effective conductivity in the chambers [W/(m K)]

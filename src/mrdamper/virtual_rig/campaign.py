@@ -56,10 +56,10 @@ class Campaign:
 
     Motions have the format of ``motion_from_text``. A periodic motion is logged for whole periods, a chirp to
     its end, and any other motion for ``duration_s``. Held-out temperatures and motions that are not part of
-    the campaign are removed from the lists. Current steps are made during the motion ``steps_motion``; the
-    lags that are identified from them are valid near its speed (``identify.actuation``). The run with random
-    current and random motion is logged for twice ``duration_s``. Random current and random motion have a
-    different seed at every temperature.
+    the campaign are removed from the lists. The current steps are made during the motion ``steps_motion``.
+    Lags that are identified from these steps are valid near the speed of this motion
+    (``identify.actuation``). The run with random current and random motion is logged for twice
+    ``duration_s``. Random current and random motion have a different seed at every temperature.
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")

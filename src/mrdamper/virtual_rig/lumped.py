@@ -73,15 +73,15 @@ class LumpedDamper:
     # yield force and pre-yield stiffness
     yield_N: Positive = 12.0  # Fy0: yield force without field
     yield_field_N: NotNegative = 1300.0  # Fym: additional yield force at g = 1
-    yield_loss_per_K: NotNegative = 0.0014  # kT: relative loss of yield force and stiffness due to the field
+    yield_loss_per_K: NotNegative = 0.0014  # kT: relative loss of the parts Fym and s1 per kelvin
     low_field_loss: NotNegative = 0.3  # kx: at low field, the loss increases to kT (1 + kx (1 - g))
     stiffness_N_m: Positive = 1.2e6  # s0: stiffness without field
     stiffness_field_N_m: NotNegative = 5e6  # s1: additional stiffness at g = 1
     spread: Annotated[float, Option(least=0.0, most=0.5)] = (
-        0.15  # weights of the bristles with 1/4 and 4 times the stiffness
+        0.15  # weight of each of the bristles with 1/4 and 4 times the stiffness
     )
     asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
-        0.015  # relative increase of the yield force in extension, and decrease in compression
+        0.015  # relative increase of the yield force in extension, equal to the decrease in compression
     )
     position: NotNegative = 0.0  # relative increase of the yield force at x = 5 mm; proportional to x^2
     # viscous force

@@ -94,8 +94,8 @@ class SeriesTables:
     """The tables of a series valve or a chain."""
 
     yield_force: FloatArray  # values of ``PLANES``, shape (1 or planes, temperatures, COMMAND_COUNT)
-    # Coefficients in the order of ``CHAIN`` and ``OF_CHAIN``, shape (temperatures, n). Those in ``_INVERTED``
-    # are reciprocals.
+    # Coefficients in the order of ``CHAIN`` and ``OF_CHAIN``, shape (temperatures, n). Coefficients in
+    # ``_INVERTED`` are stored as reciprocals.
     chain: FloatArray
     thinning: Power
     leak: Power

@@ -61,7 +61,7 @@ __all__ = ["WRITTEN", "HeatSink", "choices", "run_formats"]
 
 
 def choices() -> dict[str, object]:
-    """Return all names that the options of jobs accept, with titles and units if available."""
+    """Return the names (of laws, fluids, ...) that job options accept, with titles and units if available."""
     return {
         "laws": [
             {"name": "auto", "title": "compare all, take the best"},

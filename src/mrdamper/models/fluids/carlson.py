@@ -1,4 +1,4 @@
-"""Yield stress of an MR fluid over the magnetic field, and its magnetisation curve, after Carlson.
+"""Yield stress and flux density of an MR fluid versus magnetic field strength, after Carlson.
 
     tau(H) = tau_s tanh(H / H_s)        tau_s = C 271700 Pa phi^1.5239,  1 / H_s = 6.33e-6 m/A
     B(H) = 1.91 phi^1.133 [1 - exp(-10.97 mu0 H)] + mu0 H                (B, mu0 H in tesla)

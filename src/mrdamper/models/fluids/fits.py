@@ -1,4 +1,4 @@
-"""Fits of rheometer tables: viscosity over temperature, yield stress over field and temperature.
+"""Fits of rheometer tables: viscosity versus temperature, yield stress versus field and temperature.
 
 All laws are fitted by ``scipy.optimize.curve_fit`` to the logarithm, because the error of a rheometer is a
 percentage. Of several laws, the law with the smallest Akaike criterion (AICc) is used. Standard errors

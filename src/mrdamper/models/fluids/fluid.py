@@ -1,4 +1,4 @@
-"""An MR fluid: viscosity and yield stress over temperature and field, with its properties and its source.
+"""An MR fluid: viscosity and yield stress versus temperature and field, further properties, and source.
 
 ``fluid_file`` reads and writes the presets and the TOML file of a user's fluid (docs/fluid.md). The laws of
 temperature are in ``models.temperature``, the law of the field is in ``carlson``, the fits of rheometer

@@ -175,7 +175,7 @@ class _NetworkFit:
         self, curve: HeatingCurve, drawing: DamperDrawing, loads: Sequence[Load], model: Model
     ) -> None:
         self._curve, self._drawing, self._loads, self._model = curve, drawing, loads, model
-        # If the power is wrong, fitted heat capacity and losses are wrong by the same factor.
+        # An error of the power changes the fitted heat capacity and losses by the same factor.
         covariance = np.diag([PRIOR.capacity**2, PRIOR.loss**2]) + PRIOR.power**2
         self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         self._as_drawn = self._logarithms(self._network(np.zeros(3)))

@@ -58,11 +58,11 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
     Notes
     -----
-    For phi = 1 it is the correlation of Tsubouchi and Masuda (1970) for long fins, quoted by Raithby and
-    Hollands (handbook chapter). We could not read either source. For Ra -> 0 it becomes Ra / (6 pi), which is
-    developed flow between discs without a tube. With a tube, phi is the ratio of the heat flow to this heat
-    flow, for potential flow in the annulus with zero pressure at the rim and no flow through the tube wall.
-    For thin layers (Ra -> infinity), phi has no effect.
+    For phi = 1 the equation is the correlation of Tsubouchi and Masuda (1970) for long fins, quoted by
+    Raithby and Hollands (handbook chapter). We could not read either source. For Ra -> 0 the equation becomes
+    Ra / (6 pi), which is developed flow between discs without a tube. With a tube, phi is the ratio of the
+    heat flow to this heat flow, for potential flow in the annulus with zero pressure at the rim and no flow
+    through the tube wall. For thin layers (Ra -> infinity), phi has no effect.
     """
     number = np.asarray(rayleigh_gap, dtype=np.float64)
     if not (np.isfinite(number) & (number >= 0.0)).all():

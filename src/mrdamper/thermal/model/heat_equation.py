@@ -105,7 +105,10 @@ class Cooling:
         return flux, slope
 
     def by_path(self, fluxes: FloatArray, area: FloatArray) -> FloatArray:
-        """Return the heat flow through each path [W], shape (paths,), from fluxes of shape (3, p)."""
+        """Return the heat flow through each path of ``network.PATHS`` [W], shape (paths,).
+
+        ``fluxes`` are those of the method ``fluxes``, shape (3, p). ``area`` are the areas of the p points.
+        """
         return np.asarray(self._sort @ (fluxes * area).ravel())
 
     def refusal(self, theta: FloatArray) -> EnvelopeError:

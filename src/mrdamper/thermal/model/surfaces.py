@@ -181,9 +181,9 @@ def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
 def _over_temperature(
     films: Callable[[FloatArray], list[FloatArray]], surface_K: ArrayLike
 ) -> list[FloatArray]:
-    """Return coefficients at all temperatures by Chebyshev interpolation between a few computed ones.
+    """Return heat-transfer coefficients at all temperatures, interpolated between a few computed ones.
 
-    Coefficients of forced convection are smooth, so that the relative error is below 1e-6.
+    The error of the Chebyshev interpolation is below 1e-6 because forced convection is smooth in temperature.
     """
     kelvin = np.asarray(surface_K, dtype=np.float64)
     if kelvin.size <= FORCED_POINT_COUNT_MAX:

@@ -103,7 +103,7 @@ class SinkDesign:
 class HeatedDamper:
     """A damper and its loads, for the evaluation of heat sinks.
 
-    ``pattern`` is a heat sink with the properties that all evaluated heat sinks have in common.
+    ``pattern`` contains the properties that all evaluated heat sinks have in common, such as the emissivity.
     """
 
     drawing: DamperDrawing
