@@ -18,7 +18,7 @@ from tests.support.campaigns import SINE, fields_of_run, make_run
 NOISY: dict[str, Any] = {"noise": 1.5e-6, "quantum": 3e-6}
 
 
-def test_clean_run_keeps_its_motion():
+def test_smoothing_does_not_change_clean_motion():
     prepared = prepare_run(make_run(SINE))
     path = prepared.trajectory
     assert prepared.cutoff_Hz == pytest.approx(500.0)

@@ -128,7 +128,7 @@ LOGGER_MAP = {
 }
 
 
-def test_loggers_text_holds_several_tests(tmp_path):
+def test_logger_text_with_events_gives_several_runs(tmp_path):
     (tmp_path / "ME10mm.txt").write_text(_logger_text(3))
     runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))
     assert [run.name for run in runs] == ["ME10mm_0.00A", "ME10mm_0.50A", "ME10mm_0.50A_2"]

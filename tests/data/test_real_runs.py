@@ -64,7 +64,7 @@ def test_motion_label_does_not_depend_on_current(dev):
     assert chirps == {"chirp 2 mm 0.4-15 Hz"}
 
 
-def test_smoothing_removes_only_sensor_steps(dev):
+def test_smoothing_removes_only_sensor_noise(dev):
     """The removed part of the displacement is white: 3 um resolution and 1.5 to 2.3 um rms of noise."""
     for run in dev.select("utfsm_*"):
         prepared = prepare_run(run)

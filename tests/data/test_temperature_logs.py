@@ -263,7 +263,7 @@ def test_gap_of_log_is_not_bridged(tmp_path):
     assert [run.temperature is not None for run in read_each(tmp_path).runs] == [True, False, True]
 
 
-def test_measured_temperature_has_priority(tmp_path):
+def test_temperature_of_run_has_priority_over_log(tmp_path):
     texts(lambda start: f"Start: {start:%Y-%m-%d %H:%M:%S}\nOil temperature: 60 degC\n{SECONDS}")(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)

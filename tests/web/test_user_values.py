@@ -201,7 +201,7 @@ def test_chosen_runs_stay_on_the_model(page):
     expect(page.locator("#chosen-runs summary")).to_have_text(words)
 
 
-def test_tracked_controller_is_exported_for_the_platform(page):
+def test_tracked_controller_is_preselected_for_export(page):
     """Tracking offers controllers that the card supports. Export preselects the tracked controller."""
     plants = {}
     for card in ("own", "simulated", "chain", "late"):

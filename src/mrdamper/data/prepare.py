@@ -42,7 +42,7 @@ class Preparation:
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.
-    thermocouple_lag_s: NotNegative = 0.0  # Compensated if temperature drifts.
+    thermocouple_lag_s: NotNegative = 0.0  # of the thermocouple; compensated if the temperature drifts
 
     def __post_init__(self) -> None:
         is_unfiltered = self.cutoff_Hz == math.inf

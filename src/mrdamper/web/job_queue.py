@@ -167,7 +167,7 @@ class JobQueue:
                 self._settle(self.record(job_id), code, cancelled=work.cancelled)
 
     def _settle(self, record: JobRecord, code: int | None, *, cancelled: bool) -> None:
-        """Write the end of a job whose process did not write it."""
+        """Record the final state of a job whose process has ended without recording it."""
         with suppress(InputError, OSError):
             if not record.read().has_ended:
                 next_step = _next_step(record)

@@ -122,7 +122,10 @@ class _Tree:
 
 
 def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
-    """Return True if the numbers of a data set are in the file itself. MATLAB's [] stores only its shape."""
+    """Return True if the file contains the numbers of a data set.
+
+    False for external and virtual data sets, and for an empty array of MATLAB, which stores only its shape.
+    """
     if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty"):
         return False
     return bool(item.nbytes <= SETTINGS.unpacked_ratio_max * item.id.get_storage_size())

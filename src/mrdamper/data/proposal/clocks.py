@@ -284,7 +284,7 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
 
 
 def _ticks_per_second(name: str, table: Table) -> float | None:
-    """Return the units of the time column per second, None unless the file states a single rate."""
+    """Return the increase of a time column per second, None unless the file states one sampling rate."""
     rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
     steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
     return float(np.median(steps)) * rates[0] if len(steps) else None

@@ -89,7 +89,7 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Answer of the user about one role in all files or in files that match a pattern."""
+    """Answer of the user to a question about a role, for all files or for files that match a pattern."""
 
     role: str
     topic: Topic

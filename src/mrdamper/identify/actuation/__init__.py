@@ -1,8 +1,7 @@
 """Identify the actuation, which is the delay, lags and hysteresis between command and force.
 
-Runs with a changing command are required.
-The hysteresis law of the damper is fitted to runs with constant command before, and does not change here. The
-entry points are
+Runs with a changing command are required. The hysteresis law of the damper is fitted first, to runs with
+constant command; the fit of the actuation does not change it. The entry points are
 
 1. ``fit_actuation``: delay, rise, fall and second lag (``least_squares``), from step responses if the command
    is held between its steps (``step_responses``), otherwise from whole runs; then the magnetic hysteresis

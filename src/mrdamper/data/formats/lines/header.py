@@ -255,7 +255,7 @@ def _are_units(words: Sequence[str]) -> bool:
 
 
 def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
-    """Return True if a row holds units followed by settings: ``Sequence,mm,N,0.0,0.005``."""
+    """Return True if a row begins with units and ends with numbers, such as ``Sequence,mm,N,0.0,0.005``."""
     if numbers == len(fields):
         return False
     words = [text for text in fields if text and not count_numbers([text])]
