@@ -10,6 +10,7 @@ from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.repeatability import repeatability
 from mrdamper.data.prepare import decimate, prepare_run
 from mrdamper.data.readers import read_run, read_runs
+from tests.data.test_diagnosis import size_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -110,15 +111,15 @@ def test_real_runs_have_only_known_findings(dev):
     assert {finding.kind for finding in found} == {
         "force_offset", "force_level_changes", "position_drift", "poor_repeatability", "force_noise",
     }  # fmt: skip
-    offsets = {f.run: f.size for f in found if f.kind == "force_offset"}
+    offsets = {f.run: size_of(f) for f in found if f.kind == "force_offset"}
     assert all(24.0 < size < 60.0 for run, size in offsets.items() if "utfsm" in run)
     assert all(98.0 < size < 140.0 for run, size in offsets.items() if "utfpr" in run)
     assert sum("utfpr" in run for run in offsets) == 26
-    grows = {f.run: f.size for f in found if f.kind == "force_level_changes"}
+    grows = {f.run: size_of(f) for f in found if f.kind == "force_level_changes"}
     assert grows.pop("utfsm_sine_25mm0p25Hz_1.00A") == pytest.approx(6.0, abs=0.6)
     assert all("0.00A" in run and size < 0.0 for run, size in grows.items())
     drifts = [f for f in found if f.kind == "position_drift"]
     assert {f.run[:5] for f in drifts} == {"utfpr"}
-    assert all(abs(f.size) < 3.5e-3 for f in drifts)
-    assert all(5.0 < f.size < 12.0 for f in found if f.kind == "poor_repeatability")
+    assert all(abs(size_of(f)) < 3.5e-3 for f in drifts)
+    assert all(5.0 < size_of(f) < 12.0 for f in found if f.kind == "poor_repeatability")
     assert list(compare(dev.runs)) == []
