@@ -133,7 +133,7 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
 _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "time": {"S": "s", "SEC": "s", "мс": "ms"},
-        "displacement": {"MM": "mm", "CM": "cm", "IN": "in"},
+        "displacement": {"MM": "mm", "CM": "cm", "IN": "in", "M": "m"},
         "velocity": {"MM/S": "mm/s", "M/S": "m/s", "IN/S": "in/s", "mps": "m/s", "ips": "in/s"},
         "force": {
             "KN": "kN",

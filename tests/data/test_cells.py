@@ -47,8 +47,8 @@ def test_text_is_split_at_delimiters(rows, delimiter, decimal, count, end):
             for text, value in zip(texts, numbers, strict=True)
             if text and text not in MISSING_MARKS and value is None
         ]
-        assert cells.texts() == texts
-        assert np.array_equal(cells.numbers(), np.array(numbers, dtype=float), equal_nan=True)
+        assert cells.texts == texts
+        assert np.array_equal(cells.numbers, np.array(numbers, dtype=float), equal_nan=True)
         assert (cells.bad, cells.filled) == (
             len(bad),
             sum(bool(text) and text not in MISSING_MARKS for text in texts),

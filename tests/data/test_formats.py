@@ -15,8 +15,9 @@ from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_file, read_run, read_runs
-from mrdamper.data.tables import read_table
+from mrdamper.data.tables import decoding, read_table
 from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.interrupts import Interrupted
 from tests.data.rig_files import (
     RUN,
     WRITERS,
@@ -281,3 +282,23 @@ def test_example_map_reads_mat_matrix(tmp_path):
     savemat(tmp_path / "run.mat", {"data": np.column_stack(list(in_rig_units().values()))})
     (run,) = read_run(tmp_path / "run.mat", EXAMPLES / "matrix_mat.toml")
     assert run.force == pytest.approx(RUN.force, abs=1e-9)
+
+
+@pytest.mark.parametrize("interrupt", [KeyboardInterrupt, Interrupted])
+def test_interrupt_passes_through_decoding(tmp_path, interrupt):
+    """An interrupt is not a damaged file."""
+    with pytest.raises(interrupt), decoding(tmp_path, "MAT"):
+        raise interrupt
+
+
+def test_interrupt_replaced_by_library_is_raised(tmp_path):
+    """A library may replace an interrupt by its own exception."""
+
+    def replace_interrupt():
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise ValueError("callback failed") from error
+
+    with pytest.raises(KeyboardInterrupt), decoding(tmp_path, "MAT"):
+        replace_interrupt()

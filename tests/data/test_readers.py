@@ -140,7 +140,8 @@ def test_loggers_text_holds_several_tests(tmp_path):
         assert run.force == pytest.approx(RUN.force, abs=1e-5)
 
 
-def test_event_count_must_equal_command_count(tmp_path):
+def test_segment_count_must_equal_command_count(tmp_path):
+    """The map has one command for each segment of the file; an event in the log begins a segment."""
     (tmp_path / "log.txt").write_text(_logger_text(2))
     with pytest.raises(InputError, match=r"'Resume' splits the file into 2 tests, \[segments\] has 3"):
         read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))

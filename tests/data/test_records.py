@@ -103,7 +103,7 @@ def test_split_is_complete_and_disjoint():
         runs.split(["*"])
 
 
-def test_fingerprint_does_not_depend_on_order():
+def test_fingerprint_is_independent_of_run_order():
     runs = _set_of("a", "b")
     assert runs.fingerprint == Dataset(runs.runs[::-1]).fingerprint
     assert len(runs.fingerprint) == 64

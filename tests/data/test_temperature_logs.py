@@ -212,8 +212,8 @@ def test_offsets_from_utc_are_compared(tmp_path, runs):
     assert_warm(read_each(tmp_path))
 
 
-def test_tdms_of_utc_needs_zone(tmp_path):
-    """TDMS states UTC. A long log in local time of an unknown zone could give a wrong temperature."""
+def test_log_without_zone_is_unused_for_tdms(tmp_path):
+    """The run starts at a time in UTC. A log in local time can be used only if its zone is known."""
     tdms(tmp_path)
     iso_log(tmp_path, logged(LOG_BEGIN - timedelta(hours=3), 400.0))
     read = read_each(tmp_path)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import json
+import tarfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -89,6 +91,26 @@ def packed(folder: Path) -> None:
         (folder / f"run_{current}A.csv.gz").write_bytes(gzip.compress(text.encode()))
 
 
+def tape(folder: Path) -> None:
+    with tarfile.open(folder / "day.tar.xz", "w:xz") as file:
+        for name, run in zip(NAMES, RUNS, strict=True):
+            text = (FULL + table(*columns(run))).encode()
+            member = tarfile.TarInfo(f"{name}.csv")
+            member.size = len(text)
+            file.addfile(member, io.BytesIO(text))
+
+
+def units_in_a_document(folder: Path) -> None:
+    for name, run in zip(NAMES, RUNS, strict=True):
+        write(folder, f"{name}.csv", "t,pos,cell,coil\n" + table(*columns(run)))
+    write(folder, "README.txt", "Columns: t in s, pos in mm, cell in N and coil [A].\n")
+
+
+def one_table_of_all_runs(folder: Path) -> None:
+    rows = [f"{k},{line}\n" for k, run in enumerate(RUNS) for line in long(run).splitlines()[1:]]
+    write(folder, "all.csv", "run,time_s,channel,value,unit\n" + "".join(rows))
+
+
 def mat4(folder: Path) -> None:
     from scipy.io import savemat
 
@@ -104,6 +126,15 @@ def a_file_for_each_channel(folder: Path) -> None:
             ("displacement", "force", "current"), ("mm", "N", "A"), values, strict=True
         ):
             write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
+
+
+def files_of_channels_named_by_current(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        t, *values = columns(run)
+        for name, unit, value in zip(("displacement", "force"), ("mm", "N"), values, strict=False):
+            write(
+                folder, f"{k}x_{run.command[0]:.2f}A_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value)
+            )
 
 
 def a_folder_for_each_run(folder: Path) -> None:
@@ -154,6 +185,11 @@ def bystanders(folder: Path) -> None:
     head = "Time [s],Cycle,Force max [N],Force min [N],Temperature [°C]\n"
     write(folder, "cycles.csv", head + table(*np.ones((5, 1)) * np.arange(60.0)))
     write(folder, "heater.log", table(*np.ones((3, 1)) * np.arange(60.0), sign=" "))
+    write(
+        folder,
+        "gas.csv",
+        "Time (s),Pressure (bar),Gas force (N)\n" + table(*np.ones((3, 1)) * np.arange(60.0)),
+    )
     write(folder, "notes.md", "# Notes\n\nforce cell changed\n")
     write(
         folder,
@@ -206,13 +242,34 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "list_in_yaml": listed(
         "runs.yaml", lambda name, i: f"  - file: {name}.csv\n    coil_current_A: {i}\n", "runs:\n"
     ),
+    "numbers_in_sentences": listed(
+        "protocol.txt", lambda name, i: f"Run {int(name[-2:])}: coil {i} A, 2 Hz\n", "Force cell zeroed.\n"
+    ),
+    "sections_of_settings": listed(
+        "tests.ini", lambda name, i: f"[{name}]\nfrequency_Hz = 2\ncoil_current_A = {i}\n\n"
+    ),
     "numbers_of_runs": listed(
         "list.csv",
         lambda name, i: f"{int(name[-2:])};{i};\n".replace(".", ","),
         "Test no.;Current [A];Remark\n",
     ),
     "long": each(long),
+    "one_table_of_all_runs": one_table_of_all_runs,
+    "units_in_a_document": units_in_a_document,
+    "disconnected_cell": each(
+        lambda run: (
+            FULL.replace("force_N", "force cell 1 [N],force cell 2 [N]")
+            + table(run.time, 1e3 * run.displacement, 1e-3 * run.force, run.force, run.command)
+        )
+    ),
+    "step_in_a_row_of_the_channel": each(
+        lambda run: (
+            "Nr;Name;Unit;Factor;Interval [s]\n1;Stroke;mm;1;0.005\n2;Load;N;1;0.005\n3;Coil;A;1;0.005\n\n"
+            + table(*columns(run)[1:], sign=";")
+        )
+    ),
     "files_of_channels": a_file_for_each_channel,
+    "files_of_channels_named_by_current": files_of_channels_named_by_current,
     "folders_of_channels": a_folder_for_each_run,
     "files_of_one_column": files_without_time,
     "channels_in_rows": each(
@@ -231,6 +288,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         )
     ),
     "archive": archive,
+    "tape": tape,
     "packed": packed,
     "mat4": mat4,
     "log": each(lambda run: FULL + table(*columns(run)), "run_{}.log"),
@@ -299,6 +357,18 @@ def test_settings_file_gives_current_of_run(tmp_path):
     assert sorted(float(run.command[0]) for run in runs) == [i for i in CURRENTS for _ in range(2)]
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["Run 1: 0.25 A, run 2: 0.5 A", "All tests: limit 2 A", "Coil supply: type 400, 5 A", "First test 2 A"],
+)
+def test_statement_without_single_run_is_ignored(tmp_path, text):
+    """A sentence that names several runs, a limit or a rating does not state the current of a run."""
+    bare(tmp_path)
+    write(tmp_path, "notes.txt", f"{text}\n")
+    with pytest.raises(AskingError, match="no current or voltage"):
+        read_runs(tmp_path)
+
+
 def test_contradictory_run_list_requires_an_answer(tmp_path):
     write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
     write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
@@ -344,6 +414,6 @@ def test_archived_run_states_archive_and_file(tmp_path):
 def test_unrelated_files_are_listed(tmp_path):
     bystanders(tmp_path)
     found = {finding.run for finding in read_each(tmp_path).findings if finding.kind == "no_run"}
-    assert found == {"results.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}
+    assert found == {"results.csv", "gas.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}
     assert len(read_runs(tmp_path)) == len(RUNS)
     assert len(RUNS[0]) == N

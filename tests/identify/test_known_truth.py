@@ -61,7 +61,7 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_twenty_noisy_campaigns_recover_parameters(law: str) -> None:
-    """One miss in twenty is 5 %, which is allowed for one sample but not for two."""
+    """At most one of twenty estimates of a parameter deviates by more than 3 standard errors."""
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     _, free = template(law, simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0))

@@ -30,7 +30,7 @@ def read(test: str) -> tuple[float, float, float, float]:
     return 1e-3 * amplitude_mm, frequency_Hz, current_A, reduction_percent
 
 
-def test_proposed_tests_stay_inside_runs() -> None:
+def test_proposed_tests_stay_in_measured_range() -> None:
     runs = simulate_runs(TRUTH, noise=0.02, seed=0)
     damper, free = template("bouc-wen", runs)
     problem = FitProblem(damper, free, runs)

@@ -255,7 +255,7 @@ def test_unsuitable_map_is_not_saved(clean, tmp_path):
     assert "force" in refused.json()["error"]  # The message suggests the nearest name.
 
 
-def test_model_uses_samples_of_run(clean, runs, tmp_path):
+def test_model_is_plotted_at_run_samples(clean, runs, tmp_path):
     """The error of the drawn samples equals the error of ``mrdamper evaluate``."""
     root, client = clean
     shutil.copy(runs[3], root / "runs")

@@ -98,9 +98,7 @@ class Channel(ChannelTable):
             found = [k for k, name in enumerate(names) if fnmatchcase(name, wanted)]
         if len(found) > 1:
             raise InputError(
-                place=where,
-                found=f"{wanted!r} is {len(found)} columns",
-                remedy="Give its index",
+                place=where, found=f"{wanted!r} is {len(found)} columns", remedy="Give its index"
             )
         if not found:
             raise InputError(

@@ -245,9 +245,7 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
 def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> None:
     if measured is None:
         raise InputError(
-            place=run.name,
-            found="no velocity channel",
-            remedy="Derive it from the displacement",
+            place=run.name, found="no velocity channel", remedy="Derive it from the displacement"
         )
     differs = float(np.std(measured - derived) / np.std(derived))
     if not differs < _VELOCITY_DIFFERENCE_MAX_RATIO:

@@ -31,7 +31,7 @@ _GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})  # Programs write any object 
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """An unreadable file and its error. The error has questions if answers would make the file readable."""
+    """An unreadable file and its error. ``questions`` are the items that the user can supply to read it."""
 
     path: Path
     fault: InputError
@@ -89,6 +89,7 @@ def read_file(
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
     stated: Sequence[Place] = (),
+    notes: Sequence[str] = (),
 ) -> RigFile:
     """Return the unchecked recordings in one file, and the interpretation of the file.
 
@@ -99,12 +100,13 @@ def read_file(
     Parameters
     ----------
     stated : lines of documents about the file
+    notes : all lines of documents, which may explain columns and the sampling rate
     """
     file = Path(path)
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
-    return runs_in(read_tables(file, chosen.file), chosen, file, stated=stated)
+    return runs_in(read_tables(file, chosen.file), chosen, file, stated=stated, notes=notes)
 
 
 def read_each(
@@ -152,14 +154,17 @@ def _read_all(
         path for path in given if is_folder(path)
     }
     documents = read_documents(files, sorted(folders))
-    stating = {document.path for document in documents}
+    stating = {document.path for document in documents if document.lines}
     for path in (*frames, *(path for path in files if path not in stating)):
         try:
             if path in frames:
                 read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path.name))))
             else:
                 stated = [place for document in documents for place in document.places(path)]
-                read.append((path, read_file(path, chosen, answers, stated)))
+                notes = [
+                    line for each in documents if each.path.parent in path.parents for line in each.whole
+                ]
+                read.append((path, read_file(path, chosen, answers, stated, notes)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
     joined, members = join_channel_files([item.path for item in unreadable], load_map(chosen), answers)
@@ -186,7 +191,7 @@ def _read_all(
         if may_be_runs and _is_ignored(item, given | {*frames}, {*_GENERIC_SUFFIXES} - objects)
     ]
     faulty = tuple(item for item in unreadable if item not in ignored)
-    stating_findings = (document.finding for document in documents)
+    stating_findings = (document.finding for document in documents if document.lines)
     folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
     return ReadFiles(tuple(read), faulty, runs, folder_findings)
 

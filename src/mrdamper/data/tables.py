@@ -84,12 +84,10 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """
     with _reading(path):
         known = _recognise_format(path)
-    if known.read in _TEXTS:
-        with _reading(path):
-            table = known.read(path, options or FileOptions())
-    else:
-        with decoding(path, known.name):
-            table = known.read(path, options or FileOptions())
+    is_text = known.read in _TEXTS
+    with _reading(path) if is_text else decoding(path, known.name):
+        table = known.read(path, options or FileOptions())
+    if not is_text:
         table = replace(
             table,
             columns=_decode_on_use(table.columns, path, known.name),
@@ -117,8 +115,8 @@ def _reading(path: Path) -> Iterator[None]:
 def decoding(path: Path, what: str) -> Iterator[None]:
     """Convert each exception of a library that decodes a binary file into one ``InputError``.
 
-    The libraries raise undocumented exceptions on damaged bytes, and a panic of Polars is not a subclass of
-    ``Exception``. Messages and logs of the libraries describe their own code and do not help the user.
+    The libraries raise undocumented exceptions on damaged bytes. Their messages and logs describe their own
+    code and do not help the user. Interrupts pass.
     """
     loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
     loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
@@ -127,11 +125,16 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
-    except (MrdamperError, KeyboardInterrupt, SystemExit, GeneratorExit):
+    except MrdamperError:
         raise
     except MemoryError as error:
         raise InputError(place=path, found=_TOO_LARGE) from error
     except BaseException as error:
+        if isinstance(error.__context__, KeyboardInterrupt):  # The library replaced the interrupt.
+            raise error.__context__ from None
+        # A panic of Polars is not an Exception.
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
         raise InputError(
             place=path,
             found=f"not a readable {what} file: it is damaged, cut off, or of an unknown version",

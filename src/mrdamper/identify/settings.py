@@ -38,7 +38,7 @@ class FitSettings:
     # Unit distances for the selection of windows: two windows with one of these differences have distance 1
     size_ratio: float = 1.3  # ratio of amplitudes or speeds
     position_step: float = 0.2  # difference of the mean positions, divided by the stroke
-    current_step: float = 0.1  # difference of the currents, divided by the largest current
+    current_step: float = 0.1  # difference of the mean currents, divided by the largest current
     temperature_step_K: float = 10.0
     time_step: float = 1.0  # difference of the times, divided by the length of the run
 
@@ -133,7 +133,7 @@ class NumericalSettings:
     condition_command_count: int = 17  # commands at which conditions are enforced
     condition_temperature_count: int = 3
     limit_command_count: int = 1001  # currents at which the coefficients of a fitted damper are checked
-    reported_change_min: float = 1e-3  # change of a coefficient / its maximum
+    reported_change_min: float = 1e-3  # change of a coefficient by its limit, divided by its maximum
     bisection_count: int = 40
     # Relative change of the valve force by the position gain at the end of the stroke; 1 changes the sign
     position_change_max: float = 0.99

@@ -359,7 +359,7 @@ def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
 
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
-    """Return the coefficients of a law that are always fitted; a law in Python defines their bounds."""
+    """Return the coefficients of a law that are always fitted. A law of the user defines their bounds."""
     return _BASES[law.name] if law.kernel is not None else _base_of_python_law(law)
 
 

@@ -7,17 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamper.data.diagnosis.mechanics import find_drift, find_force_lag, find_force_offset, find_wrong_sign
-from mrdamper.data.diagnosis.resolution import (
-    find_few_samples,
-    find_interference,
-    find_noise,
-)
-from mrdamper.data.diagnosis.sensors import (
-    find_clipping,
-    find_coarse_steps,
-    find_spikes,
-    find_stuck_sensors,
-)
+from mrdamper.data.diagnosis.resolution import find_few_samples, find_interference, find_noise
+from mrdamper.data.diagnosis.sensors import find_clipping, find_coarse_steps, find_spikes, find_stuck_sensors
 from mrdamper.data.diagnosis.timing import find_lost_samples, find_phase_jumps
 from mrdamper.data.finding import Finding, severity_rank
 from mrdamper.data.prepare import PreparedRun, prepare_run

@@ -25,9 +25,12 @@ LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start
 
 _STEP = re.compile(
     r"(wf ?|x ?|time ?)?incr(ement)?|d[tx]|delta ?[tx]|((sampl\w*|scan|time) ?)?interval"
-    r"|(sampl\w*|scan|time) ?(period|step|time)|[xht] ?(step|resolution|interval)"
+    r"|(sampl\w*|scan|time) ?(period|step|time)|abtast(zeit|intervall|schritt)"
+    r"|[xht] ?(step|resolution|interval)"
 )
-_RATE = re.compile(r"fs|f s|rate|(sampl\w*|scan|acqui\w*|data|daq) ?(rate|freq\w*)")
+_RATE = re.compile(
+    r"fs|f s|rate|(sampl\w*|scan|acqui\w*|data|daq) ?(rate|freq\w*)|(abtast|mess)(rate|frequenz)"
+)
 _START = re.compile(
     r"(wf )?(start|begin)( ?time)?|[tx] ?0|(t|x|time) start|(trigger|first( sample)?) time|timestamp"
 )

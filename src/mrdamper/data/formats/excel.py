@@ -18,7 +18,7 @@ from typing import Any
 from mrdamper.data.formats.lines.encodings import TextInMemory
 from mrdamper.data.formats.lines.header import find_data, find_decimal, holds_samples
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Table, load_extra
+from mrdamper.data.formats.table import FileOptions, NoTableError, Table, load_extra
 from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
@@ -52,7 +52,7 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
             found.append((name, lines, chain(above, rows)))
     found = [each for each in found if holds_samples(each[1], "\t")] or found
     if not found:
-        raise InputError(
+        raise NoTableError(
             place=path,
             found=f"no sheet with rows of numbers in {', '.join(map(repr, names))}",
             expected="one",
@@ -105,7 +105,7 @@ def _require_harmless(path: Path) -> None:
         if "content.xml" in names:
             raise InputError(place=path, found="is an OpenDocument file: save its sheet as .xlsx or CSV")
         if "xl/workbook.xml" not in names:
-            raise InputError(
+            raise NoTableError(
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )
         if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:

@@ -144,7 +144,7 @@ def _names_a_channel(name: str) -> bool:
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the groups that contain recordings of the same channels, named like ``options.part``.
+    """Return the groups that record the same channels, as values for ``FileOptions.part``.
 
     ``paths`` are the paths of the channels. The result is empty if no two groups have the same channels.
     """

@@ -24,7 +24,8 @@ SKIPPED = "skipped: "
 """First word of a note in a layout that lists values which cannot be read."""
 MISSING_MARKS = (
     *("-", "--", "---", "*", "***", "#NV", "#N/A", "#NA"),
-    *("N/A", "n/a", "NA", "null", "NULL", "None"),
+    *("N/A", "n/a", "NA", "null", "NULL", "None", "OVERFLOW", "Overflow", "OVL", "OL", "ERROR", "INVALID"),
+    *("#WERT!", "#VALUE!", "#VALEUR!", "#DIV/0!", "#REF!", "#BEZUG!", "#NAME?", "#NUM!", "#ZAHL!", "#NULL!"),
 )
 """Cells by which spreadsheets and loggers mark a missing value."""
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,7 +20,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in, with_dates
+from mrdamper.data.formats.lines.cells import Cells, cells_of_text, is_number, with_dates
 from mrdamper.data.formats.lines.encodings import (
     READ_AS,
     UTF8,
@@ -154,12 +155,10 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
+    turned = _transposed(path, head, options)
+    if turned is not None:
+        return turned
     delimiter, first = find_data(head.lines, options.delimiter)
-    rows = [split_line(line, delimiter) for line in head.lines if line.strip()]
-    if len(rows) <= SETTINGS.table_columns_max and min((len(row) for row in rows), default=0) > max(
-        SETTINGS.table_columns_max, len(rows)
-    ):
-        return _table_of_rows(rows, delimiter, options)
     if first is None:
         # An empty record is a single header line. A file of notes has more lines.
         lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
@@ -177,16 +176,21 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     return _Found(head.starts[first], header, layout, head.encoding)
 
 
-def _table_of_rows(rows: Sequence[Sequence[str]], delimiter: str, options: FileOptions) -> Table:
-    """Return the table of a text with a row for each channel: its name, then the samples."""
-    decimal = options.decimal or ("," if delimiter != "," and any("," in cell for cell in rows[-1]) else ".")
-    names = distinct_names([row[0] for row in rows])
-    cells = {
-        name: [number_in(cell, decimal) for cell in row[1:]] for name, row in zip(names, rows, strict=True)
-    }
-    columns = {name: np.array(values, dtype=np.float64) for name, values in cells.items()}
-    layout = Layout("delimited text", delimiter, decimal, notes=("a row for each channel",))
-    return Table(tuple(names), columns, {}, layout, rows=max(map(len, columns.values())))
+def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+    """Return the table of a text with a row for each channel (name, then samples), None for other texts."""
+    if len(head.lines) > SETTINGS.table_columns_max:
+        return None
+    lines = _content(path).decode(head.encoding).splitlines() or [""]
+    delimiter = options.delimiter or max(DELIMITERS, key=lambda sign: max(line.count(sign) for line in lines))
+    rows = [row for line in lines if any(row := split_line(line.rstrip(f"{delimiter} "), delimiter))]
+    long = [row for row in rows if len(row) > max(SETTINGS.table_columns_max, len(rows))]
+    if len(long) < 2 or any(is_number(row[0]) or not is_number(row[-1]) for row in long):
+        return None
+    above = [" ".join(row) for row in rows if row not in long]
+    turned = [*above, "", *("\t".join(cells) for cells in zip_longest(*long, fillvalue=""))]
+    source = TextInMemory(f"{path}", "\n".join([*turned, ""]).encode())
+    table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
+    return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, "a row for each channel")))
 
 
 def read_head(path: TextSource) -> Head:
@@ -197,24 +201,16 @@ def read_head(path: TextSource) -> Head:
             isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory),
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
-        raise InputError(
-            place=f"{path}",
-            found="is a web page or XML",
-            remedy="Download the file itself",
-        )
+        raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
-            place=f"{path}",
-            found="lines end in CR alone, as on old Macs",
-            remedy="Save it with such lines",
+            place=f"{path}", found="lines end in CR alone, as on old Macs", remedy="Save it with such lines"
         )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
         raise InputError(
-            place=f"{path}",
-            found=f"the first line has more than {_HEAD_BYTES} bytes",
-            remedy="Split it",
+            place=f"{path}", found=f"the first line has more than {_HEAD_BYTES} bytes", remedy="Split it"
         )
     encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
@@ -279,24 +275,24 @@ def _column_blocks(
     An invalid cell in a column of numbers is an error. Columns of times of day or dates are converted to
     numbers and added to ``stamps``.
     """
-    is_number: list[bool] = []
+    numeric: list[bool] = []
     for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):
-        plain = None if is_number else _parse_numeric_block(content, layout, len(order))
+        plain = None if numeric else _parse_numeric_block(content, layout, len(order))
         if plain is not None:
-            is_number = [True] * len(plain)
+            numeric = [True] * len(plain)
             yield plain
             continue
         columns = with_dates(_parse_block(path, content, layout, len(order), first_line))
         for k, column in list(columns.items()):
             if k in stamps:
                 columns[k] = column.as_times(stamps[k])
-            elif not is_number and column.mostly_text:
+            elif not numeric and column.mostly_text:
                 times = column.as_times(reader := Timestamps())
                 if not times.mostly_text:
                     columns[k], stamps[k] = times, reader
-        is_number = is_number or [not columns[k].mostly_text for k in range(len(order))]
+        numeric = numeric or [not columns[k].mostly_text for k in range(len(order))]
         for k in columns:
-            if is_number[k] and columns[k].bad:
+            if numeric[k] and columns[k].bad:
                 row, cell = columns[k].first_bad()
                 wanted_cell = "time" if k in stamps else "number"
                 raise InputError(
@@ -305,7 +301,7 @@ def _column_blocks(
                     expected=f"a {wanted_cell}",
                     remedy="Correct the cell, or leave it out with its row",
                 )
-        yield [columns[k].numbers() if is_number[k] else columns[k].texts() for k in range(len(order))]
+        yield [columns[k].numbers if numeric[k] else columns[k].texts for k in range(len(order))]
 
 
 def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:

@@ -113,7 +113,10 @@ class Timestamps:
         self._only = ""  # A date with two readings.
 
     def seconds(self, cells: Texts) -> FloatArray:
-        """Return seconds from the first time of all blocks, NaN if a cell is not a time."""
+        """Return the time [s] since the first time stamp of the column, NaN if a cell is not a time.
+
+        ``cells`` is the next block of the column.
+        """
         dates, is_utc, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm, offset_s = read
         hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)

@@ -7,6 +7,7 @@ name is a column of that name (``signals``).
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -27,7 +28,6 @@ from mrdamper.data.formats.groups import (
     table_of_arrays,
 )
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.signals import find_signal, unit_of_field
 from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column
 from mrdamper.quantities import roles_of_unit
 
@@ -98,14 +98,17 @@ class _Variables:
         settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
         arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
         texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
-        signal = find_signal(texts, {name: inner.shape for name, inner in arrays.items()})
+        signal = _find_signal(texts, {name: inner.shape for name, inner in arrays.items()})
         if signal is None:
             for name, inner in fields.items():
-                self._collect((*path, name), inner, unit_of_field(name, fields), settings)
+                # Simulink's "structure with time" has its time in seconds.
+                unit = "s" if name == "time" and "signals" in fields else ""
+                self._collect((*path, name), inner, unit, settings)
             return
-        self._add((*path, signal.name), arrays[signal.field], signal.unit, settings)
-        if signal.time:
-            self._add((*path, signal.time), arrays[signal.time], "s", settings)
+        name, samples, unit, time = signal
+        self._add((*path, name), arrays[samples], unit, settings)
+        if time:
+            self._add((*path, time), arrays[time], "s", settings)
         self.texts |= {(*path, name): text for name, text in texts.items()}
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
@@ -138,6 +141,28 @@ class _Variables:
         """Add an array, or a line of a matrix: its axis and index."""
         size = values.size if line is None else values.shape[1 - line[0]]
         self.arrays.append(StoredArray(path, size, partial(_read, values, line), unit, settings))
+
+
+def _find_signal(
+    texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]
+) -> tuple[str, str, str, str] | None:
+    """Return name, field of the samples, unit, and field of the times of the only signal in a structure.
+
+    Examples are dSPACE's ``Y(2).Name`` and ``Y(2).Data``, and Simulink's ``signals(2).label`` and
+    ``signals(2).values``. Return None if the structure has no name, or more than one signal.
+    """
+    said = {key.lower(): text.strip() for key, text in texts.items() if text.strip()}
+    long = {key: math.prod(shape) for key, shape in shapes.items() if math.prod(shape) > 1}
+    fields = {key.lower(): key for key in long}
+    name = next((said[key] for key in ("name", "label", "title") if key in said), "")
+    field = next((fields[key] for key in ("data", "values") if key in fields), "")
+    if not name or not field:
+        return None
+    time = next((fields[key] for key in ("time", "t") if long.get(fields.get(key, "")) == long[field]), "")
+    columns = [key for key, size in long.items() if size == long[field] and key != time]
+    if long[field] != max(shapes[field]) or len(columns) > 1:
+        return None
+    return name, field, next((said[key] for key in ("unit", "units") if key in said), ""), time
 
 
 def _read(values: Any, line: tuple[int, int] | None) -> FloatArray:  # noqa: ANN401 - an array of numbers

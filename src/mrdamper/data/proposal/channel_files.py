@@ -76,7 +76,7 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str,
 
 def _strip_channel(stem: str) -> str:
     """Return a name without its channel words."""
-    words = re.split(r"[\W_]+", stem)
+    words = re.split(r"(?:[^\w.,]|_|(?<!\d)[.,]|[.,](?!\d))+", stem)  # "0.5A" is one word.
     return "_".join(word for word in words if word and parse_header(word) is None)
 
 

@@ -21,7 +21,7 @@ from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
-from mrdamper.data.proposal.refusals import column_list, no_unit, require_no_text, suggest_columns
+from mrdamper.data.proposal.refusals import column_list, no_unit, require_no_text
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
@@ -212,7 +212,7 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
             found=f"no time column; the columns are: {column_list(table.names)}",
             expected=(
                 "a header such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at "
-                f"its [constant]{suggest_columns(['time'], table)}"
+                "its [constant]"
             ),
             candidates=[f"{rate:g}" for rate in rates],
         )

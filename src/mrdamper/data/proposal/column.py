@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
@@ -11,12 +12,14 @@ from mrdamper.data.words.headers import (
     begins_with_symbol,
     is_set_point,
     is_statistic,
+    legend_in,
     parse_header,
     speaks_of,
     word_and_unit,
 )
+from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
-from mrdamper.quantities import is_unit, roles_of_unit, spell_unit
+from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +99,34 @@ def headers_of(table: Table, place: str) -> list[Header]:
     results = [each for each in headers if is_statistic(each.word)]
     roles = [(*each.of_unit, each.of_word) for each in results]
     return [each for each in headers if each not in results or roles.count((*each.of_unit, each.of_word)) < 2]
+
+
+def explained(table: Table, notes: Sequence[str]) -> Table:
+    """Return a table with names and units of columns, and the sampling rate, from lines of a document.
+
+    Only columns without a name or a unit are explained. Numbered entries name the columns if each has one.
+    """
+    legend = [entry for line in notes for entry in legend_in(line)]
+    numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}
+    names = dict(enumerate(table.names, 1))
+    if numbered.keys() == names.keys() and all(name.startswith("column ") for name in table.names):
+        columns = {numbered[k]: table.columns[name] for k, name in names.items() if name in table.columns}
+        table = replace(table, names=tuple(numbered[k] for k in names), columns=columns)
+    units: dict[str, str] = {}
+    for header in (header_of(table, name, "") for name in table.columns):
+        own = [unit for _, word, unit in legend if _means_same(word, header)]
+        if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
+            units[header.name] = own[0]
+    rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
+    remarks = (f"units from a document: {', '.join(units)}",) if units else ()
+    layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
+    return replace(table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates))
+
+
+def _means_same(word: str, header: Header) -> bool:
+    """Return True if a word is the name of a column, or the plural of the role that the column names."""
+    same = re.sub(r"[\W_]+", "", word).lower() == re.sub(r"[\W_]+", "", header.word).lower()
+    return same or (bool(header.of_word) and word.lower().rstrip("s") in QUANTITIES[header.of_word].headers)
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:

@@ -116,7 +116,11 @@ def _require_agreement(
 def with_temperature(
     piece: Piece, told: tuple[tuple[str, float, str], ...], chosen: ChannelMap, texts: Sequence[Place]
 ) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
-    """Return a piece with a temperature from the map or a label if there is no temperature column."""
+    """Add a constant temperature from the map or a label if there is no temperature column.
+
+    Return the piece, and ``told`` (name, value and source of each stated value) with this temperature if it
+    comes from a label.
+    """
     if "temperature" in piece.channels:
         return piece, told
     value = chosen.constant.get("temperature")

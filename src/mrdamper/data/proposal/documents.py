@@ -17,7 +17,7 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.formats.excel import is_workbook, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
-from mrdamper.data.formats.lines.header import DELIMITERS, split_line, with_unit
+from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, split_line, with_unit
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
@@ -26,8 +26,17 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
 
 _ROLES = ("current", "voltage", "temperature")
-_NUMBER_WORDS = re.compile(
-    r"^$|\b(no|nr|num|number|run|test|file|id|versuch|lauf|messung|essai|prueba)\b|#", re.IGNORECASE
+_RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
+_NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
+_NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
+    rf"\b(?:{_RUN})[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
+    re.IGNORECASE,
+)
+_HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
+_ALL_RUNS = re.compile(
+    r"\b(?:all|every|alle[nr]?|tou(?:te)?s(?: les)?) (?:the )?(?:run|test|file|meas|record|mess|versuch)"
+    r"|^\W*(?:general|common|global|allgemein)\W*$",
+    re.IGNORECASE,
 )
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 _SETTINGS = re.compile(
@@ -41,6 +50,7 @@ class Document:
 
     path: Path
     lines: Mapping[Path, tuple[str, ...]]
+    whole: tuple[str, ...] = ()  # All lines; they may explain columns and the sampling rate.
 
     def places(self, file: Path) -> tuple[Place, ...]:
         """Return the statements of the document about a file."""
@@ -69,7 +79,7 @@ class _Files:
     @classmethod
     def from_paths(cls, files: Sequence[Path]) -> _Files:
         names = {name.lower(): path for path in files for name in (path.stem, path.name)}
-        last = [re.findall(r"\d+", path.stem) for path in files]
+        last = [re.findall(r"\d{1,9}", path.stem) for path in files]
         numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
         return cls(names, numbers if len(numbers) == len(files) > 1 else {})
 
@@ -77,9 +87,12 @@ class _Files:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower())
 
     def file_in_line(self, line: str) -> Path | None:
-        """Return the file named in a sentence: by its full name, or by a stem with letters and digits."""
+        """Return the file named in a sentence: by its name, a stem with letters and digits, or its number."""
         words = re.findall(r"[\w.+-]*\w", line.lower())
         names = [word for word in words if word in self.names and re.search(r"\.|[a-z].*\d", word)]
+        if not names and self.numbers:
+            found = {self.numbers.get(int(number)) for number in _NUMBER_IN_LINE.findall(line)}
+            return found.pop() if len(found) == 1 else None
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else None
 
 
@@ -106,8 +119,10 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             continue
         about = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
         stating = {file: tuple(filter(_states, each)) for file, each in about.items()}
-        if any(stating.values()):
-            found.append(Document(path, {file: each for file, each in stating.items() if each}))
+        is_run = path in files and any(holds_samples(lines, delimiter) for delimiter in DELIMITERS)
+        whole = () if is_run else tuple(lines)
+        if any(stating.values()) or whole:
+            found.append(Document(path, {file: each for file, each in stating.items() if each}, whole))
     return tuple(found)
 
 
@@ -136,6 +151,8 @@ def _lines_of(path: Path) -> list[str]:
     text = content.decode(encoding_of(path, content))
     if path.suffix.lower() == ".json":
         return [*_flatten(json.loads(text))][: SETTINGS.document_lines_max]
+    if path.suffix.lower() == ".m":
+        text = re.sub(r"[ \t]*[;,]?[ \t]*%+[ \t]*|(?<=\w)\.(?=[A-Za-z])", " ", text)  # "test1.I = 0.5; % A"
     return text.splitlines()[: SETTINGS.document_lines_max]
 
 
@@ -164,15 +181,16 @@ def _lines_by_file(
     if (own and not is_run) or (own and path.suffix.lower() == ".json"):
         return {own[0]: [with_unit(line) for line in lines]}
     found: dict[Path, list[str]] = {}
-    now: Path | None = None
+    now: tuple[Path, ...] = ()  # The following entries describe these files.
     header: list[str] = []
     mentions = 0
+    in_section = False
     for line in lines:
         cells = _cells(line)
         named = next((file for cell in cells if (file := known.file_in_cell(cell))), None)
         if named is None and len(cells) == len(header):
-            numbered = (known.numbers.get(int(cell)) for name, cell in zip(header, cells, strict=True)
-                        if cell.isdecimal() and len(cell) < 10 and _NUMBER_WORDS.search(name))  # fmt: skip
+            numbered = (known.numbers.get(int(float(cell))) for name, cell in zip(header, cells, strict=True)
+                        if re.fullmatch(r"\d{1,9}(\.0)?", cell) and _NUMBER_WORDS.search(name))  # fmt: skip
             named = next(filter(None, numbered), None)
         if named is not None and len(cells) > 1 and len(cells) == len(header):
             pairs = zip(header, cells, strict=True)
@@ -190,10 +208,13 @@ def _lines_by_file(
             )
         named = named or known.file_in_line(line)
         mentions += named is not None
-        goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)
-        now = named or (now if goes_on else None)
-        if now is not None:
-            found.setdefault(now, []).append(with_unit(_strip_name(line, now)))
+        is_heading = _HEADING.fullmatch(line) is not None
+        goes_on = bool(now) and (in_section or line[:1] in {" ", "\t"}) and _ENTRY.fullmatch(line)
+        if named is not None or is_heading or not goes_on:
+            now = (named,) if named is not None else tuple(files) if _ALL_RUNS.search(line) else ()
+            in_section = is_heading or (in_section and named is not None)
+        for file in now:
+            found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
 
@@ -210,5 +231,6 @@ def _strip_name(line: str, file: Path) -> str:
 
 
 def _cells(line: str) -> list[str]:
-    """Return the cells of a row, split at the delimiter with the most parts."""
-    return max((split_line(line.strip().strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)
+    """Return the cells of a row, split at the delimiter with the most parts, else at two or more blanks."""
+    cells = max((split_line(line.strip(" \r\n").strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)
+    return cells if len(cells) > 1 else re.split(r"\s{2,}", line.strip())

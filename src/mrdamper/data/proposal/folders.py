@@ -6,15 +6,19 @@ folders with results of this program.
 
 from __future__ import annotations
 
+import bz2
 import errno
 import glob
 import gzip
+import lzma
+import tarfile
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import IO
+from types import MappingProxyType
+from typing import IO, Any
 
 from mrdamper.data.formats.lines.encodings import open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
@@ -34,9 +38,15 @@ _NO_RUNS = frozenset(
     for end in (
         *("bak", "tmp", "old", "orig", "swp", "md", "rst", "html", "htm", "xml", "svg", "tex", "py", "m"),
         *("ini", "cfg", "toml", "yaml", "yml", "c", "h", "ipynb", "pdf", "png", "jpg", "jpeg"),
+        *("docx", "doc", "pptx", "ppt", "odt", "odp", "vsdx"),
     )
 )
-_ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
+_COMPRESSIONS: Mapping[bytes, Any] = MappingProxyType({b"\x1f\x8b": gzip, b"BZh": bz2, b"\xfd7zXZ": lzma})
+_ARCHIVES = (b"PK\x03\x04", *_COMPRESSIONS)
+_DAMAGES = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, tarfile.TarError),
+    *(EOFError, OSError, RuntimeError, NotImplementedError),
+)
 
 
 def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
@@ -78,43 +88,60 @@ def _unpack(file: Path, space: Path) -> list[Path]:
     if not is_archive or file.suffix.lower() in format_suffixes():
         return [file]
     folder = space.joinpath(*file.absolute().parts[-3:-1])
+    room = SETTINGS.archive_unpacked_max_bytes
     try:
-        if _head(file).startswith(_ARCHIVES[1]):
-            name = file.stem if file.suffix.lower() == ".gz" else file.name
-            with gzip.open(file) as member:
-                return [_extract(member, folder / name, file, SETTINGS.archive_unpacked_max_bytes)]
-        with zipfile.ZipFile(file) as archive:
-            room = SETTINGS.archive_unpacked_max_bytes
-            for name in archive.namelist():
+        for name, member in _members(file):
+            with member:
                 parts = [part for part in PurePosixPath(name).parts if part not in {"..", "/"}]
-                if not name.endswith("/") and parts[0] != "__MACOSX":
-                    with archive.open(name) as member:
-                        room -= (
-                            _extract(member, folder.joinpath(file.name, *parts), file, room).stat().st_size
-                        )
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError) as error:
+                room -= _extract(member, folder.joinpath(*parts), file, room)
+    except _DAMAGES as error:
         raise InputError(
             place=file,
             found="the archive is damaged, encrypted, or of an unknown kind",
             remedy="Unpack it first",
         ) from error
-    return list(_files_below(folder / file.name))
+    single = folder / file.stem
+    return [single] if single.is_file() else list(_files_below(folder / file.name))
 
 
-def _extract(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, room: int) -> Path:
-    """Write a member of an archive and return its path."""
+def _members(file: Path) -> Iterator[tuple[str, IO[bytes]]]:
+    """Generate the open contents of the files in an archive, below its name, or of one compressed file."""
+    if zipfile.is_zipfile(file):
+        with zipfile.ZipFile(file) as archive:
+            names = [name for name in archive.namelist() if not name.endswith("/")]
+            yield from (
+                (f"{file.name}/{name}", archive.open(name))
+                for name in names
+                if not name.startswith("__MACOSX/")
+            )
+    elif tarfile.is_tarfile(file):
+        with tarfile.open(file) as tape:
+            yield from (
+                (f"{file.name}/{each.name}", content) for each in tape if (content := tape.extractfile(each))
+            )
+    else:
+        module = next(
+            (_COMPRESSIONS[start] for start in _COMPRESSIONS if _head(file).startswith(start)), None
+        )
+        if module is None:
+            raise zipfile.BadZipFile
+        yield file.stem, module.open(file)
+
+
+def _extract(member: IO[bytes], target: Path, archive: Path, room: int) -> int:
+    """Write a member of an archive and return its size [bytes]."""
     target.parent.mkdir(parents=True, exist_ok=True)
+    size = 0
     with target.open("wb") as stream:
         while piece := member.read(1 << 20):
-            room -= len(piece)
-            if room < 0:
+            size += stream.write(piece)
+            if size > room:
                 raise InputError(
                     place=archive,
                     found=f"unpacks to more than {SETTINGS.archive_unpacked_max_bytes >> 20} MB",
                     remedy="Unpack it first",
                 )
-            stream.write(piece)
-    return target
+    return size
 
 
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
@@ -174,7 +201,7 @@ def _may_hold_runs(file: Path) -> bool:
         return b'"schema_version"' not in head[:512]
     formats = [known for known in FORMATS if known.recognises(head[:512])]
     if not formats or formats[0].read is not read_text:
-        return bool(formats) or head.startswith(_ARCHIVES[1]) or (suffix == ".txt" and b"\0" in head)
+        return bool(formats) or head.startswith(_ARCHIVES) or (suffix == ".txt" and b"\0" in head)
     lines = _text(file).splitlines()
     if is_known:
         return (

@@ -24,7 +24,7 @@ from mrdamper.data.proposal.clocks import (
     to_one_clock,
     with_clocks,
 )
-from mrdamper.data.proposal.column import Column, headers_of
+from mrdamper.data.proposal.column import Column, explained, headers_of
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
     command_of,
@@ -46,7 +46,7 @@ from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import LEAST_SAMPLES, Recording
-from mrdamper.data.words.headers import candidates
+from mrdamper.data.words.headers import candidates, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import printable
@@ -81,7 +81,13 @@ class _Part:
 
 
 def runs_in(
-    tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "", stated: Sequence[Place] = ()
+    tables: Sequence[Table],
+    chosen: ChannelMap,
+    file: Path,
+    *,
+    name: str = "",
+    stated: Sequence[Place] = (),
+    notes: Sequence[str] = (),
 ) -> RigFile:
     """Return the recordings in the tables of a file.
 
@@ -91,10 +97,17 @@ def runs_in(
     ----------
     name : name of the runs; "": the name of the file
     stated : lines of documents about the file
+    notes : all lines of documents, which may explain columns and the sampling rate
     """
+    tables = [explained(table, notes) for table in tables] if notes else tables
     parts: list[_Part] = []
     faults: list[InputError] = []
-    tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
+    tables = [
+        with_clocks(run)
+        for table in tables
+        for wide in wide_of_long(table)
+        for run in side_by_side(wide, chosen)
+    ]
     for number, table in enumerate(tables):
         own = _segment_map(chosen, table, number, len(tables))
         try:
@@ -108,12 +121,12 @@ def runs_in(
             raise NoRunError(faults=[error], questions=error.questions)
         raise error
     layout = tables[0].layout
-    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    remarks = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     if len(parts) < len(tables):
-        notes += (f"{len(tables) - len(parts)} tables without force over time left out",)
+        remarks += (f"{len(tables) - len(parts)} tables without force over time left out",)
     if len(parts) > 1 and tables[0].title:
-        notes += (f"{len(parts)} parts",)
-    layout = replace(layout, notes=(*layout.notes, *notes))
+        remarks += (f"{len(parts)} parts",)
+    layout = replace(layout, notes=(*layout.notes, *remarks))
     whole = [piece for part in parts for piece in part.pieces]
     pieces = [(piece, parts[0].role) for piece in (join_pieces(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:
@@ -144,8 +157,11 @@ def _may_be_run(table: Table) -> bool:
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
     if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
         return False
-    samples = [each.name for each in headers_of(table, "")]
-    return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", samples)))
+    samples = headers_of(table, "")
+    # A column without a unit, or in volts, may be a motion.
+    is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
+    has_force = bool(candidates("force", [each.name for each in samples]))
+    return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def no_column(role: str, table: Table, place: str) -> InputError:
         found=f"no {role} column; the columns are: {column_list(table.names)}{skipped}",
         expected=(
             f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
-            f"(--channels FILE){suggest_columns([role], table)}"
+            "(--channels FILE)"
         ),
         candidates=QUANTITIES[role].units if bare is not None else names or scale or list(table.columns),
     )
@@ -117,7 +117,7 @@ def no_command(
         found=found + listed_columns,
         expected=(
             "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
-            f"(--channels FILE){suggest_columns(('current', 'voltage'), table)}"
+            "(--channels FILE)"
         ),
         candidates=values or (QUANTITIES["current"].units if bare is not None else columns),
     )
@@ -183,13 +183,6 @@ def require_no_text(role: str, table: Table, place: str) -> None:
                 expected="numbers, without units or separators of thousands in the cells",
                 remedy="Export the file again",
             )
-
-
-def suggest_columns(roles: Iterable[str], table: Table) -> str:
-    """Return the end of a message: the possible column of a missing role in the syntax of a map."""
-    found = [(role, name) for role in roles for name in candidates(role, [*table.columns])]
-    lines = " or ".join(f"[channel.{role}] name = {name!r}" for role, name in found[:3])
-    return f"; suggest_columns {lines}" if found else ""
 
 
 def column_list(names: Sequence[str]) -> str:

@@ -13,6 +13,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
@@ -21,6 +23,7 @@ from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
     is_ambient,
+    is_filtered,
     is_monitor,
     is_of_fluid,
     is_per_cent,
@@ -170,18 +173,27 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     if role == "temperature":
         sieves.insert(0, [each for each in left if is_of_fluid(each.word)])
         sieves.insert(0, [each for each in left if not is_ambient(each.word)])
+    if role in {*_NEEDED, "velocity"}:
+        sieves.append([each for each in left if not is_filtered(each.word)])
     for sieve in sieves:
         kept = [each for each in left if each in sieve]
         left = kept or left
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name)] or left
+    if role in {*_NEEDED, "velocity"} and len(left) > 1:  # A disconnected sensor has only noise.
+        ranges = [float(np.ptp(to_si(table.columns[each.name], each.unit, role))) for each in left]
+        left = [each for each, size in zip(left, ranges, strict=True) if not size <= 0.01 * max(ranges)]
     return left
 
 
 def _column_without_unit(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
-    """Return a column that is identified by its word alone; a scale or a rate must confirm its unit."""
+    """Return the column whose header names the role without a unit of the role, None if there is none.
+
+    The unit comes from the map, a stated scale, or the sampling rate. Raise InputError if a required column
+    has no unit.
+    """
     channel = chosen.channel(role)
     worded = [each for each in headers if each.of_word == role and role not in each.of_unit]
     scaled = _scaled(role, table, headers)

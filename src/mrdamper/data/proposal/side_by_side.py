@@ -8,13 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.clocks import with_times
+from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit, to_si
 
+_VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
 _COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
 
 
@@ -56,45 +59,67 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     return tuple(runs)
 
 
-def wide_of_long(table: Table) -> Table:
+def wide_of_long(table: Table) -> tuple[Table, ...]:
     """Convert a table with one row per sample and channel to a table with one column per channel.
 
-    A column of texts names at least two roles, one column has the values, and another column the times.
+    A column of texts names at least two roles, one column has the values, and another column the times. Each
+    value of the other columns, such as the number of the run, is a separate table. Counters of rows are
+    ignored.
     """
-    kinds = [(name, dict.fromkeys(cells)) for name, cells in table.texts.items() if all(cells)]
+    kinds = {name: dict.fromkeys(cells) for name, cells in table.texts.items() if all(cells)}
     named = [
         name
-        for name, kind in kinds
+        for name, kind in kinds.items()
         if 2 <= len(kind) <= SETTINGS.table_columns_max
         and len({header[0] for name in kind if (header := parse_header(name or ""))}) > 1
     ]
     times = [
         name for name in table.columns if (parse_header(name) or ("",))[0] == "time" or name in table.stamps
     ]
-    values = [name for name in table.columns if name not in times]
-    if len(named) != 1 or len(times) != 1 or len(values) != 1:
-        return table
-    channels = np.array(table.texts[named[0]])
-    units = next((cells for name, cells in table.texts.items() if "unit" in name.lower()), None)
-    rows = {f"{channel}": channels == channel for channel in dict.fromkeys(table.texts[named[0]])}
+    if len(named) != 1 or len(times) != 1:
+        return (table,)
+    values = [name for name in table.columns if name not in times and not _is_counter(table.columns[name])]
+    values = [name for name in values if _VALUE.fullmatch(name)] or values
     unit = word_and_unit(times[0])[1] or table.units.get(times[0], "")
-    if "time" not in roles_of_unit(unit):
-        return table
-    columns = {name: table.columns[values[0]][there] for name, there in rows.items()}
-    plain = replace(
-        table,
-        names=(*columns,),
-        columns=columns,
-        texts={},
-        stamps={},
-        units={}
-        if units is None
-        else {name: units[int(np.argmax(there))] or "" for name, there in rows.items()},
-        rows=max(map(len, columns.values())),
-    )
-    return with_times(
-        plain, {n: to_si(table.columns[times[0]][there], unit, "time") for n, there in rows.items()}
-    )
+    if len(values) != 1 or "time" not in roles_of_unit(unit):
+        return (table,)
+    units = next((cells for name, cells in table.texts.items() if "unit" in name.lower()), None)
+    numbers = [name for name in table.columns if name not in {*times, *values}]
+    numbers = [name for name in numbers if not _is_counter(table.columns[name])]
+    words = [name for name in kinds if name not in named and table.texts[name] is not units]
+    keys = [[attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]] for name in numbers]
+    keys += [[f"{cell}" for cell in table.texts[name]] for name in words]
+    titles = np.array([" ".join(key) for key in zip(*keys, strict=True)] or [table.title] * table.rows)
+    seconds = to_si(table.columns[times[0]], unit, "time")
+    channels = np.array(table.texts[named[0]])
+    runs = []
+    for title in dict.fromkeys(titles.tolist()):
+        rows = {f"{name}": (channels == name) & (titles == title) for name in kinds[named[0]]}
+        rows = {name: there for name, there in rows.items() if there.any()}
+        columns = {name: table.columns[values[0]][there] for name, there in rows.items()}
+        stated = {
+            name: (units or [""])[int(np.argmax(there)) if units else 0] or "" for name, there in rows.items()
+        }
+        size = max(map(len, columns.values()))
+        if size < SETTINGS.table_rows_min:
+            return (table,)
+        plain = replace(
+            table,
+            names=(*columns,),
+            columns=columns,
+            texts={},
+            stamps={},
+            units=stated,
+            rows=size,
+            title=title,
+        )
+        runs.append(with_times(plain, {name: seconds[there] for name, there in rows.items()}))
+    return tuple(runs)
+
+
+def _is_counter(values: FloatArray) -> bool:
+    """Return True if a column counts the rows."""
+    return len(values) > 1 and bool(np.all(np.diff(values) == 1.0))
 
 
 def _split_name(name: str) -> tuple[str, str]:

@@ -24,6 +24,9 @@ _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # The word must have the unit's role
 _NO_UNITS = frozenset({"in", "kp", "min"})  # Alone, these are an input, a gain and a minimum.
 _BRACKETED = (_NOTED, _BRACKETS)
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
+_CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
+_IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
+_NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 _SET_POINT = re.compile(
@@ -36,8 +39,13 @@ _COMMAND = re.compile(
 )
 _MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
-_PER_CENT = re.compile(r"(?:%|\b(?:pct|percent|per cent|prozent)\b)[\s\])}]*$", re.IGNORECASE)
+_PER_CENT = re.compile(
+    r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
+    r"(?:\s*(?:of|v\.|vom|du)?\s*(?:fso?|f\.s\.|range|full scale|endwert|messbereich|rated))?[\s\])}]*$",
+    re.IGNORECASE,
+)
 _STATISTIC = re.compile(r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b")
+_FILTERED = re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b")
 _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
 
 _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일")
@@ -59,6 +67,27 @@ def word_and_unit(header: str) -> tuple[str, str]:
     if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis"
         return "", text
     return text, ""
+
+
+def legend_in(line: str) -> list[tuple[int | None, str, str]]:
+    """Return the columns that a sentence or a row explains: number (None if missing), word, and unit.
+
+    Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``.
+    """
+    cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]", line.strip().strip("|"))]
+    units = [cell for cell in cells[1:] if roles_of_unit(cell)]
+    if len(units) == 1 and cells[0] and len(cells) > 1:
+        return [(None, cells[0], units[0])]
+    found: list[tuple[int | None, str, str]] = []
+    for chunk in _CHUNKS.split(re.sub(r"(\d)\s*[.:=)]\s+", r"\1 ", line)):
+        numbered = _NUMBERED_CHUNK.fullmatch(chunk.strip())
+        text = numbered[2] if numbered else chunk.strip(" -*#`")
+        word, unit = word_and_unit(text)
+        if not unit and (match := _IN.fullmatch(text)) and roles_of_unit(match[2]):
+            word, unit = match[1], match[2]
+        if word and unit and len(word.split()) <= 3:
+            found.append((int(numbered[1]) if numbered else None, word, unit))
+    return found
 
 
 def _means(word: str, roles: Sequence[str]) -> bool:
@@ -126,6 +155,11 @@ def is_per_cent(text: str) -> bool:
 def is_ambient(word: str) -> bool:
     """Return True if a header names the ambient temperature."""
     return _AMBIENT.search(_split_words(word)) is not None
+
+
+def is_filtered(word: str) -> bool:
+    """Return True if a header names a filtered signal."""
+    return _FILTERED.search(_split_words(word)) is not None
 
 
 def is_of_fluid(word: str) -> bool:

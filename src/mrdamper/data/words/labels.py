@@ -18,7 +18,7 @@ from mrdamper.quantities import QUANTITIES, to_si
 _NUMBER = r"\d+(?:[.,p]\d+)?"
 _END = r"(?![A-Za-z0-9/²^*·])"
 _UNITS = {
-    "current": r"m?A(?:mp(?:ere)?s?)?",
+    "current": r"m?A(?:mp(?:ere)?s?)?|[mM]A|amps|amperes?|(?<=\d )amp",
     "voltage": r"m?V(?:olts?)?",
     "temperature": r"(?:°|deg\.?|º)?\s?[CF]|K|℃|℉",
 }
@@ -27,7 +27,7 @@ _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
 # A minus after a letter is a dash before a current, but a temperature may be negative.
 _BEGIN = r"(?:(?<![\w.,+-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = {"current": r"|(?<=[^\W\d]-)", "voltage": r"|(?<=[^\W\d]-)", "temperature": ""}
-_RANGE = r"(?<!\bto )(?<!\bbis )(?<![-–…~] )"
+_RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )"
 _FORMS = {
     role: re.compile(
         rf"((?<![^\s_=:(])[+-])?{_BEGIN.format(symbol=_SYMBOLS[role], dash=_DASHES[role])}{_RANGE}"
@@ -40,8 +40,13 @@ _AFTER_UNIT = {
     for role, unit in _UNITS.items()
 }
 _NOT_SET = re.compile(
-    r"max|min\b|limit|range|rated|nominal|fuse|supply|peak|full.?scale|bereich|grenz|capacity|excitation"
+    r"max|min\b|limit|range|rated|nominal|fuse|peak|full.?scale|bereich|grenz|capacity|excitation"
     r"|sensitiv",
+    re.IGNORECASE,
+)
+_SUPPLY = re.compile(r"supply|netzteil|alimentation", re.IGNORECASE)
+_SET = re.compile(
+    rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
     re.IGNORECASE,
 )
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
@@ -92,7 +97,11 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
     for number, unit in found:
         try:
             value = float(
-                to_si(float(number.replace(",", ".").replace("p", ".")), unit.replace(" ", ""), role)
+                to_si(
+                    float(number.replace(",", ".").replace("p", ".")),
+                    "mA" if unit == "MA" else unit.replace(" ", ""),
+                    role,
+                )
             )
         except InputError:
             continue
@@ -126,7 +135,8 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
     """Return the texts that may describe a table, the nearest first."""
     found = [Place("title", title)] if title else []
     found += [Place("header", line) for line in said]
-    found += [Place("file name", path.stem)]
+    # In "run1_0.5A", the text after the point is no suffix.
+    found += [Place("file name", path.name if path.suffix[1:2].isdigit() else path.stem)]
     folders = [path.parent, path.parent.parent]
     return (*found, *(Place(f"folder {each.name!r}", each.name) for each in folders if each.name))
 
@@ -156,6 +166,10 @@ def _may_say(place: Place, role: str) -> bool:
     if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
     if _NOT_SET.search(place.text):
+        return False
+    # A supply states its rating, such as 24 V and 5 A, unless the line is about a set current.
+    is_set = role == "current" and _SET.search(place.text) and not labels_in(place.text, "voltage")
+    if _SUPPLY.search(place.text) and not is_set:
         return False
     if role == "temperature":
         return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))

@@ -32,7 +32,7 @@ Residual = Callable[[Sequence[FloatArray]], FloatArray]
 
 
 class SearchParameter(NamedTuple):
-    """Bounds, scale and start margin of a parameter in the search.
+    """Bounds and scale of a parameter in the search, and ``margin`` between its start and the bounds.
 
     If ``is_log`` is True, the search varies the logarithm. ``scale`` and ``margin`` then refer to the
     logarithm.
@@ -87,7 +87,7 @@ def largest_command(runs: Sequence[PreparedRun]) -> float:
 
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return bounds, scale and start margin of the actuation parameter ``name``."""
+    """Return how the search varies the actuation parameter ``name``: bounds, scale, distance from bounds."""
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":

@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Statistics of the error (``nrmse_percent``) over the runs of one error kind and one current kind."""
+    """Statistics of ``nrmse_percent``, e.g. of all held-out runs (``kind``) with constant ``current``."""
 
     kind: ErrorKind
     current: CurrentKind

@@ -78,7 +78,7 @@ class Objective:
         self._light = NUMERICS.regularisation_cost / size**2
 
     def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
-        """Return the weighted Gram matrix of a damper's tangents (one per parameter) and residual."""
+        """Return the weighted Gram matrix of the force derivatives (one per parameter) and the residual."""
         gram: FloatArray = GramSums(damper, (), parameters, self.runs).evaluate(np.empty((1, 0)))[0]
         return gram
 

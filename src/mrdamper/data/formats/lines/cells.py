@@ -25,7 +25,7 @@ def _form(point: str, group: str) -> re.Pattern[str]:
     Groups of thousands are accepted only before a point or if there are two of them, because 1,234 may be
     1.234.
     """
-    grouped = rf"[0-9]{{1,3}}(?:[{group}'][0-9]{{3}})"
+    grouped = rf"[0-9]{{1,3}}(?:[{group}'\s][0-9]{{3}})"
     return re.compile(
         rf"([+-]?)\s?({grouped}+(?=[{point}])|{grouped}{{2,}}|[0-9]*)(?:[{point}]([0-9]*))?"
         r"(?:[eEdD]([+-]?[0-9]+))?"
@@ -64,51 +64,39 @@ class Cells:
     """
 
     def __init__(self, texts: Texts, numbers: Sequence[float | None], lines: Sequence[int]) -> None:
-        self._texts, self._lines = texts, lines
-        self._numbers = np.array(numbers, dtype=np.float64)
+        self.texts, self._lines = texts, lines
+        self.numbers: FloatArray = np.array(numbers, dtype=np.float64)  # NaN if a cell is not a number
         is_filled = [cell is not None and cell not in _MISSING for cell in texts]
         self._is_wrong = [full and number is None for full, number in zip(is_filled, numbers, strict=True)]
         self.filled, self.bad = sum(is_filled), sum(self._is_wrong)
-
-    @property
-    def mostly_text(self) -> bool:
-        """True if more than half of the filled cells are not numbers."""
-        return self.bad > 0.5 * self.filled
-
-    def numbers(self) -> FloatArray:
-        """Return the numbers, NaN for each cell that is not a number."""
-        return self._numbers
-
-    def texts(self) -> Texts:
-        """Return the cells as texts without surrounding blanks and quotation marks."""
-        return list(self._texts)
+        self.mostly_text = self.bad > 0.5 * self.filled
 
     def first_bad(self) -> tuple[int, str]:
         """Return the line number and the text of the first cell that is not a number."""
         k = self._is_wrong.index(True)
-        return self._lines[k], f"{self._texts[k]}"[:40]
+        return self._lines[k], f"{self.texts[k]}"[:40]
 
     def with_dates(self, dates: Texts) -> Cells:
         """Return the cells with a date in front of each time, from the cell of ``dates`` in the same row."""
-        texts: Texts = [time and f"{date} {time}" for date, time in zip(dates, self._texts, strict=True)]
+        texts: Texts = [time and f"{date} {time}" for date, time in zip(dates, self.texts, strict=True)]
         return Cells(texts, [None] * len(texts), self._lines)
 
     def as_times(self, reader: Timestamps) -> Cells:
         """Return the cells converted to seconds; a cell that is not a time of day or a date is an error."""
-        seconds = reader.seconds(self._texts).tolist()
-        return Cells(self._texts, [None if math.isnan(each) else each for each in seconds], self._lines)
+        seconds = reader.seconds(self.texts).tolist()
+        return Cells(self.texts, [None if math.isnan(each) else each for each in seconds], self._lines)
 
 
 def with_dates(columns: Mapping[int, Cells]) -> dict[int, Cells]:
     """Return columns in which times of day are combined with the dates of an adjacent column."""
     found = dict(columns)
     for k, column in columns.items():
-        times = column.texts()
+        times = column.texts
         first = moment_of(next(filter(None, times), "")) if column.mostly_text else None
         if first is None or first.has_date:
             continue
         for beside in (columns.get(k - 1), columns.get(k + 1)):
-            dates = [] if beside is None else beside.texts()
+            dates = [] if beside is None else beside.texts
             if dates and not any(math.isnan(days_of(date)[0]) for date in {*dates}):
                 found[k] = column.with_dates(dates)
     return found

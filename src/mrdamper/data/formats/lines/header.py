@@ -86,7 +86,8 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
         fields = split_line(line, delimiter)
         numbers = count_numbers(fields) if len(fields) > 1 else 0
         is_property = 2 <= numbers < len(fields) and bool(property_of(fields[0]))
-        if numbers < 2 or _COMMENT.match(line) or is_property or _is_of_units(fields, numbers):
+        is_prose = delimiter == " " and 2 * numbers <= len(fields)
+        if numbers < 2 or is_prose or _COMMENT.match(line) or is_property or _is_of_units(fields, numbers):
             rows = []
             continue
         kinds = [_is_word(cell) for cell in fields]
@@ -197,10 +198,11 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     fields = split_line(bare, delimiter)
     if is_comment(line) and len(fields) != count:
         fields = _names_in_comment(bare, count) or fields
-    if delimiter == " " and len(fields) != count:
-        fields = re.split(r"\s{2,}|\t", bare.strip())
+    for text in (bare, _LEAD.sub("", bare)) if delimiter == " " else ():
+        if len(fields) != count:
+            fields = re.split(r"\s{2,}|\t", text.strip())
         if len(fields) != count:  # "Time (s) Force (N)"
-            fields = re.findall(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]|\S+", bare)
+            fields = re.findall(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]|\S+", text)
     if len(fields) not in {count, filled} or not any(fields):
         return None
     return fields + [""] * (count - len(fields))

@@ -13,10 +13,11 @@ from itertools import zip_longest
 
 from mrdamper.data.formats.clocks import Sampling, stated_sampling
 from mrdamper.data.formats.lines.cells import number_in
+from mrdamper.data.words.headers import word_and_unit
 
 _WORDS: Mapping[str, re.Pattern[str]] = {
     "name": re.compile(
-        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|channel names?|nom|nombre)"
+        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|nom|nombre|voies?|quantity|messgröße)"
     ),
     "unit": re.compile(r"(units?|einheit(en)?|unité|unidad|vunits?)"),
     "factor": re.compile(r"(factor|scale|scaling|gain|slope|multiplier|faktor|skalierung|steigung)"),
@@ -38,7 +39,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label names, "" if none: ``unit``, or ``x unit`` for the time axis."""
+    """Return the property that a label names, such as ``unit`` (of the time axis: ``x unit``); "" if none."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
@@ -64,18 +65,26 @@ def find_properties(
     rows, lines : the lines above the table, divided into cells and as text
     first : cells of the first row of the table
     """
+    lines = [f"{row[0]} = {row[1]}" if len(row) == 2 else line for row, line in zip(rows, lines, strict=True)]
     leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
     count = len(first) - leads
     found: dict[str, list[str]] = {}
     for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines)):
-        if name in {"name", "unit", "factor", "offset"} and len(values) in {count, count - 1}:
+        if name == "name" and any(number_in(value, ".") is not None for value in values):
+            continue
+        if name in {"name", "unit", "factor", "offset"} and len(values) in range(
+            max(count - 2, 1), count + 1
+        ):
             found.setdefault(name, values)
     names = found.get("name")
-    if names is None or len(found) < 2 or len({*map(len, found.values())}) > 1:
+    if names is None or len({*map(len, found.values())}) > 1:
         return None
-    if any(number_in(name, ".") is not None for name in names):
+    if len(found) < 2 and not all(word_and_unit(name)[1] for name in names):
         return None
-    settings = {label: values[0] for label, values in _settings(rows, lines) if len({*values}) == 1}
+    settings: dict[str, str] = {}
+    for label, values in _settings(rows, lines):
+        if len({*values}) == 1:
+            settings.setdefault(label, values[0])
     units_of_time = [value for label, value in settings.items() if property_of(label) == "x unit"]
     if units_of_time:
         settings |= {f"{label}_unit": units_of_time[0] for label in settings}
@@ -88,8 +97,12 @@ def find_properties(
         )
         if (factor, offset) != (1.0, 0.0)
     }
-    time = [f"time [{units_of_time[0]}]" if units_of_time else "time"] * (count - len(names))
-    return Properties((*[""] * leads, *time, *spelled), scales, stated_sampling(settings))
+    time = [f"time [{units_of_time[0]}]" if units_of_time else "time"]
+    before = ["number", *time][2 - (count - len(names)) :] if len(names) < count else []
+    above = rows[-1] if rows else ()
+    if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
+        before = [*above[: len(before)]]  # A row of numbered columns names the columns before them.
+    return Properties((*[""] * leads, *before, *spelled), scales, stated_sampling(settings))
 
 
 def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
@@ -114,8 +127,8 @@ def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]
         below = [*rows[k + 1 :]]
         end = next((n for n, other in enumerate(below) if len(other) != len(row)), len(below))
         if len({*named.values()} & {"name", "unit", "factor"}) > 1:
-            for at, name in named.items():
-                yield name, [other[at] for other in below[:end]]
+            for at, label in enumerate(row):
+                yield named.get(at, label), [other[at] for other in below[:end]]
 
 
 def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
@@ -140,7 +153,8 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (label, values) of each row; the values follow the label in the same or the next line."""
+    """Generate (label, values) of each row or column; the values follow the label."""
+    yield from _by_channels(rows)
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
             yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]
