@@ -10,6 +10,7 @@ Property tests draw new examples in every run. A failing example is kept in ``.h
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import shutil
@@ -25,6 +26,8 @@ from mrdamper.runtime import pool
 
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # Two workers use both cores.
+
+gc.disable()  # Almost all objects that the collection creates stay until the end.
 
 # nohup disables these signals, but processes that the tests start must receive them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -109,6 +112,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("property")
         tier = next((each for each in _TIERS if item.get_closest_marker(each)), "fast")
         item.add_marker(f"tier_{tier}")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """Let the garbage collector ignore the collected tests, and start it."""
+    gc.freeze()
+    gc.enable()
 
 
 def _scope(nodeid: str) -> str:

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import ast
-import io
 import re
-import tokenize
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -41,6 +40,18 @@ def package_of(path: Path) -> str:
     return "/".join(path.relative_to(ROOT).parent.parts[:3])
 
 
+def comments_of(source: str, tree: Iterable[ast.AST]) -> Iterator[str]:
+    """Generate the comments outside of strings with several lines; a comment follows two blanks."""
+    inside: set[int] = set()
+    for node in tree:
+        if isinstance(node, ast.Constant | ast.JoinedStr) and node.end_lineno != node.lineno:
+            inside.update(range(node.lineno, (node.end_lineno or 0) + 1))
+    for number, line in enumerate(source.splitlines(), start=1):
+        comment = re.search(r"(?:^ *|  )(#.*)", line) if "#" in line and number not in inside else None
+        if comment is not None:
+            yield comment[1]
+
+
 @cache
 def texts() -> dict[str, tuple[list[str], list[str]]]:
     """Return docstrings and comments by package."""
@@ -48,10 +59,10 @@ def texts() -> dict[str, tuple[list[str], list[str]]]:
     for path in (*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")):
         source, (docstrings, comments) = path.read_text("utf-8"), found.setdefault(package_of(path), ([], []))
         documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-        nodes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, documented)]
+        tree = [*ast.walk(ast.parse(source))]
+        nodes = [node for node in tree if isinstance(node, documented)]
         docstrings += filter(None, map(ast.get_docstring, nodes))
-        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-        written = [token.string.lstrip("#").strip() for token in tokens if token.type == tokenize.COMMENT]
+        written = [text.lstrip("#").strip() for text in comments_of(source, tree)]
         comments += [text for text in written if re.match(r"(?!noqa|type:|fmt|---|!).", text)]
     return found
 

@@ -118,7 +118,7 @@ def test_commands_accept_closed_streams_and_invalid_utf8(folder, tmp_path):
     odd = os.path.join(os.fsencode(place), b"run\xff.csv")  # noqa: PTH118 - bytes, which is no UTF-8
     with open(odd, "wb") as file:  # noqa: PTH123
         file.write(source.read_bytes())
-    for closed in (">&-", "2>&-", ">&- 2>&-"):
+    for closed in (">&-", "2>&-"):
         line = f'"$0" "$@" {closed}'
         done = subprocess.run(
             ["sh", "-c", line, *command("data", "list", "--json")], capture_output=True, check=False

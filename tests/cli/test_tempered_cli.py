@@ -28,12 +28,7 @@ duration_s = 2.0
 """
 TEMPERED = ("viscosity", "yield_force")
 """Coefficients that depend on temperature in each law fitted to such runs."""
-LAW = (
-    "--law",
-    "bouc-wen",
-    "--term",
-    "none",
-)  # Model selection takes ten times as long and has separate tests.
+LAW = ("--law", "bouc-wen", "--term", "none")  # The selection takes ten times as long and has separate tests.
 
 
 @pytest.fixture(scope="module")

@@ -66,7 +66,7 @@ def damper(law="double-bouc-wen", *, lag=None, **changed):
 
 def path(command):
     return drive(
-        MOTIONS["nonperiodic"], duration=1.5, rate_Hz=10_000.0, command=command(np.arange(15_001) / 1e4),
+        MOTIONS["nonperiodic"], duration=1.0, rate_Hz=10_000.0, command=command(np.arange(10_001) / 1e4),
         temperature=333.15,
     )  # fmt: skip
 

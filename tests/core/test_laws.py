@@ -111,7 +111,7 @@ def random_motion(seed: int, size: float = 0.01) -> Harmonics:
     return Harmonics(tuple(amplitudes), tuple(frequencies), tuple(draw.uniform(0.0, 2.0 * math.pi, 5)))
 
 
-def random_drive(seed: int, *, size: float = 0.01, rate: float = 1000.0, duration: float = 1.5) -> Trajectory:
+def random_drive(seed: int, *, size: float = 0.01, rate: float = 1000.0, duration: float = 1.0) -> Trajectory:
     return drive(random_motion(seed, size), duration=duration, rate_Hz=rate, command=0.5)
 
 

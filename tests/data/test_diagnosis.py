@@ -11,11 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.resolution import white_noise
 from mrdamper.data.finding import Finding, by_kind, without_repeats
-from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Chirp, Sine
@@ -112,34 +110,6 @@ def test_virtual_rig_has_only_known_findings():
             expected = damper.offset_N if finding.kind == "force_offset" else campaign.sensors.force_noise_N
             assert finding.size == pytest.approx(expected, rel=0.15)
     assert seen < 10
-
-
-@pytest.mark.system
-def test_real_runs_have_only_known_findings(real_data):
-    """Real runs have only the known properties of their rigs; no channel is clipped, stuck or delayed.
-
-    UTFSM: the offset is 24 to 58 N, the force range of the 25 mm 0.25 Hz run at 1 A grows by 6 %, and the
-    force at 0 A falls. UTFPR: the gas preload is 100 to 140 N, the mean position drifts by up to 3.5 mm, and
-    the repeatability is 2 to 12 %.
-    """
-    runs = read_runs(real_data / "dev")
-    found = [finding for run in runs for finding in diagnose(run)]
-    assert {finding.severity for finding in found} <= {"warning", "note"}
-    assert {finding.kind for finding in found} == {
-        "force_offset", "force_level_changes", "position_drift", "poor_repeatability", "force_noise",
-    }  # fmt: skip
-    offsets = {f.run: size_of(f) for f in found if f.kind == "force_offset"}
-    assert all(24.0 < size < 60.0 for run, size in offsets.items() if "utfsm" in run)
-    assert all(98.0 < size < 140.0 for run, size in offsets.items() if "utfpr" in run)
-    assert sum("utfpr" in run for run in offsets) == 26
-    grows = {f.run: size_of(f) for f in found if f.kind == "force_level_changes"}
-    assert grows.pop("utfsm_sine_25mm0p25Hz_1.00A") == pytest.approx(6.0, abs=0.6)
-    assert all("0.00A" in run and size < 0.0 for run, size in grows.items())
-    drifts = [f for f in found if f.kind == "position_drift"]
-    assert {f.run[:5] for f in drifts} == {"utfpr"}
-    assert all(abs(size_of(f)) < 3.5e-3 for f in drifts)
-    assert all(5.0 < size_of(f) < 12.0 for f in found if f.kind == "poor_repeatability")
-    assert list(compare(runs.runs)) == []
 
 
 # ------------------------------------------------------------------------------------------- time

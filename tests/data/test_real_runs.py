@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamper.data.diagnosis.campaign import compare
+from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.repeatability import repeatability
 from mrdamper.data.prepare import decimate, prepare_run
 from mrdamper.data.readers import read_run, read_runs
+from tests.data.test_diagnosis import size_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -19,11 +22,8 @@ def dev(real_data):
 
 def _position(short, long):
     """Return the index at which a short force signal begins in a longer signal, both rounded to 0.1 N."""
-    starts = [
-        k
-        for k in range(len(long) - len(short) + 1)
-        if abs(long[k] - short[0]) < 0.06 and np.all(np.abs(long[k : k + len(short)] - short) < 0.06)
-    ]
+    near = np.flatnonzero(np.abs(long[: len(long) - len(short) + 1] - short[0]) < 0.06)
+    starts = [k for k in near if np.all(np.abs(long[k : k + len(short)] - short) < 0.06)]
     assert len(starts) == 1
     return starts[0]
 
@@ -97,3 +97,29 @@ def test_runs_at_200_Hz_are_prepared(dev):
         assert decimate(prepare_run(run), 200.0).trajectory.rate_Hz == pytest.approx(200.0)
     (run,) = dev.select("utfpr_0V_01")
     assert decimate(prepare_run(run), 200.0).trajectory.rate_Hz == pytest.approx(100.0)
+
+
+def test_real_runs_have_only_known_findings(dev):
+    """Real runs have only the known properties of their rigs; no channel is clipped, stuck or delayed.
+
+    UTFSM: the offset is 24 to 58 N, the force range of the 25 mm 0.25 Hz run at 1 A grows by 6 %, and the
+    force at 0 A falls. UTFPR: the gas preload is 100 to 140 N, the mean position drifts by up to 3.5 mm, and
+    the repeatability is 2 to 12 %.
+    """
+    found = [finding for run in dev for finding in diagnose(run)]
+    assert {finding.severity for finding in found} <= {"warning", "note"}
+    assert {finding.kind for finding in found} == {
+        "force_offset", "force_level_changes", "position_drift", "poor_repeatability", "force_noise",
+    }  # fmt: skip
+    offsets = {f.run: size_of(f) for f in found if f.kind == "force_offset"}
+    assert all(24.0 < size < 60.0 for run, size in offsets.items() if "utfsm" in run)
+    assert all(98.0 < size < 140.0 for run, size in offsets.items() if "utfpr" in run)
+    assert sum("utfpr" in run for run in offsets) == 26
+    grows = {f.run: size_of(f) for f in found if f.kind == "force_level_changes"}
+    assert grows.pop("utfsm_sine_25mm0p25Hz_1.00A") == pytest.approx(6.0, abs=0.6)
+    assert all("0.00A" in run and size < 0.0 for run, size in grows.items())
+    drifts = [f for f in found if f.kind == "position_drift"]
+    assert {f.run[:5] for f in drifts} == {"utfpr"}
+    assert all(abs(size_of(f)) < 3.5e-3 for f in drifts)
+    assert all(5.0 < size_of(f) < 12.0 for f in found if f.kind == "poor_repeatability")
+    assert list(compare(dev.runs)) == []

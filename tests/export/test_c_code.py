@@ -20,6 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from tests.export.exports import STRICT, a_target, card_of, motion, ran, read_csv, run, write
 from tests.support.cards import DOUBLE
+from tests.support.tiers import one_by_day
 
 CORTEX = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 ALLOWED = {"memcpy", "memset", "memmove", "__stack_chk_fail"}
@@ -80,7 +81,7 @@ def test_code_in_the_readme_compiles(folder, tool, tmp_path):
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("content", ["model", "controller", "both"])
+@pytest.mark.parametrize("content", one_by_day(["both", "model", "controller"]))
 def test_library_is_free_standing(content, tool, tmp_path):
     place = write(a_target(content=content), tmp_path)
     ran(tool("gcc"), *STRICT, "-fno-pie", "-c", "damper.c", "damper_tables.c", cwd=place)

@@ -135,7 +135,7 @@ def simulated(path, table, outputs, **start_values):
 # ---------------------------------------------------------------------------------------------- content
 
 
-@CONTENTS
+@pytest.mark.parametrize("content", one_by_day(["both", "model", "controller"]))
 def test_fmpy_validates_each_content(made, content):
     assert VALIDATION.validate_fmu(str(made(content)[1])) == []
 

@@ -58,7 +58,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
     assert there.outside == 0
 
 
-@pytest.mark.parametrize("shown", one_by_day(BARRED[::-1], 2), ids=_name)
+@pytest.mark.parametrize("shown", one_by_day(BARRED[::-1]), ids=_name)
 def test_step_instruction_count_is_limited(boards, shown):
     """The longest of 5,000 steps is below its limit and below 1.25 times the mean."""
     there, here = replayed(shown, "M4F", 5_000)
@@ -85,7 +85,7 @@ def test_target_and_host_agree_in_single_precision(boards, shown):
     assert there.outside == 0
 
 
-@pytest.mark.parametrize("shown", one_by_day(SHOWN[::-1], 2), ids=_name)
+@pytest.mark.parametrize("shown", one_by_day(SHOWN[::-1]), ids=_name)
 def test_code_and_tables_fit_memory_limits(boards, shown):
     """Tables have at most 16 kB. Code and stack are within the limits of each controller."""
     held = sizes(shown.made(), boards["M4F"], flags=(shown.optimised,))

@@ -70,10 +70,6 @@ def test_page_loads_no_external_file(page, text):
     assert re.findall(r"url\((?!#)", text) == []
 
 
-def test_same_input_gives_same_bytes(fitted, text):
-    assert PAGE.render(fitted) == text
-
-
 def test_figures_are_svg_without_date(text):
     assert "<image" not in text
     assert "<metadata" not in text

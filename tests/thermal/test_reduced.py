@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -79,16 +76,3 @@ def test_reduced_energy_is_conserved():
     equation = small.equation
     capacity = equation.uniform @ (equation.mass @ equation.uniform)
     assert capacity == pytest.approx(model.section.heat_capacity, rel=1e-9)
-
-
-@pytest.mark.system
-def test_documented_example_prints_its_values(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
-    root = Path(__file__).parents[2]
-    page = (root / "docs" / "thermal_finite_elements.md").read_text(encoding="utf-8")
-    example = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0]
-    monkeypatch.chdir(root)
-    exec(compile(example, "thermal_finite_elements.md", "exec"), {})
-    first, second = capsys.readouterr().out.splitlines()
-    assert f"prints `{first}` and `{second}`" in page

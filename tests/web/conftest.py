@@ -9,6 +9,15 @@ from tests.support.rigs import mrdamper
 from tests.web.browser import chromium, opened
 from tests.web.served import served
 
+CAMPAIGN = """
+motions = ["sine5mm1Hz", "sine3mm2Hz"]
+currents_A = [0, 1, 2]
+temperatures_degC = [20, 60, 100]
+held_out_temperatures_degC = [60]
+held_out_motions = []
+duration_s = 2.0
+"""
+
 
 @pytest.fixture(scope="module")
 def browser(tool):
@@ -22,7 +31,9 @@ def site(tmp_path_factory):
     root = tmp_path_factory.mktemp("pages") / "damper"
     (root / "cards" / "strong").mkdir(parents=True)
     write_card_of(root / "cards" / "strong" / "card.json")
-    assert mrdamper("rig", "--campaign", "short", "--out", root / "runs").returncode == 0
+    campaign = root.with_suffix(".toml")
+    campaign.write_text(CAMPAIGN, encoding="utf-8")
+    assert mrdamper("rig", "--campaign", campaign, "--out", root / "runs").returncode == 0
     with served(root) as client:
         client.read_all()
         yield root, client

@@ -141,7 +141,7 @@ class Client:
             job: Json = self.get(f"/api/jobs/{job_id}")
             if job["state"] in states:
                 return job
-            time.sleep(0.05)
+            time.sleep(0.1)
         raise AssertionError(f"{job_id} is {job['state']} after {longest_s} s")
 
     def read_all(self) -> list[Json]:

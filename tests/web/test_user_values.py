@@ -156,6 +156,7 @@ def test_new_geometry_removes_calibration_of_previous_damper(page, folder):
     assert "film_multiplier" not in text
 
 
+@pytest.mark.nightly
 def test_choices_are_kept_on_next_pages(page):
     """Load cycle, geometry, design and controller stay selected when the user opens the next page."""
     go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&drawing=paper")
@@ -201,6 +202,7 @@ def test_chosen_runs_stay_on_the_model(page):
     expect(page.locator("#chosen-runs summary")).to_have_text(words)
 
 
+@pytest.mark.nightly
 def test_tracked_controller_is_preselected_for_export(page):
     """Tracking offers controllers that the card supports. Export preselects the tracked controller."""
     plants = {}

@@ -23,7 +23,7 @@ LONG = {"law": "chain"}  # The fit takes much longer than the test.
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    return write_runs(tmp_path_factory.mktemp("files") / "runs", short_runs())
+    return write_runs(tmp_path_factory.mktemp("files") / "runs", short_runs()[:3])
 
 
 def a_folder(root, runs):

@@ -92,8 +92,8 @@ class NoTableError(InputError):
 class Moment:
     """A time stamp [s]: since 1970, or since midnight if the date is missing.
 
-    A date such as 11/12/2026 is ambiguous: the day or the month can come first. For other dates both values are
-    equal.
+    A date such as 11/12/2026 is ambiguous: the day or the month can come first. For other dates both
+    values are equal.
     """
 
     day_first_s: float

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -173,6 +173,8 @@ def _lines_by_file(
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table is used if most of its rows name files."""
     known = _Files.from_paths(files)
+    if is_run and path.suffix.lower() != ".json" and not known.numbers and not _has_any(known.names, lines):
+        return {}  # Most runs name no other file.
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]
@@ -215,6 +217,11 @@ def _lines_by_file(
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
+
+
+def _has_any(names: Iterable[str], lines: Sequence[str]) -> bool:
+    text = "\n".join(lines).lower()
+    return any(name in text for name in names)
 
 
 def _strip_name(line: str, file: Path) -> str:

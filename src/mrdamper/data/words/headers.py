@@ -214,7 +214,7 @@ def names_by_symbol(header: str) -> bool:
 
 
 def unit_in_brackets(header: str) -> str:
-    """Return the text in the brackets at the end of a header, possibly a unit; "" if there are no brackets."""
+    """Return the text in brackets at the end of a header, possibly a unit; "" without brackets."""
     match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
     return match[1].strip() if match else ""
 

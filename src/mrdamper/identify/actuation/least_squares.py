@@ -110,8 +110,8 @@ def fit_parameters(
 ) -> ParameterFit:
     """Fit some parameters of an actuation by nonlinear least squares; the remaining ones stay constant.
 
-    The force of the law follows the effective command almost without delay. Therefore the derivative of the force
-    with respect to a parameter is approximated by the chain rule: the derivative with respect to the
+    The force of the law follows the effective command almost without delay. Therefore the derivative of the
+    force with respect to a parameter is approximated by the chain rule: the derivative with respect to the
     effective command, times the derivative of this command with respect to the parameter. One additional
     simulation is then sufficient for all parameters.
 

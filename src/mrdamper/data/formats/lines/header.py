@@ -76,6 +76,8 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
     A single row is enough at the end of a text. Two rows belong to different tables if a cell is a number in
     one row and a word in the other row.
     """
+    if delimiter != " " and not any(delimiter in line for line in lines):
+        return None
     rows: list[int] = []
     words: list[bool | None] = []  # For each cell of the first row: True if it is a word.
     for k, line in enumerate(lines):
@@ -83,7 +85,7 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
             continue
         fields = split_line(line, delimiter)
         numbers = count_numbers(fields) if len(fields) > 1 else 0
-        is_property = numbers < len(fields) and bool(property_of(fields[0]))
+        is_property = 2 <= numbers < len(fields) and bool(property_of(fields[0]))
         is_prose = delimiter == " " and 2 * numbers <= len(fields)
         if numbers < 2 or is_prose or _COMMENT.match(line) or is_property or _is_of_units(fields, numbers):
             rows = []
