@@ -25,7 +25,7 @@ RUN = "nominal_020C_1.00A_sine5mm1Hz"
 MARKUP = "<img src=x onerror='window.ran = 1'>"
 HEIGHT_MAX_px, SERVED_MAX_kB = 1800, 250
 PATHS = """async (kind) => {
-  const { seriesPath, loopPath } = await import("/static/plot.js");
+  const { finished, seriesPath, thinned } = await import("/static/plot.js");
   const n = 1_000_000;
   const x = new Float32Array(n), y = new Float32Array(n);
   for (let k = 0; k < n; k += 1) {
@@ -33,16 +33,19 @@ PATHS = """async (kind) => {
     y[k] = 100 + 50 * Math.sin(k / 40);
   }
   y[123457] = 290;
-  const points = [];
-  const before = window.Path2D;
-  window.Path2D = class { moveTo(a, b) { points.push(b); } lineTo(a, b) { points.push(b); } };
-  const [x0, x1] = kind === "series" ? [0, n] : [0, 600];
-  const u = { bbox: { left: 0, top: 0, width: 600, height: 300 },
-    scales: { x: { min: x0, max: x1 }, y: { min: 0, max: 300 } } };
-  if (kind === "series") seriesPath(u, { x, y }); else loopPath(u, { x, y, kind });
-  window.Path2D = before;
+  let points = [];
+  if (kind === "loop") {
+    const kept = finished(thinned({ x, y, kind }, { x: [0, 600], y: [0, 300] }, null, 600, 300));
+    points = kept.y.filter((value) => !Number.isNaN(value));
+  } else {
+    const before = window.Path2D;
+    window.Path2D = class { moveTo(a, b) { points.push(300 - b); } lineTo(a, b) { points.push(300 - b); } };
+    seriesPath({ bbox: { left: 0, top: 0, width: 600, height: 300 },
+      scales: { x: { min: 0, max: n }, y: { min: 0, max: 300 } } }, { x, y });
+    window.Path2D = before;
+  }
   const ends = points.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [1e9, -1e9]);
-  return [points.length, 300 - ends[1], 300 - ends[0]];
+  return [points.length, ...ends];
 }"""
 
 

@@ -13,6 +13,8 @@ import { h, useEffect, useLayoutEffect, useRef, useState } from "./vendor/preact
 const { uPlot } = window;
 const { div, figcaption, figure, p, span } = tags;
 const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
+const PIECE_SAMPLES = 100000; // Samples of a loop between two checks of the time.
+const FRAME_MS = 12; // Time of an animation frame in which loops are prepared.
 const STEP_MAX_PX = 8; // Longer segments of a loop are checked pixel by pixel.
 const PICK_PX = 18;
 const READOUT_MAX = 9;
@@ -85,69 +87,93 @@ function scalesOf({ bbox: { left, top, width, height }, scales: { x, y } }) {
   return [ax, left - ax * x.min, ay, top - ay * y.max];
 }
 
-/** Return the path of a time series. If there are many samples, only the extremes of each pixel column are drawn. */
-export function seriesPath(u, { x, y }) {
+/** Return the path of samples; a sample that is NaN interrupts it. */
+function line(u, { x, y }, from = 0, to = x.length) {
   const path = new Path2D();
   const [ax, bx, ay, by] = scalesOf(u);
-  const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
-  const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
-  let open = false;
-  const add = (px, value) => {
-    if (open) path.lineTo(px, by + ay * value);
-    else path.moveTo(px, by + ay * value); // A path ignores points that are NaN.
-    open = !Number.isNaN(value);
-  };
-  const isDense = to - from > 4 * u.bbox.width;
-  for (let k = from; k < to;) {
-    const column = Math.floor(bx + ax * x[k]);
-    const end = isDense ? lowerBound(x, (column + 1 - bx) / ax, k + 1, to) : k + 1;
-    if (!isDense) add(bx + ax * x[k], y[k]);
-    else
-      for (const value of [y[k], ...(extent(y, k, end) ?? []), y[end - 1]])
-        add(column + 0.5, value);
-    k = end;
+  let isOpen = false;
+  for (let k = from; k < to; k += 1) {
+    if (isOpen) path.lineTo(bx + ax * x[k], by + ay * y[k]);
+    else path.moveTo(bx + ax * x[k], by + ay * y[k]);
+    isOpen = !Number.isNaN(y[k]);
   }
   return path;
 }
 
-/** Return the path of a loop. If there are many samples, only the segments that touch a new pixel are drawn. */
-export function loopPath(u, one, part) {
-  const { x, y } = one;
-  const path = new Path2D();
-  const [ax, bx, ay, by] = scalesOf(u);
-  const { left, top, width, height } = u.bbox;
+/** Return the path of a time series. If there are many samples, only the extremes of each pixel column are drawn. */
+export function seriesPath(u, { x, y }) {
+  const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
+  const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
+  if (to - from <= 4 * u.bbox.width) return line(u, { x, y }, from, to);
+  const [ax, bx] = scalesOf(u);
+  const kept = { x: [], y: [] };
+  for (let k = from; k < to;) {
+    const column = Math.floor(bx + ax * x[k]);
+    const end = lowerBound(x, (column + 1 - bx) / ax, k + 1, to);
+    kept.y.push(y[k], ...(extent(y, k, end) ?? []), y[end - 1]);
+    while (kept.x.length < kept.y.length) kept.x.push((column + 0.5 - bx) / ax);
+    k = end;
+  }
+  return line(u, kept);
+}
+
+/**
+ * Return the samples of a loop, with NaN at gaps. If there are many, keep only the segments that touch a new pixel.
+ *
+ * The generator yields after each piece of work, so that a page with millions of samples stays responsive.
+ */
+export function* thinned(one, range, part, width, height) {
   const [from, to] = samplesOf(one, part);
-  const across = Math.ceil(width) + 1;
-  const down = Math.ceil(height) + 1;
-  const seen = to - from > ALL_SAMPLES_MAX ? new Uint8Array(across * down) : null;
-  const mark = (a, b) => {
-    if (a < 0 || b < 0 || a >= across || b >= down || seen[b * across + a]) return false;
-    seen[b * across + a] = 1;
-    return true;
-  };
+  if (to - from <= ALL_SAMPLES_MAX) return { x: one.x.slice(from, to), y: one.y.slice(from, to) };
+  const kept = { x: [], y: [] };
+  const seen = new Uint8Array(width * height);
+  for (let k = from; k < to; k += PIECE_SAMPLES) {
+    keepNew(kept, seen, one, Math.max(from, k - 1), Math.min(to, k + PIECE_SAMPLES), range, width);
+    yield;
+  }
+  return kept;
+}
+
+/** Append the segments from sample `from` to `to` that touch a new pixel. */
+function keepNew(kept, seen, { x, y }, from, to, range, width) {
+  const height = seen.length / width;
+  const [ax, ay] = [width / (range.x[1] - range.x[0]), height / (range.y[1] - range.y[0])];
+  const [bx, by] = [-ax * range.x[0], -ay * range.y[0]];
   let [px, py, isOpen] = [NaN, NaN, false];
   for (let k = from; k < to; k += 1) {
-    const qx = bx + ax * x[k];
-    const qy = by + ay * y[k];
-    const dx = qx - px;
-    const dy = qy - py;
-    let isNew = dx === dx && dy === dy; // False for the first sample and for NaN.
-    if (seen && isNew) {
-      isNew = mark((qx - left) | 0, (qy - top) | 0);
-      if (dx > STEP_MAX_PX || dx < -STEP_MAX_PX || dy > STEP_MAX_PX || dy < -STEP_MAX_PX) {
-        const steps = Math.min(Math.ceil(Math.max(Math.abs(dx), Math.abs(dy))), 4 * across);
-        for (let s = 1; s < steps; s += 1)
-          if (mark((px + (dx * s) / steps - left) | 0, (py + (dy * s) / steps - top) | 0))
-            isNew = true;
-      }
+    const dx = bx + ax * x[k] - px;
+    const dy = by + ay * y[k] - py;
+    const long = Math.max(Math.abs(dx), Math.abs(dy));
+    const steps = long > STEP_MAX_PX ? Math.min(Math.ceil(long), 4 * width) : 1;
+    let isNew = false;
+    for (let s = 1; s <= steps; s += 1) {
+      const [qx, qy] = [px + (dx * s) / steps, py + (dy * s) / steps];
+      if (!(qx >= 0 && qy >= 0 && qx < width && qy < height)) continue; // NaN is outside.
+      const pixel = (qy | 0) * width + (qx | 0);
+      if (seen[pixel]) continue;
+      seen[pixel] = 1;
+      isNew = true;
     }
-    if (isNew && !isOpen) path.moveTo(px, py);
-    if (isNew) path.lineTo(qx, qy);
+    if (isNew && !isOpen) {
+      kept.x.push(NaN, x[k - 1]);
+      kept.y.push(NaN, y[k - 1]);
+    }
+    if (isNew) {
+      kept.x.push(x[k]);
+      kept.y.push(y[k]);
+    }
     isOpen = isNew;
-    px = qx;
-    py = qy;
+    px = bx + ax * x[k];
+    py = by + ay * y[k];
   }
-  return path;
+}
+
+/** Return the result of a generator without pauses. */
+export function finished(work) {
+  for (;;) {
+    const { done, value } = work.next();
+    if (done) return value;
+  }
 }
 
 /** Draw vertical stripes below the series. */
@@ -179,13 +205,22 @@ function drawPoints(u, { series }, colours) {
   }
 }
 
-/** Return a new uPlot in an element; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
-function build(place, spec, colours, heard = {}) {
+/**
+ * Return a new uPlot in an element. The generator yields while it thins long loops.
+ *
+ * `heard` are the functions onRange(view), onPick(series, k) and onCursor(u).
+ */
+function* build(place, spec, colours, heard = {}) {
   const { x, y, height, span: part, isLoop } = spec;
   const unit = y.split(", ").at(-1);
   const nothing = { x: [], y: [], colour: () => colours.ink }; // uPlot needs a series.
   const data = spec.data.series.length ? spec.data : { ...spec.data, series: [nothing] };
   const range = rangesOf(data, spec);
+  const width = Math.max(50, place.clientWidth);
+  const size = [width, height].map((px) => Math.ceil(px * uPlot.pxRatio));
+  const loops = new Map();
+  for (const one of data.series)
+    if (!isSeries(one)) loops.set(one, yield* thinned(one, range, part, ...size));
   const axis = {
     stroke: colours.soft,
     font: FONT,
@@ -198,8 +233,13 @@ function build(place, spec, colours, heard = {}) {
   const widest = (_u, texts) => 14 + 7 * Math.max(2, ...(texts ?? []).map((text) => text.length));
   const path = (one) => (u) => {
     if (one.kind === "points" && !one.line) return null;
-    const stroke = isSeries(one) ? seriesPath(u, one) : loopPath(u, one, part);
+    const stroke = isSeries(one) ? seriesPath(u, one) : line(u, loops.get(one));
     return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 1 };
+  };
+  // A browser draws a long line of one pixel ten times as fast as a wider line.
+  const isLong = (one) => {
+    const [from, to] = isSeries(one) ? range.x.map((end) => lowerBound(one.x, end)) : samplesOf(one, part);
+    return to - from > ALL_SAMPLES_MAX;
   };
   const curve = (one) => ({
     facets: ["x", "y"].map((scale) => ({ scale, auto: false })),
@@ -207,7 +247,7 @@ function build(place, spec, colours, heard = {}) {
     paths: path(one),
     points: { show: false },
     stroke: one.colour(colours),
-    width: one.kind === "points" ? 1 : (one.width ?? 1.4),
+    width: one.kind === "points" ? 1 : isLong(one) ? 1 / uPlot.pxRatio : (one.width ?? 1.4),
     dash: one.dash?.length ? one.dash.map((length) => length * uPlot.pxRatio) : undefined,
   });
   const select = (u) => {
@@ -220,7 +260,7 @@ function build(place, spec, colours, heard = {}) {
   };
   const options = {
     mode: 2,
-    width: Math.max(50, place.clientWidth),
+    width,
     height,
     pxAlign: false,
     padding: [8, 12, 0, 0],
@@ -273,10 +313,13 @@ export function createLink(heard = () => {}) {
   return link;
 }
 
-const due = []; // queue of plots to be drawn, one per animation frame
+const due = []; // queue of plots to be drawn, at most one per animation frame
 
 function drawDue() {
-  due.shift()?.();
+  const end = performance.now() + FRAME_MS;
+  let isDone = false;
+  while (!isDone && due.length && performance.now() < end) isDone = due[0].next().done;
+  if (isDone) due.shift();
   if (due.length) requestAnimationFrame(drawDue);
 }
 
@@ -307,17 +350,17 @@ function Plot(props) {
       if (words.current) words.current.textContent = t === null ? "" : readout(spec, t);
       if (!isLoop && u === member.u) link?.point(t, u);
     };
-    const draw = () => {
-      if (!box.current) return;
+    function* draw() {
       const before = member.u;
-      member.u = build(box.current, spec, palette(), { onRange: setView, onPick, onCursor });
+      member.u = yield* build(box.current, spec, palette(), { onRange: setView, onPick, onCursor });
       before?.destroy();
       delete dataset.drawing;
-    };
+    }
     dataset.drawing = "";
-    due.push(draw);
+    const drawing = draw();
+    due.push(drawing);
     if (due.length === 1) requestAnimationFrame(drawDue);
-    return () => due.includes(draw) && due.splice(due.indexOf(draw), 1);
+    return () => due.includes(drawing) && due.splice(due.indexOf(drawing), 1);
   }, [data, palette(), JSON.stringify([view, part, hidden, x, y])]);
 
   useEffect(() => {
@@ -419,7 +462,7 @@ async function savePng(spec) {
   place.className = "offscreen";
   document.body.append(place);
   const colours = palette(true);
-  const u = build(place, spec, colours);
+  const u = finished(build(place, spec, colours));
   await new Promise((done) => setTimeout(done)); // uPlot draws in a microtask.
   const { width, height } = u.ctx.canvas;
   const canvas = document.createElement("canvas");
