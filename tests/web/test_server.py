@@ -305,13 +305,13 @@ def test_query_after_dead_process_succeeds():
 
     async def kill_a_query() -> None:
         queries, others = QueryLine(), children()
-        asked = asyncio.create_task(queries.ask("catalogue", {}))
+        asked = asyncio.create_task(queries.ask("damper", {"damper": "paper", "shown": "paper"}))
         while not (started := children() - others):
             await asyncio.sleep(0.01)
         os.kill(started.pop(), signal.SIGKILL)
         with pytest.raises(InputError, match="the reader stopped"):
             await asked
-        assert await queries.ask("catalogue", {})
+        assert await queries.ask("damper", {"damper": "paper", "shown": "paper"})
 
     asyncio.run(kill_a_query())
 

@@ -234,19 +234,19 @@ def test_model_curves_differ_from_measured(page):
     drawn = page.get_by_role("group", name="Runs drawn")
     expect(drawn.get_by_label("steady", exact=True)).to_be_checked()
     expect(drawn.get_by_label("rig", exact=True)).not_to_be_checked()
-    go(page, 'data?view.cards=["own"]&view.runs=["steady","stepped"]&view.tab=Errors')
-    expect(page.locator("tr.held", has_text="stepped")).to_contain_text("held out")
     go(page, 'data?view.cards=["own"]&view.runs=["stepped"]')
     page.wait_for_selector("#view-status[data-ms]")
     swatches = page.locator(".linked > .legend .swatch")
     expect(swatches).to_have_count(2)
     colours = swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")
     assert len(set(colours)) == 2
+    expect(page.locator(".readout-table tr.held")).to_have_count(2)  # The measured and the modelled curve.
+    expect(page.locator(".readout-table tr.held").last).to_contain_text("held out")
     shoot(page, "values-loops", whole=True)
 
 
 def test_run_is_not_good_before_check(page):
-    """A run is marked as good only after its check. Stopped fits and caveats of a card are visible."""
+    """A run is marked as good only after its check. Stopped fits are visible."""
 
     def partly_checked(route: Route) -> None:
         answer = route.fetch().json()
@@ -261,16 +261,6 @@ def test_run_is_not_good_before_check(page):
     go(page, "model?card=stopped")
     expect(page.locator("#fits tr", has_text="stopped").get_by_text("cancelled")).to_be_visible()
     expect(page.locator("[data-page=model]")).to_have_attribute("data-step", "old")
-
-    def with_caveats(route: Route) -> None:
-        answer = route.fetch()
-        caveats = {"assumed": "by a fluid", "beyond": "extrapolated: velocity"}
-        route.fulfill(response=answer, json={**answer.json(), **caveats})
-
-    page.route("**/api/heat/curve", with_caveats)
-    go(page, "thermal?card=own&heat.tab=Heating")
-    tile = page.locator(".tile", has_text="force lost by heating")
-    expect(tile).to_contain_text("assumed: by a fluid; extrapolated: velocity")
     page.unroute_all(behavior="ignoreErrors")
 
 

@@ -302,12 +302,10 @@ class HeatOptions(HeatingInputs):
         label="Temperature at the start")] = None
     """Start with this temperature of all parts, in degC."""
     ambient_degC: Annotated[float | None, Option(
-        unit="degC", least=-50.0, most=100.0, default_help=_GIVEN, begins=20.0,
-        slider=(-30.0, 60.0, 1.0))] = None
+        unit="degC", least=-50.0, most=100.0, default_help=_GIVEN, begins=20.0)] = None
     """Use this ambient temperature, in degC."""
     air_m_s: Annotated[float | None, Option(
-        unit="m/s", least=0.0, most=AIR_MAX_M_S, default_help=_GIVEN, label="Air speed",
-        slider=(0.0, 20.0, 0.5))] = None
+        unit="m/s", least=0.0, most=AIR_MAX_M_S, default_help=_GIVEN, label="Air speed")] = None
     """Use this air speed, in m/s."""
     with_sink: Annotated[bool, Option(
         flag="-", label="with the heat sink of the geometry file", part="sink")] = True
@@ -385,7 +383,7 @@ class DataListOptions:
 class DataFetchOptions:
     """Inputs and options of ``data fetch``."""
 
-    name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True)]]
+    name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True, offers="data", word="data set")]]
     """Fetch the data set with this name. The command data list prints the names."""
 
 

@@ -41,7 +41,7 @@ class AppContext:
         self.queue = JobQueue(self.folder, slots)
         self.reader = QueryLine()  # Reads whole files for a page.
         self.previewer = QueryLine()  # Reads the beginning of large files.
-        self.heater = QueryLine()  # Computes heating curves for sliders.
+        self.heater = QueryLine()  # Computes quick heating curves.
         self.index = RunIndex(self.folder, self.formats)
 
     def open(self) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 from mrdamper.jobs.public_data.catalog import DataSet, fetch, list_sets
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.schema import Json
 
 MAPS = Path(__file__).parent
 
@@ -70,20 +69,3 @@ def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
     on_progress(ProgressUpdate(total=1, text=f"fetching {name}"))
     folder = fetch(name)
     return FetchedData(next(each for each in list_sets() if each.name == name), folder)
-
-
-def catalogue() -> list[Json]:
-    """Return the public data sets with the names of their files, as JSON objects."""
-    return [
-        {
-            "name": each.name,
-            "title": each.title,
-            "notes": each.notes,
-            "licence": each.licence,
-            "doi": each.doi or None,
-            "repository": each.repository,
-            "commit": each.commit,
-            "files": [file.name for file in each.files],
-        }
-        for each in list_sets()
-    ]

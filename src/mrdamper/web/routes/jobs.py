@@ -85,11 +85,6 @@ def _forms(context: Context) -> Response:
     return JsonAnswer(all_forms(context.choices))
 
 
-@routes.get("/api/data")
-async def _public_data(context: Context) -> Response:
-    return JsonAnswer({"sets": await context.reader.ask("catalogue", {})})
-
-
 @routes.get("/api/changes")
 def _changes(context: Context) -> Response:
     return JsonAnswer(context.change_numbers())

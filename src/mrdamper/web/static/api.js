@@ -2,7 +2,7 @@
 
 const part = encodeURIComponent;
 
-/** Prefix of all request addresses of the damper; empty for the work folder of the server. */
+/** Prefix of all request addresses of a damper in `dampers/`. */
 export const DAMPER = window.location.pathname.match(/^\/damper\/[^/]+/)?.[0] ?? "";
 export const DAMPER_NAME = decodeURIComponent(DAMPER.split("/")[2] ?? "");
 
@@ -32,7 +32,6 @@ export const getState = () => get("/api/state");
 export const getForms = () => get("/api/forms");
 export const getChanges = () => get("/api/changes");
 export const getRuns = () => get("/api/runs");
-export const getData = () => get("/api/data");
 export const getDampers = () => get("/api/workspaces");
 export const addDamper = (name) => post("/api/workspaces", { name });
 export const deleteDamper = remove("workspaces");
@@ -61,7 +60,7 @@ export const getTrash = () => get("/api/trash");
 export const restore = (id) => post(`/api/trash/${part(id)}/restore`);
 export const emptyTrash = () => json("DELETE", "/api/trash");
 
-/** Return the channels of a run, or the force of a card at its samples: `{head, columns: {time_s, force_N, ...}}`. */
+/** Return the channels of a run, or with a card its modelled force: `{head, columns: {force_N, ...}}`. */
 export async function samples(run, card, { signal, ...limits } = {}) {
   const values = { card, file: run.file, ...limits };
   const known = Object.entries(values).filter(([, value]) => (value ?? "") !== "");

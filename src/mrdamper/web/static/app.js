@@ -26,7 +26,7 @@ const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"]
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
 const FILES_MAX = 12; // Longer lists are shortened in print.
 
-/** Return the progress of a page as `[state, words]`; the state is `done`, `old` (out of date) or `open`. */
+/** Return state (`done`, `old`: out of date, or `open`) and remark of a page. */
 function stepOf(page) {
   const { files, jobs } = app.state;
   const card = cardInUse();
@@ -50,7 +50,7 @@ function stepOf(page) {
   return reason ? ["old", reason] : ["done", job.id];
 }
 
-/** Return the reason why the result of a job is out of date; empty if the result is up to date. */
+/** Return the reason why a result is out of date; empty if it is up to date. */
 function reasonOf({ kind, asked_at: asked, options: { damper } }, card) {
   if (card.modified > asked) return `${card.name} has been fitted since`;
   if (!USES_GEOMETRY.includes(kind) || !damper) return "";
@@ -139,7 +139,6 @@ async function openDampers() {
   sheetOf("dampers").showModal();
 }
 
-/** Return the list of dampers of the server; each has its own folder. */
 function dampers() {
   const placeOf = (name) => (name === null ? "/" : `/damper/${encodeURIComponent(name)}/`);
   const isOpen = ({ name }) => (name ?? "") === DAMPER_NAME;

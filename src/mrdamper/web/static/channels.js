@@ -10,7 +10,7 @@ import { bytes, fixed, number, several, toggled } from "./text.js";
 import { button, check, select, tags, textField } from "./ui.js";
 import { h, useEffect, useMemo, useRef, useState } from "./vendor/preact.js";
 
-const { b, div, h2, h3, p, path, section, small, span, svg } = tags;
+const { b, div, h2, h3, p, section, small, span } = tags;
 const WAIT_MS = 350; // Time without a change before the file is read.
 const ANSWERS_MAX = 12;
 // Units of a gain, with the value of each unit in SI units per volt.
@@ -33,7 +33,7 @@ const labelOf = ({ name, index }) => name || `column ${index}`;
 const rounded = (value) => Number(value.toPrecision(12));
 const neededFor = (unit) => `enter how many ${unit.replace(/(\/| per )V$/, "")} are one volt.`;
 
-/** Return the entries of the sheet: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
+/** Return the entries: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
 function entriesOf({ columns, map }) {
   const one = ({ name, index, role: known, guess, unit: given }) => {
     const isMapped = ([, entry]) => entry.name === name || entry.index === index;
@@ -58,7 +58,7 @@ function entriesOf({ columns, map }) {
 const gainOf = (column, one) =>
   scaleOf(one) * readNumber(`${labelOf(column)} gain`, one.gain, { needed: neededFor(one.unit) });
 
-/** Return the channel map that the entries describe; an invalid number throws an error. */
+/** Return the channel map of the entries; an invalid number throws an error. */
 function mapOf({ columns: entries, rest }, { columns }) {
   const map = {};
   for (const column of columns) {
@@ -83,11 +83,7 @@ function mapOf({ columns: entries, rest }, { columns }) {
   return map;
 }
 
-/**
- * Sheet for the channel map of a file.
- *
- * @param {{name: string, others: string[], close: () => void}} props others: further files for which the map can also be saved
- */
+/** Sheet for the channel map of a file, which can also be saved for `others`. */
 export function ChannelSheet({ name, others, close }) {
   const [found, setFound] = useState(null);
   const [entry, setEntry] = useState(null);
@@ -234,10 +230,8 @@ function columnTable(columns, entries, set, take) {
     const change = (isTurned) => set(column.index, { sign: isTurned ? -1 : 1 });
     return check("", entries[column.index].sign === -1, change, about(column, "turned"));
   };
-  const content = ({ thumbnail, least, most, unit }) => [
-    thumb(thumbnail),
-    small(`${number(least, 4)} to ${number(most, 4)} ${unit ?? ""}`),
-  ];
+  const content = ({ least, most, unit }) =>
+    small(`${number(least, 4)} to ${number(most, 4)} ${unit ?? ""}`);
   const shown = [
     ["column", labelOf, "name"],
     ["holds", content],
@@ -311,7 +305,6 @@ function questionOf({ role, topic, candidates }, answered) {
   return note("warning", b(words), " ", offered.length ? choices : "Fill it in above.");
 }
 
-/** Return the runs of a file with a map, or its errors and questions. */
 function previewOf(found, isNamed, answered) {
   const { runs = [], questions = [], findings = [], error, head_share: head } = found;
   const unusable = runs.filter((run) => run.error).length;
@@ -338,15 +331,4 @@ function previewOf(found, isNamed, answered) {
       ],
     findings.length > 0 && fold(several(findings.length, "finding"), findingList(findings)),
   );
-}
-
-function thumb(values) {
-  const known = (values ?? []).filter(Number.isFinite);
-  if (known.length < 2) return null;
-  const [low, high] = [Math.min(...known), Math.max(...known)];
-  const y = (value) => 27 - (24 * ((value ?? low) - low)) / (high - low || 1);
-  const points = values.map((value, k) => `${(100 * k) / (values.length - 1)} ${y(value)}`);
-  const box = { viewBox: "0 0 100 30", width: 104, height: 30, preserveAspectRatio: "none" };
-  const look = { fill: "none", stroke: "var(--accent)", "vector-effect": "non-scaling-stroke" };
-  return svg({ ...box, "aria-hidden": "true" }, path({ ...look, d: `M${points.join("L")}` }));
 }

@@ -1,6 +1,4 @@
-// Forms of jobs, built from the declared fields (/api/forms). No option is declared here.
-//
-// The state contains the entries of a form as the user typed them. Reading a form throws an error for an invalid entry.
+// Forms of jobs, built from the declared fields (/api/forms). The state contains the entries as the user typed them.
 
 import { putInput } from "./api.js";
 import { fold } from "./layout.js";
@@ -8,20 +6,20 @@ import { app, attempt, cardInUse, cards, choose, chosen } from "./state.js";
 import { has, toggled } from "./text.js";
 import { check, field, filePicker, rove, select, tags, textField } from "./ui.js";
 
-const { div, h3, input, label, p, span } = tags;
+const { div, h3, input, p, span } = tags;
 const MORE = "More";
 const BOXES_MAX = 6; // Longer lists of boxes scroll.
 
 const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 can mean 1234 or 1.234.
 
-/** Return the number that a text contains, with a decimal point or comma; NaN if it is invalid or ambiguous. */
+/** Return the number in a text, with decimal point or comma; NaN if it is invalid or ambiguous. */
 export function parseNumber(text) {
   const plain = text.trim().replace("−", "-");
   return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
 }
 
-/** Return the numbers of a list that is separated by semicolons, blanks, or commas with a blank. */
+/** Return the numbers of a list with semicolons, blanks, or commas with a blank. */
 function parseNumbers(text) {
   const parts = text.split(text.includes(";") ? ";" : /,?\s+/).map((part) => part.trim());
   const values = parts.filter(Boolean);
@@ -39,7 +37,7 @@ function faultOf(text, { many, needed = "" }) {
     : `“${text.trim()}” is not a number. Enter one such as 2.5 or 2,5${more}.`;
 }
 
-/** Return the number (or with `many` the numbers) of an entry; an invalid entry throws an error that names its field. */
+/** Return the number (with `many`: numbers) of an entry; an invalid entry throws an error that names the field. */
 export function readNumber(words, entry, { many, needed, otherwise = many ? [] : null } = {}) {
   const text = textOf(entry);
   const fault = faultOf(text, { many, needed });
@@ -48,7 +46,7 @@ export function readNumber(words, entry, { many, needed, otherwise = many ? [] :
   return many ? parseNumbers(text) : parseNumber(text);
 }
 
-/** Return the input element of a number. It is marked if the entry is invalid, or empty although `needed` is given. */
+/** Return the input of a number, marked if it is invalid. `needed`: message if it is empty. */
 export function numberInput(entry, change, { many, needed, ...props } = {}) {
   const title = faultOf(textOf(entry), { many, needed });
   const oninput = (event) => change(event.target.value);
@@ -60,20 +58,7 @@ export function numberInput(entry, change, { many, needed, ...props } = {}) {
 export const numberField = (words, entry, change, { unit, ...props } = {}) =>
   field(words, numberInput(entry, change, props), unit);
 
-/** Return a number with a slider from `min` to `max` in steps. */
-export function slider(words, entry, change, unit, id, [min, max, step]) {
-  const value = parseNumber(textOf(entry));
-  const range = { min: Math.min(min, value || 0), max: Math.max(max, value || 0), step, value };
-  const oninput = (event) => change(Number(event.target.value));
-  return div(
-    { class: "slider wide" },
-    label({ for: id }, `${words}, ${unit}`),
-    numberInput(entry, change, { id }),
-    input({ type: "range", ...range, "aria-label": `${words} slider`, oninput }),
-  );
-}
-
-/** Return the key under which the choice of a field is stored. All forms share card, geometry, load cycle and controller. */
+/** Return the key of the choice of a field. All forms share card, geometry, load cycle and controller. */
 function keyOf(kind, { name, word, places }) {
   if (["drawing", "duty"].includes(word)) return word;
   if (name === "controller" || (name === "card" && places.includes("cards"))) return name;
@@ -83,7 +68,6 @@ function keyOf(kind, { name, word, places }) {
 /** Return a pattern that matches a name literally. */
 export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
-/** Return the names of inputs that have a suffix and one of the kinds, or an unknown kind. */
 export const inputsOf = (suffix, kinds) =>
   app.state.inputs
     .filter(({ name }) => name.endsWith(suffix))
@@ -142,10 +126,9 @@ export function formOf(kind, options = {}) {
   };
 }
 
-const isWide = ({ many, slider: range, choices, places, type }) =>
-  many || range || choices.length > 0 || places.length > 0 || ["yes", "text"].includes(type);
+const isWide = ({ many, choices, places, type }) =>
+  many || choices.length > 0 || places.length > 0 || ["yes", "text"].includes(type);
 
-/** Return the control of a field: `{node(), read()}`. */
 function controlOf(one, change) {
   const { id, entry, unit, label: words, needed } = one;
   if (one.word === "duty") return { node: () => dutyFields(id), read: readDuty };
@@ -168,11 +151,7 @@ function controlOf(one, change) {
   }
   const read = () => readNumber(words, entry, { needed, otherwise: one.default });
   const about = { unit, id, needed, placeholder: one.none };
-  const node = () =>
-    one.slider
-      ? slider(words, entry ?? one.slider[0], change, unit, id, one.slider)
-      : numberField(words, entry, change, about);
-  return { node, read };
+  return { node: () => numberField(words, entry, change, about), read };
 }
 
 function choiceControl(one, change) {
@@ -227,7 +206,6 @@ function severalControl(one) {
   return { node, read };
 }
 
-/** Return a button that uploads an input (a geometry, a table). */
 export function bringInput(words, suffixes, brought = () => {}) {
   const bring = ([file]) =>
     attempt(() => putInput(file)).then((answer) => answer && brought(file.name));
@@ -248,8 +226,6 @@ export function fillForm(kind, options, more = {}) {
 }
 
 const SINE = /^sine:([-+\d.e]+)mm:([-+\d.e]+)Hz:([-+\d.e]+)([AV]):([-+\d.e]+)s$/;
-const USUAL = { amplitude_mm: 15, frequency_Hz: 1, command: 2, duration_s: 1800 };
-
 function sineOf(text) {
   const [amplitude_mm, frequency_Hz, command, , duration_s] = (SINE.exec(text) ?? [])
     .slice(1)
@@ -257,35 +233,23 @@ function sineOf(text) {
   return duration_s && { amplitude_mm, frequency_Hz, command, duration_s };
 }
 
-/** Return the load cycle that the user entered, or else a sine inside the range of runs of the card in use. */
-function dutyInUse() {
-  const { command_unit: unit = "A", envelope } = cardInUse() ?? {};
-  const reach = ([low, high] = [-Infinity, Infinity]) => Math.min(-low, high);
-  const travel = Math.max(1, Math.floor(reach(envelope?.displacement_mm)));
-  const amplitude_mm = Math.min(USUAL.amplitude_mm, travel);
-  const speed_Hz = reach(envelope?.velocity_mm_s) / (2 * Math.PI * amplitude_mm);
-  const frequency_Hz = Math.min(USUAL.frequency_Hz, Math.max(0.1, Math.floor(10 * speed_Hz) / 10));
-  const command_max = envelope?.command?.[1] ?? USUAL.command;
-  const command = Math.min(USUAL.command, command_max);
-  const first = { ...USUAL, amplitude_mm, frequency_Hz, command };
-  return { unit, command_max, ...first, ...chosen("duty") };
-}
-
-/** Return the fields of the sine: name, label, unit and range of the slider. */
-const sineFields = ({ unit, command_max: max }) => [
-  ["command", unit === "V" ? "Voltage" : "Current", unit, [0, Math.max(max, 0.1), 0.05]],
-  ["amplitude_mm", "Amplitude", "mm", [1, 50, 1]],
-  ["frequency_Hz", "Frequency", "Hz", [0.1, 5, 0.1]],
-  ["duration_s", "Duration", "s", [300, 14400, 300]],
+const SINE_FIELDS = [
+  ["command", "Current", "A"],
+  ["amplitude_mm", "Amplitude", "mm"],
+  ["frequency_Hz", "Frequency", "Hz"],
+  ["duration_s", "Duration", "s"],
 ];
+const needed = "enter a number.";
+
+/** Return the entered load cycle, or else a sine inside the range of the card in use. */
+const dutyInUse = () => ({ unit: "A", ...cardInUse()?.sine, ...chosen("duty") });
 
 export function readSine() {
   const duty = dutyInUse();
-  const read = ([name, words]) => [name, readNumber(words, duty[name], { otherwise: USUAL[name] })];
-  return Object.fromEntries(sineFields(duty).map(read));
+  const read = ([name, words]) => [name, readNumber(words, duty[name], { needed })];
+  return Object.fromEntries(SINE_FIELDS.map(read));
 }
 
-/** Return the load cycle as text: a sine, or the name of a table. */
 function readDuty() {
   const { table, unit } = dutyInUse();
   if (table) return table;
@@ -298,13 +262,17 @@ function dutyFields(id) {
   const change = (values) => choose({ duty: { ...chosen("duty"), ...values } });
   const take = (table) => change({ table });
   const tables = [["", "a sine"], ...inputsOf(".csv", ["duty"]).map((name) => [name, name])];
-  const sine = ([name, words, unit, range]) =>
-    slider(words, duty[name], (value) => change({ [name]: value }), unit, `${id}-${name}`, range);
+  const sine = ([name, words, unit]) => {
+    const isVolts = unit === "A" && duty.unit === "V";
+    const set = (value) => change({ [name]: value });
+    const about = { unit: isVolts ? "V" : unit, id: `${id}-${name}`, needed };
+    return numberField(isVolts ? "Voltage" : words, duty[name], set, about);
+  };
   return div.fields(
     div.wide(
       field("Motion", select(tables, duty.table ?? "", take, { id })),
       bringInput("Bring a table", ".csv", take),
     ),
-    !duty.table && sineFields(duty).map(sine),
+    !duty.table && SINE_FIELDS.map(sine),
   );
 }

@@ -8,7 +8,7 @@ import { button, tags } from "./ui.js";
 
 const { b, div, form, p, progress } = tags;
 
-/** Return the job of a kind that a page shows: the job in the address, else a running job, else the newest of a card. */
+/** Return the job in the address, else a running job, else the newest result of a card. */
 export function jobOf(kind, card = null) {
   const mine = app.state.jobs.filter((job) => job.kind === kind);
   const isResult = (job) =>
@@ -20,14 +20,13 @@ export function jobOf(kind, card = null) {
   return found ?? null;
 }
 
-/** Return a job with its answer; null until the job has ended and the answer has been fetched. */
+/** Return a job with its answer; null before its end. */
 export function resultOf(job) {
   if (!job || isRunning(job)) return null;
   const found = once(`job ${job.id} ${job.ended_at}`, () => getJob(job.id));
   return found?.answer ? found : null;
 }
 
-/** Start a job with the options that `read` returns; an invalid entry starts no job. */
 async function start(kind, read, started) {
   app.faults[kind] = null;
   try {
@@ -64,10 +63,10 @@ export const formPanel = (words, fields, start, ...first) =>
   );
 
 /**
- * Return the form of a kind of job next to the state and the result of its job.
+ * Return the form of a kind of job next to its job.
  *
- * `card`: only jobs of this card; `first`: elements above the form; `nothing`: text without a job; `view(job)`: result;
- * `after`: elements below the result; all other properties are passed to the button
+ * `card`: only jobs of this card; `first`: above the form; `nothing`: text without a job; `view(job)`: result;
+ * `after`: below the result; the button gets all other properties
  */
 export function jobColumns(kind, title, action, form, options) {
   const { card, read = form.read, first, nothing, view, after, ...props } = options;
@@ -79,7 +78,6 @@ export function jobColumns(kind, title, action, form, options) {
   );
 }
 
-/** Return progress, Cancel, error or end of a job of a kind. */
 export function jobStatus(kind, job) {
   const fault = app.faults[kind];
   const state = job && (isRunning(job) ? atWork(job) : endOf(job));
@@ -107,20 +105,11 @@ export const resumeButton = ({ id, resumable }, look = "quiet") =>
   resumable && button("Resume", () => attempt(() => resumeJob(id)), look, `Resume ${id}`);
 
 function endOf(job) {
-  const { id, kind, message, resumable, state } = job;
-  if (state === "done") return null;
-  const kept = resumable && "Resume continues after its finished parts.";
-  const isPartial =
-    kind === "fit" && "The page shows the best result so far, which is not converged.";
-  const words = {
-    failed: `did not finish.\n${message ?? ""}`,
-    interrupted: `was interrupted: the server stopped during the job. ${kept || "Start it again."}`,
-    cancelled: `was cancelled. ${kept || isPartial || ""}`,
-  }[state];
-  return note(state === "failed" ? "fault" : "warning", `${id} ${words} `, resumeButton(job, ""));
+  if (job.state === "done") return null;
+  const kind = job.state === "failed" ? "fault" : "warning";
+  return note(kind, `${job.id} ${job.state}:\n${job.message} `, resumeButton(job, ""));
 }
 
-/** Copy a file of a job to the inputs. */
 export async function keepInput(job, path, name) {
   await putInput(new File([await (await fetch(jobFile(job.id, path))).blob()], name));
   toast("good", `${name} is saved with the inputs.`);
@@ -129,7 +118,7 @@ export async function keepInput(job, path, name) {
 export const putBack = (id, name = {}) =>
   button("Put back", () => attempt(() => restore(id)), "quiet", name);
 
-/** Return a button that moves an item into the trash and offers to restore it. */
+/** Return a button that moves an item into the trash and then offers to restore it. */
 export function removal(remove, name, removed = () => {}) {
   const discard = async () => {
     const answer = await attempt(() => remove(name));

@@ -1,11 +1,11 @@
-// Controller: force tracking of the controllers that a card supports, and export of model and controller as code.
+// Controller: force tracking, and export of model and controller as code.
 
 import { cardFile } from "./api.js";
 import { formOf } from "./forms.js";
 import { jobColumns } from "./jobs.js";
 import { empty, pageHead, tabbed } from "./layout.js";
 import { createLink, nth, plot } from "./plot.js";
-import { filesOf, firstScreen, groundsOf, tabsOf } from "./results.js";
+import { resultView } from "./results.js";
 import { app, cardDetails, cardInUse, choose, chosen } from "./state.js";
 import { fixed, several } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
@@ -13,26 +13,10 @@ import { h, useMemo } from "./vendor/preact.js";
 
 const { a, code, div, p } = tags;
 const SHOWN_S = 4; // Time span that the plots show first.
-const PLATFORMS = {
-  linux64: "Linux (64 bit)",
-  win64: "Windows (64 bit)",
-  darwin64: "macOS (64 bit)",
-};
-const REASONS = {
-  bank: "(a bank of models, which the law of the card does not allow)",
-  delay: "(no run of the card steps its current, so that the delay of the force is unknown)",
-};
+const missingControllers = ({ missing }) =>
+  missing && p.small({ id: "missing-controllers" }, missing);
 
-/** Return a hint that names the controllers which a card does not support, with the reason. */
-function missingControllers({ name, controllers }) {
-  const missing = app.state.choices.controllers.filter((one) => !controllers.includes(one));
-  const groups = Map.groupBy(missing, (one) => (one.startsWith("paper") ? "bank" : "delay"));
-  const reasons = [...groups].map(([reason, names]) => `${names.join(", ")} ${REASONS[reason]}`);
-  const words = `Not available for ${name}: ${reasons.join("; ")}.`;
-  return missing.length > 0 && p.small({ id: "missing-controllers" }, words);
-}
-
-/** Return the default damper for tracking: the rig preset if it made all runs of the card, else the damper of the card. */
+/** Return the default damper for tracking: the rig preset that made all runs of the card, else the card. */
 function plantOf({ name }) {
   const rigOf = (source) => app.state.files.find((file) => file.name === source)?.rig;
   const [preset, ...others] = new Set((cardDetails(name)?.sources ?? []).map(rigOf));
@@ -45,13 +29,11 @@ function tracking(card) {
   const form = formOf("track", { only, preset: { plant: plantOf(card) } });
   const nothing =
     "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target.";
-  const view = (result) => [
-    firstScreen(result),
-    exportButtons(result.answer, card),
-    tabsOf("track.tab", result, [["Plots", () => h(Traces, { answer: result.answer })]]),
-    groundsOf(result),
-    filesOf(result),
-  ];
+  const view = (job) =>
+    resultView(job, "track.tab", {
+      own: exportButtons(job.answer, card),
+      tabs: [["Plots", () => h(Traces, { answer: job.answer })]],
+    });
   const options = { card: card.name, first: missingControllers(card), nothing, view };
   return jobColumns("track", "What to track", "Track", form, options);
 }
@@ -140,18 +122,15 @@ function exporting(card) {
 function exportView(job) {
   const { fingerprint, fmu_platforms: folders } = job.answer;
   const only = (path) => (!path.includes("/") || path.endsWith(".md")) && path !== "job.json";
-  const platforms = folders?.map((folder) => PLATFORMS[folder] ?? folder).join(", ");
-  const binaries = platforms ? `The FMU runs on ${platforms}.` : "The FMU has no binary.";
+  const binaries = folders?.length
+    ? `The FMU runs on ${folders.join(", ")}.`
+    : "The FMU has no binary.";
   const words = `${binaries} For other platforms it contains the C sources.`;
-  return div(
-    { id: "export-result" },
-    firstScreen(job),
-    groundsOf(job),
-    filesOf(job, "Open the report", only),
+  const own = [
     folders && p.small({ id: "platforms" }, words),
     fingerprint && p.small("Fingerprint ", code(fingerprint)),
-    tabsOf("export.tab", job),
-  );
+  ];
+  return div({ id: "export-result" }, resultView(job, "export.tab", { own, only }));
 }
 
 export function ControllerPage() {

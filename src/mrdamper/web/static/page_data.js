@@ -1,29 +1,21 @@
 // Data: files and their channel maps, runs with findings, and the linked view of the ticked runs.
 
-import { deleteFile, getData, look, putFile } from "./api.js";
+import { deleteFile, look, putFile } from "./api.js";
 import { ChannelSheet } from "./channels.js";
-import { jobOf, jobStatus, removal, resultOf, startButton } from "./jobs.js";
-import { empty, fold, keptFold, note, pageHead, tabbed, table, tag } from "./layout.js";
-import { filesOf, findingList, firstScreen } from "./results.js";
-import {
-  copiesOf,
-  filtersOf,
-  findingsBetween,
-  foreignRunsOf,
-  idOf,
-  matching,
-  runList,
-} from "./runs.js";
-import { address, app, attempt, cards, choose, chosen, go, once } from "./state.js";
+import { jobOf, jobStatus, removal, startButton } from "./jobs.js";
+import { empty, fold, note, pageHead, tabbed, table, tag } from "./layout.js";
+import { findingList } from "./results.js";
+import { filtersOf, findingsBetween, idOf, matching, runList } from "./runs.js";
+import { address, app, attempt, cards, choose, chosen, go } from "./state.js";
 import { bytes, counted, fixed, number, several, toggled } from "./text.js";
 import { button, check, choice, filePicker, tags } from "./ui.js";
-import { characteristics, errorTable, linkedView, splitsOf, usualRuns } from "./view.js";
+import { characteristics, linkedView, splitsOf, usualRuns } from "./view.js";
 import { h } from "./vendor/preact.js";
 
 const { a, aside, div, h3, p, span } = tags;
 const STATES = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
-/** Return the runs that are drawn by default: the runs of the fit of the card in the view, or runs with its unit. */
+/** Return the runs drawn by default: runs of the fit of the card in the view, or runs with its unit. */
 function firstRuns(runs) {
   const [name] = chosen("view.cards", []);
   const fitted = name ? splitsOf(name) : new Map();
@@ -56,10 +48,15 @@ export function DataPage() {
         { "aria-label": "Files, runs and cards" },
         dropZone(),
         runs.length > 0 && choices(runs, ids, drawn),
-        sources(),
+        [
+          ["rig", "Runs of the virtual rig"],
+          ["fetch", "Public data of real dampers"],
+        ].map(([kind, words]) =>
+          p.small(a({ href: address("jobs", { "show.kind": kind }) }, words)),
+        ),
       ),
       div(
-        ["rig", "fetch"].map((kind) => jobStatus(kind, jobOf(kind))),
+        jobStatus("rig", jobOf("rig")),
         missing.length > 0 && note("warning", `Not in the folder: ${missing.join(", ")}`),
         app.reading > 0 && p.small(`Reading ${several(app.reading, "file")} …`),
         file
@@ -118,7 +115,6 @@ function choices(runs, ids, drawn) {
   const set = (name) => (value) => choose({ [`view.${name}`]: value || null }, true);
   const box = ({ name }) =>
     check(name, drawn.includes(name), () => set("cards")(toggled(drawn, name)));
-  const colours = [["", "what differs"], "command", "temperature", "card", "run"];
   const cycles = [
     ["", "all"],
     ["1", "the last"],
@@ -139,34 +135,10 @@ function choices(runs, ids, drawn) {
     fold(
       "How it is drawn",
       div.fields(
-        choice("Colour by", "view.colour", colours, true),
         choice("Cycles", "view.cycles", cycles, true),
         check("centre the displacement", chosen("view.centre", false), set("centre")),
       ),
     ),
-  ];
-}
-
-function sources() {
-  const words = ({ title, licence, repository }) => [
-    `${title} `,
-    span.small(`${licence}, ${repository}`),
-  ];
-  const fetchButton = ({ name, title }) => {
-    const about = { id: null, "aria-label": `Fetch ${title}` };
-    return startButton("fetch", "Fetch", () => ({ name }), about);
-  };
-  const columns = [
-    ["set", words, "name"],
-    ["", fetchButton],
-  ];
-  const list = () => [
-    p.small("The server downloads them from github.com when you press Fetch."),
-    table("Public data", columns, once("public data", getData)?.sets ?? []),
-  ];
-  return [
-    p.small(a({ href: address("jobs", { "show.kind": "rig" }) }, "Runs of the virtual rig")),
-    keptFold("list.public", "public", "Public data of real dampers", list),
   ];
 }
 
@@ -181,17 +153,12 @@ function overview(runs, picked, drawn) {
     return div(empty(words), rig());
   }
   const all = app.runs;
-  const link = (run) => {
-    const view = { "view.runs": [idOf(run, runs)], "view.cards": drawn };
-    return a({ href: address("data", view) }, run.name);
-  };
   const plots = () => linkedView({ runs, picked, cards: drawn, prefix: "view" });
   const fileTab = ["Files", () => fileTable(files)];
   const isMapNeeded = !runs.length || files.some(({ state }) => state === "unreadable");
   const tabs = [
     isMapNeeded && fileTab,
     runs.length > 0 && ["Plots", plots],
-    drawn.length > 0 && ["Errors", () => errorTable(picked, drawn, link)],
     !isMapNeeded && fileTab,
     all.length > 0 && ["Runs", () => runTable(matching(all, "list"), all)],
     picked.length > 0 && ["Characteristic", () => characteristics(picked)],
@@ -204,16 +171,9 @@ function overview(runs, picked, drawn) {
 function checked(runs) {
   const all = [...findingsBetween(runs), ...runs.flatMap((run) => run.findings ?? [])];
   const findings = all.filter(({ severity }) => severity !== "note");
-  const job = jobOf("check");
-  const result = resultOf(job);
-  return [
-    findings.length
-      ? findingList(findings)
-      : p.small("No warnings and no faults were found so far."),
-    div.actions(startButton("check", "Check all runs", () => ({}), { look: "" })),
-    jobStatus("check", job),
-    result && [firstScreen(result), filesOf(result, "Open the report of the check")],
-  ];
+  const report = a({ href: address("jobs", { "show.kind": "check" }) }, "Check with a report");
+  const words = "No warnings and no faults were found so far.";
+  return [findings.length ? findingList(findings) : p.small(words), p.small(report)];
 }
 
 function fileTable(files) {
@@ -239,11 +199,9 @@ function fileTable(files) {
   return table("Files in the folder", columns, files, { tall: true });
 }
 
-/** Return a table of runs. `all` runs are searched for copies, and for runs that belong to a different damper. */
 function runTable(shown, all) {
   const units = new Set(all.map((run) => run.command_unit).filter(Boolean));
   const unit = units.size === 1 ? [...units][0] : "";
-  const [copies, foreign] = [copiesOf(all), foreignRunsOf(all)];
   const range = (pair, digits) => pair && `${fixed(pair[0], digits)} to ${fixed(pair[1], digits)}`;
   const temperature = ({ temperature_range_degC: pair, temperature_degC: mean }) =>
     pair && pair[1] - pair[0] > 2 ? range(pair, 0) : fixed(mean, 0);
@@ -255,8 +213,8 @@ function runTable(shown, all) {
   const marks = (run) => [
     run.error && tag("fault", "not usable", run.error),
     !run.error && run.worst && tag(run.worst),
-    copies.has(run) && tag("warning", "copy", `a copy of ${copies.get(run).name}`),
-    foreign.has(run) && tag("warning", "other damper?", foreign.get(run)),
+    run.copy_of && tag("warning", "copy", `a copy of ${run.copy_of}`),
+    run.foreign && tag("warning", "other damper?", run.foreign),
   ];
   const state = (run) => {
     const found = marks(run).filter(Boolean);

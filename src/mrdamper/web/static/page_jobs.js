@@ -5,7 +5,7 @@ import { bringInput, fillForm, formOf } from "./forms.js";
 import { cancelButton, formPanel, jobStatus, keepInput, putBack, removal } from "./jobs.js";
 import { resultOf, resumeButton, startButton } from "./jobs.js";
 import { empty, note, pageHead, table, tag, titled } from "./layout.js";
-import { filesOf, firstScreen, groundsOf, tabsOf } from "./results.js";
+import { resultView } from "./results.js";
 import { app, attempt, choose, chosen, go, isRunning, once } from "./state.js";
 import { bytes, duration } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
@@ -25,6 +25,7 @@ const OTHERS = {
   compare: "Compare two cards",
   check: "Check all runs",
   rig: "Runs of the virtual rig",
+  fetch: "Public data of real dampers, from github.com",
   cycles: "Count the cycles of a long record",
   derate: "The largest current that keeps every limit",
   fluid: "Fit a fluid to rheometer tables",
@@ -39,7 +40,7 @@ function subjectOf({ options, card }) {
   return options.card ?? card ?? record ?? both ?? input();
 }
 
-/** Open the page of a job, and fill the form on this page with the options of the job. */
+/** Open the page of a job with its options in the form. */
 function open({ id, kind, options }) {
   if (!(kind in PAGE_OF))
     return choose({ "show.job": id, "show.kind": kind in OTHERS ? kind : null });
@@ -78,7 +79,7 @@ function jobTable(jobs) {
   return table("Jobs, newest first", columns, jobs, { tall: true });
 }
 
-function resultView(job) {
+function shownJob(job) {
   const result = resultOf(job);
   const use = () => attempt(() => keepInput(job, "fluid.toml", `${job.id}.toml`));
   const { title, runs, licence } = result?.answer ?? {};
@@ -86,14 +87,13 @@ function resultView(job) {
     { id: "job-result" },
     h2(`${job.id}: ${subjectOf(job)}`),
     jobStatus(job.kind, job),
-    result && [
-      firstScreen(result),
-      groundsOf(result),
-      title && note("good", `${title}: ${runs?.join(", ")}. Licence: ${licence}.`),
-      filesOf(result),
-      job.kind === "fluid" && button("Use this fluid", use, "", `Use the fluid of ${job.id}`),
-      tabsOf("show.tab", result),
-    ],
+    result &&
+      resultView(result, "show.tab", {
+        own: [
+          title && note("good", `${title}: ${runs?.join(", ")}. Licence: ${licence}.`),
+          job.kind === "fluid" && button("Use this fluid", use, "", `Use the fluid of ${job.id}`),
+        ],
+      }),
   );
 }
 
@@ -109,7 +109,7 @@ function otherJobs(jobs) {
   return div(
     { class: "split gap" },
     formPanel("Another job", form, start, kinds),
-    div(shown && resultView(shown), fault && note("fault", fault)),
+    div(shown && shownJob(shown), fault && note("fault", fault)),
   );
 }
 

@@ -1,11 +1,11 @@
-// Thermal: heating in a load cycle, the geometry, and the search of a heat sink, for one card, geometry and load cycle.
+// Thermal: heating in a load cycle, the geometry, and the search of a heat sink.
 
 import { getGeometry, heatCurve, putGeometry } from "./api.js";
-import { formOf, inputsOf, readNumber, readSine, slider } from "./forms.js";
+import { formOf, inputsOf, numberField, readNumber, readSine } from "./forms.js";
 import { jobColumns, jobOf, jobStatus, keepInput, resultOf, startButton } from "./jobs.js";
 import { empty, fold, keptFold, note, notes, pageHead, tabbed, tile } from "./layout.js";
 import { nth, plot } from "./plot.js";
-import { beyondCard, filesOf, firstScreen, groundsOf, tableOf } from "./results.js";
+import { beyondCard, filesOf, firstScreen, groundsOf, resultView, tableOf } from "./results.js";
 import { sectionOf } from "./section.js";
 import { app, attempt, cardInUse, choose, chosen, go, once, toast } from "./state.js";
 import { duration, fixed, number, several } from "./text.js";
@@ -21,10 +21,9 @@ const FIRST_FIELDS = {
   fluid: ["preset"],
 };
 const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // tables of a geometry on which a calibration depends
-const ENERGY_ERROR_MAX = 1e-4; // The energy balance of a study closes below this relative error.
 const NEAR_LIMIT_K = 40; // The plot shows the limit of the fluid if the coil is nearer.
 
-/** Return the answer to the newest request as `{value, fault}`. Requests are sent one after another. */
+/** Return `{value, fault}` of the newest request. Requests are sent one after another. */
 function useLatest(key, ask) {
   const [found, set] = useState({});
   const { current: work } = useRef({});
@@ -46,7 +45,6 @@ function useLatest(key, ask) {
   return found;
 }
 
-/** Return the result of a function, or the message of its error: `[value, fault]`. */
 function tried(read) {
   try {
     return [read(), ""];
@@ -88,12 +86,15 @@ function Heating({ card, form, facts }) {
   const job = jobOf("heat", card.name);
   const study = resultOf(job);
   const setShare = (value) => choose({ "heat.share": value });
-  const percent = () => slider("Duty", share, setShare, "%", "heat-share", [5, 100, 5]);
+  const percent = () => numberField("Duty", share, setShare, { unit: "%", id: "heat-share" });
   const axes = { x: "time, min", height: 290 };
   const force = { y: "force, N", name: "peak-force", fromZero: true };
   const heat = { y: "temperature, °C", name: "temperatures" };
   const quick = () => [
-    tilesOf(found, card),
+    div.tiles(
+      { "aria-live": "polite", id: "quick-tiles" },
+      found.tiles.map(({ label, value, mark }) => tile(label, value, mark)),
+    ),
     div.pair(
       { "data-asked": "yes" },
       plot({ title: "Temperatures", ...axes, ...heat, data: data.heat }),
@@ -104,7 +105,7 @@ function Heating({ card, form, facts }) {
   const full = "Full study with heat paths and finite elements";
   return div(
     (fault || refused) && note("fault", fault || refused),
-    p.small({ id: "calibration" }, facts ? calibrationOf(facts) : ""),
+    p.small({ id: "calibration" }, facts?.calibration),
     isTable
       ? note("info", "The quick curve is for a sine. Start the full study for the table.")
       : percent(),
@@ -116,23 +117,6 @@ function Heating({ card, form, facts }) {
     ),
     jobStatus("heat", job),
     study && studyView(study),
-  );
-}
-
-function tilesOf({ curve, beyond, assumed, ...found }, { tempered }) {
-  const { time_to_limit_s: limit_s, force_loss_percent: lost, power_W: power } = found;
-  const minutes = `${fixed(curve.time_s.at(-1) / 60, 0)} min`;
-  const caveats = [assumed && `assumed: ${assumed}`, beyond].filter(Boolean).join("; ");
-  const loss = tempered
-    ? [lost === null ? "–" : `${fixed(lost, 0)} %`, caveats]
-    : ["unknown", "the card has no temperature model"];
-  return div.tiles(
-    { "aria-live": "polite", id: "heat-tiles" },
-    tile("time to the limit", limit_s === null ? `not in ${minutes}` : duration(limit_s), beyond),
-    tile(`fluid after ${minutes}`, `${fixed(curve.fluid_degC.at(-1), 0)} °C`, beyond),
-    tile("coil", `${fixed(curve.coil_degC.at(-1), 0)} °C`, beyond),
-    tile("force lost by heating", ...loss),
-    tile("heat at the start", `${number(power.mechanical + power.coil)} W`, beyond),
   );
 }
 
@@ -157,39 +141,14 @@ function curvesOf({ curve, limit_degC: limit }) {
 }
 
 function studyView(job) {
-  const { duty, energy_closure: closure, sink, notes: texts } = job.answer;
-  const error = Math.abs(closure);
-  const open = `${number(100 * error, 2)} % of the energy does not close`;
-  const words = error < ENERGY_ERROR_MAX ? "The energies close" : open;
-  const own = `${job.id}-calibrated.toml`;
+  const name = `${job.id}-calibrated.toml`;
   const take = async () => {
-    await attempt(() => keepInput(job, "calibrated.toml", own));
-    choose({ drawing: own });
+    await attempt(() => keepInput(job, "calibrated.toml", name));
+    choose({ drawing: name });
   };
   const isCalibrated = job.files.some(({ path }) => path === "calibrated.toml");
-  return [
-    h3.gap(`Full study: ${duty}`),
-    p.small(`${words}. Heat sink: ${sink ?? "none"}.`),
-    filesOf(job),
-    isCalibrated && button("Take the calibrated geometry", take),
-    notes(texts),
-  ];
-}
-
-/** Return the factors of a geometry that were fitted to a measured damper, in words; empty if it has none. */
-function calibrationOf({ name, tables }) {
-  const { heat_capacity: capacity = 1, film = 1 } = tables?.calibration ?? {};
-  const fins = tables?.sink?.film_multiplier ?? 1;
-  const all = {
-    "heat capacity": capacity,
-    "convection of the body": film,
-    "convection of the fins": fins,
-  };
-  const known = Object.entries(all).filter(([, factor]) => factor !== 1);
-  const factors = known.map(([words, factor]) => `${words} × ${number(factor, 4)}`).join(", ");
-  return factors
-    ? `${name} contains calibration factors: ${factors}. They hold for the damper on which they were measured.`
-    : "";
+  const own = isCalibrated && button("Take the calibrated geometry", take);
+  return [h3.gap(`Full study: ${job.answer.duty}`), resultView(job, "heat.part", { own })];
 }
 
 function Geometry({ base, facts }) {
@@ -271,7 +230,6 @@ const finsOf = ({ fins, material, emissivity, ...one }) => {
 };
 const isSame = (one, other) => JSON.stringify(one) === JSON.stringify(other);
 
-/** Return the search of a heat sink: limits, front, and the chosen design. */
 function heatSink(card, shared, facts) {
   const mass_g =
     "enter the largest mass of the fins, because the geometry has no fins whose mass is the limit.";

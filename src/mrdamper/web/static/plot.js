@@ -1,9 +1,8 @@
 // Plot of time series, loops or points on uPlot, with legend, zoom, cursor and saved files.
 //
-// `data` is `{series, spans}` and must be a new object after each change. A series is `{name, x, y, t, colour,
-// kind, width, dash, radius, hollow, line, key, since}`. Series with the same `key` share one entry of the legend. `kind` is
-// `series` (default; x sorted), `loop` or `points`; `t` are the times of a loop's samples. The y axis ignores samples before
-// `since`. `spans` are vertical stripes.
+// `data` is `{series, spans}`, a new object after each change. A series is `{name, x, y, t, colour, kind, width, dash,
+// radius, hollow, line, key, since}`. Series with the same `key` share one entry of the legend. `kind` is `series`
+// (default; x sorted), `loop` or `points`; `t`: times of a loop; the y axis ignores samples before `since`.
 
 import { palette } from "./theme.js";
 import { csvText, number, save, toggled } from "./text.js";
@@ -36,13 +35,12 @@ export function lowerBound(x, value, low = 0, high = x.length) {
   return low;
 }
 
-/** Return the index of the sample of sorted `x` that is nearest to a value. */
 export function nearest(x, value) {
   const at = lowerBound(x, value);
   return at > 0 && (at === x.length || value - x[at - 1] < x[at] - value) ? at - 1 : at;
 }
 
-/** Return the lowest and highest value from `from` to `to`; null if all are NaN. */
+/** Return the lowest and highest value; null if all are NaN. */
 export function extent(values, from = 0, to = values.length) {
   let [low, high] = [Infinity, -Infinity];
   for (let k = from; k < to; k += 1) {
@@ -60,7 +58,6 @@ const padded = ([low, high]) => {
   return [low - margin, high + margin];
 };
 
-/** Return the index range of the drawn samples of a series: first index, and last index plus one. */
 const samplesOf = ({ x, t }, part) =>
   t && part ? part.map((end) => lowerBound(t, end)) : [0, x.length];
 
@@ -100,7 +97,7 @@ function line(u, { x, y }, from = 0, to = x.length) {
   return path;
 }
 
-/** Return the path of a time series. If there are many samples, only the extremes of each pixel column are drawn. */
+/** Return the path of a time series: of many samples, only the extremes of each pixel column. */
 export function seriesPath(u, { x, y }) {
   const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
   const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
@@ -118,9 +115,9 @@ export function seriesPath(u, { x, y }) {
 }
 
 /**
- * Return the samples of a loop, with NaN at gaps. If there are many, keep only the segments that touch a new pixel.
+ * Return the samples of a loop: of many, only the segments that touch a new pixel, with NaN at gaps.
  *
- * The generator yields after each piece of work, so that a page with millions of samples stays responsive.
+ * The generator yields after each piece of work, so that the page stays responsive.
  */
 export function* thinned(one, range, part, width, height) {
   const [from, to] = samplesOf(one, part);
@@ -176,7 +173,6 @@ export function finished(work) {
   }
 }
 
-/** Draw vertical stripes below the series. */
 function drawSpans(u, { spans = [] }, colours) {
   const [ax, bx] = scalesOf(u);
   const { top, height, left, width } = u.bbox;
@@ -205,11 +201,7 @@ function drawPoints(u, { series }, colours) {
   }
 }
 
-/**
- * Return a new uPlot in an element. The generator yields while it thins long loops.
- *
- * `heard` are the functions onRange(view), onPick(series, k) and onCursor(u).
- */
+/** Return a new uPlot; `heard` are the functions onRange(view), onPick(series, k) and onCursor(u). */
 function* build(place, spec, colours, heard = {}) {
   const { x, y, height, span: part, isLoop } = spec;
   const unit = y.split(", ").at(-1);
@@ -238,7 +230,9 @@ function* build(place, spec, colours, heard = {}) {
   };
   // A browser draws a long line of one pixel ten times as fast as a wider line.
   const isLong = (one) => {
-    const [from, to] = isSeries(one) ? range.x.map((end) => lowerBound(one.x, end)) : samplesOf(one, part);
+    const [from, to] = isSeries(one)
+      ? range.x.map((end) => lowerBound(one.x, end))
+      : samplesOf(one, part);
     return to - from > ALL_SAMPLES_MAX;
   };
   const curve = (one) => ({
@@ -301,7 +295,7 @@ function hitOf(u, { series }, px, py) {
   return distance < PICK_PX ? best : null;
 }
 
-/** Return a shared cursor of plots: `point(t)` moves it to a time, null removes it; `heard(t)` is called then. */
+/** Return a shared cursor: `point(t)` moves it to a time, null removes it; then `heard(t)` is called. */
 export function createLink(heard = () => {}) {
   const link = { members: new Set(), t: null };
   link.point = (t, from) => {
@@ -324,10 +318,9 @@ function drawDue() {
 }
 
 /**
- * Plot with title, toolbar and legend.
+ * Plot with title, toolbar and legend. Without `view` it stores its range itself; with `hidden` its legend is elsewhere.
  *
- * Without `view` the plot stores its range itself. With `hidden` series, the legend is outside of the plot. `link`: shared
- * cursor; `span`: time span of the loops; `fromZero`: the y axis contains zero.
+ * `link`: shared cursor; `span`: time span of the loops; `fromZero`: the y axis contains zero.
  */
 function Plot(props) {
   const { title, x, y, data, height = 300, isLoop = false, link, onPick } = props;
@@ -407,7 +400,7 @@ function Plot(props) {
   );
 }
 
-/** Return the ranges after a key was pressed; null means the whole range, undefined means no change. */
+/** Return the ranges after a key: null for the whole range, undefined without a change. */
 function moved({ x, y }, key) {
   const shift = { ArrowLeft: -0.1, ArrowRight: 0.1 }[key] * (x[1] - x[0]);
   if (shift) return { x: x.map((value) => value + shift), y };
@@ -418,7 +411,6 @@ function moved({ x, y }, key) {
   return key === "0" ? null : undefined;
 }
 
-/** Move the cursor of a plot to a time. In a loop, move it to the sample of the first series at this time. */
 function move({ u }, { series: [first] }, t) {
   if (!u || !first) return;
   const at = t !== null && first.t ? nearest(first.t, t) : null;
@@ -428,7 +420,6 @@ function move({ u }, { series: [first] }, t) {
   u.setCursor({ left, top }, false);
 }
 
-/** Return the values of the series at a time as text. */
 function readout({ data, x }, t) {
   const values = data.series.map((one) => [one.name, one.y[nearest(one.x, t)]]);
   const [quantity, unit] = x.split(", ");
@@ -456,7 +447,7 @@ export function legendOf({ series, spans = [] }, hidden, toggle) {
   return div.legend(named.map(entry), blocks.map(block));
 }
 
-/** Save a plot as PNG with the light colours, its title and legend. */
+/** Save a plot in light colours, with title and legend. */
 async function savePng(spec) {
   const place = document.createElement("div");
   place.className = "offscreen";
@@ -485,23 +476,17 @@ async function savePng(spec) {
   place.remove();
 }
 
-/** Save the visible series inside the view as CSV: one table for a shared x, else rows by name. */
+/** Save the visible series inside the view as CSV, in two columns each. */
 function saveCsv({ data: { series }, isLoop, view, span: part, x, y, name }) {
-  const isShared = series.every((one) => one.x === series[0].x);
-  const within = (one) =>
-    isLoop || !view ? samplesOf(one, part) : view.x.map((end) => lowerBound(one.x, end));
-  const head = isShared ? [x, ...series.map((one) => `${one.name} (${y})`)] : ["series", x, y];
-  const rows = [head];
-  for (const one of isShared ? series.slice(0, 1) : series) {
-    const [from, to] = within(one);
-    for (let k = from; k < to; k += 1)
-      rows.push(
-        isShared
-          ? [one.x[k], ...series.map((other) => other.y[k])]
-          : [one.name, one.x[k], one.y[k]],
-      );
-  }
-  save(`${name}.csv`, new Blob(csvText(rows), { type: "text/csv" }));
+  const columns = series.flatMap((one) => {
+    const isAll = isLoop || !view;
+    const [from, to] = isAll ? samplesOf(one, part) : view.x.map((end) => lowerBound(one.x, end));
+    return [one.x.slice(from, to), one.y.slice(from, to)];
+  });
+  const head = series.flatMap((one) => [x, `${one.name} (${y})`]);
+  const length = Math.max(0, ...columns.map((values) => values.length));
+  const rows = Array.from({ length }, (_, k) => columns.map((values) => values[k]));
+  save(`${name}.csv`, new Blob(csvText([head, ...rows]), { type: "text/csv" }));
 }
 
 export const plot = (props) => h(Plot, props);

@@ -5,7 +5,6 @@ import { tags } from "./ui.js";
 const { figcaption, figure, line, path, rect, svg, text, title } = tags;
 const NO_FINS = { fins: 0, width_mm: 0, thickness_mm: 0, pitch_mm: 0 };
 
-/** Return the section of a geometry (in millimetres, from the server) with its own or other fins. */
 export function sectionOf(facts, sink = facts.sink ?? NO_FINS) {
   const [radius, length] = [facts.outer_diameter_mm / 2, facts.length_mm];
   const { fins, width_mm: width, thickness_mm: thickness, pitch_mm: pitch } = sink;

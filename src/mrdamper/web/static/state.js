@@ -1,8 +1,7 @@
-// One state for all pages: the folder as the server reports it, and the choices of the user, which the address contains.
+// One state for all pages: the folder as the server reports it, and the choices of the user.
 //
 // A choice has a key such as `card` or `fit.law`. `choose` changes choices, writes the address and draws the page again. The
-// address of a page contains the choices of its prefixes; shared choices (card, drawing, duty, controller) hold for all pages.
-// The session storage of the browser keeps all choices. A page therefore reappears in the state in which it was left.
+// address of a page contains the choices of its prefixes. The session storage keeps all choices.
 
 import * as api from "./api.js";
 
@@ -12,7 +11,7 @@ const page = (title, keys) => ({ title, letter: title[0].toLowerCase(), keys: ke
 
 /** Pages: title, letter of the keyboard shortcut, and prefixes of the choices in their addresses. */
 export const PAGES = {
-  data: page("Data", "view list file rig check fetch"),
+  data: page("Data", "view list file rig"),
   model: page("Model", "card fit choose loops fits"),
   thermal: page("Thermal", "card drawing duty heat heatsink design"),
   controller: page("Controller", "card drawing controller track export"),
@@ -53,7 +52,6 @@ export function address(name, choices = {}) {
   return `#/${name}${pairs.length ? `?${new URLSearchParams(pairs)}` : ""}`;
 }
 
-/** Return a choice, or `otherwise` if there is none. */
 export const chosen = (key, otherwise = null) => app.choice[key] ?? otherwise;
 
 function remove(isWanted) {
@@ -71,7 +69,6 @@ export function choose(values, step = false) {
   app.draw();
 }
 
-/** Go to another page and set choices. */
 export function go(name, values = {}) {
   choose(values);
   window.location.hash = address(name);
@@ -87,7 +84,7 @@ function write(step) {
   else window.history.replaceState({ depth }, "", next);
 }
 
-/** Read page and choices from the address. If it has no choices, show the page in the state in which it was left. */
+/** Read page and choices from the address. Without choices, the page is shown as it was left. */
 export function route() {
   const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
   app.page = path in PAGES ? path : "data";
@@ -98,7 +95,6 @@ export function route() {
   app.draw();
 }
 
-/** Fetch the state of the folder, and its runs if files have changed. */
 export async function refresh(files = true) {
   const [state, found] = await Promise.all([api.getState(), (files || !app.runs) && api.getRuns()]);
   app.state = state;
@@ -109,7 +105,7 @@ export async function refresh(files = true) {
 const WATCH_MS = 1000;
 let before = null;
 
-/** Ask the server for changes every second. Fetch the state after a change, and always during a job. */
+/** Ask for changes every second. Fetch the state after a change, and during a job. */
 export async function watch() {
   try {
     if (document.visibilityState === "visible") {
@@ -141,7 +137,6 @@ export function dismiss(one) {
   app.draw();
 }
 
-/** Run an action, fetch the state, and show an error. */
 export async function attempt(action) {
   try {
     const result = await action();
@@ -155,7 +150,7 @@ export async function attempt(action) {
 
 const fetched = new Map();
 
-/** Return the answer to a request; null until the answer arrives and the page is drawn again. `key` identifies the request. */
+/** Return the answer to the request `key`; null until the answer arrives and the page is drawn again. */
 export function once(key, ask) {
   if (!fetched.has(key)) {
     const keep = (value) => fetched.set(key, value);
@@ -167,10 +162,9 @@ export function once(key, ask) {
   return fetched.get(key);
 }
 
-/** Return the cards that can be read. */
 export const cards = () => app.state.cards.filter((card) => !card.error);
 
-/** Return the card in use: the chosen card, or else the newest card; undefined if there is no card. */
+/** Return the chosen card, or else the newest; undefined if there is no card. */
 export function cardInUse() {
   const newest = cards().reduce(
     (one, other) => (one && String(one.modified) >= String(other.modified) ? one : other),

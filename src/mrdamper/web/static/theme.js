@@ -1,5 +1,4 @@
-// Light and dark colours of the plots, by the preference of the system. The style sheet contains the colours of the page;
-// canvases cannot read them, so that their colours are defined here.
+// Light and dark colours of the plots. A canvas cannot read the style sheet.
 
 const LIGHT = {
   ink: "#22282e",
@@ -12,7 +11,6 @@ const LIGHT = {
   accent: "#2f6794",
   colours: ["#2f6794", "#c8553d", "#8a7420", "#75588f", "#2c7f73", "#a04a72", "#55616c", "#7a8f2a"],
   ramp: ["#2f5f98", "#3f8f94", "#8f9a3a", "#bf7d22", "#c2412d"],
-  volts: ["#5b3f8f", "#84479b", "#a84a86", "#b8506a", "#a8602f"],
 };
 const DARK = {
   ink: "#e4e8eb",
@@ -25,17 +23,14 @@ const DARK = {
   accent: "#7eb2dd",
   colours: ["#7eb2dd", "#e8836b", "#d0b451", "#b79bd3", "#62bfae", "#e08fb4", "#a9b5bf", "#b5cc62"],
   ramp: ["#74a7e0", "#62bfb6", "#bcc767", "#ecae55", "#ee7560"],
-  volts: ["#a996e0", "#c493dc", "#df92c4", "#ec96a8", "#e0a878"],
 };
 
 export const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
-/** Return the colours of the plots; with `forPaper` always the light ones. */
 export const palette = (forPaper = false) => (dark.matches && !forPaper ? DARK : LIGHT);
 
-/** Return the colour at a fraction (0 to 1) of the ramp from low to high. Voltages have a separate ramp. */
-export function rampColour(fraction, colours, isVolts) {
-  const ramp = isVolts ? colours.volts : colours.ramp;
+/** Return the colour at a fraction (0 to 1) of the ramp from low to high. */
+export function rampColour(fraction, { ramp }) {
   const at = Math.min(1, Math.max(0, fraction)) * (ramp.length - 1);
   const k = Math.min(ramp.length - 2, Math.floor(at));
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));

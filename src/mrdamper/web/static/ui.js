@@ -14,14 +14,14 @@ const element =
     return props ? h(name, all, ...rest) : h(name, all, first, ...rest);
   };
 
-/** Functions of HTML and SVG elements, with a class if wanted: `p("text")`, `p.small("text")`, `p({id: "words"}, "text")`. */
+/** Functions of elements, with a class if wanted: `p("text")`, `p.small("text")`, `p({id: "words"}, "text")`. */
 export const tags = new Proxy(
   {},
   { get: (_, name) => new Proxy(element(name), { get: (_tag, look) => element(name, look) }) },
 );
 const { a, div, input, label, option, span } = tags;
 
-/** Return a button; `about` is its name for a screen reader, or its properties. */
+/** Return a button; `about`: its name for a screen reader, or its properties. */
 export const button = (text, onclick, look = "", about = {}) => {
   const props = typeof about === "string" ? { "aria-label": about } : about;
   return tags.button({ type: "button", class: look, onclick, ...props }, text);
@@ -30,11 +30,10 @@ export const button = (text, onclick, look = "", about = {}) => {
 export const opening = (href, text, props = {}) =>
   a({ href, target: "_blank", rel: "noopener", ...props }, text);
 
-/** Return a labelled control, which has an id; the label contains the unit. */
 export const field = (words, control, unit = "") =>
   div.field(label({ for: control.props.id }, unit ? `${words}, ${unit}` : words), control);
 
-/** Return a drop-down list of `[value, text]` pairs (or plain texts); `change` receives the value. */
+/** Return a drop-down list of texts or `[value, text]` pairs. */
 export const select = (options, value, change, props = {}) =>
   tags.select(
     { ...props, value, onchange: (event) => change(event.target.value) },
@@ -43,7 +42,7 @@ export const select = (options, value, change, props = {}) =>
       .map(([key, text]) => option({ value: key, key, selected: key === value }, text)),
   );
 
-/** Return a labelled drop-down list of a choice, whose first option is the default; with `step` Back undoes a change. */
+/** Return a drop-down list of a choice, whose first option is the default; with `step` Back undoes it. */
 export const choice = (words, key, options, step = false) => {
   const change = (value) => choose({ [key]: value || null }, step);
   return field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }));
@@ -55,7 +54,6 @@ export const textField = (words, value, change, props) =>
     input({ type: "text", value, oninput: (event) => change(event.target.value), ...props }),
   );
 
-/** Return a labelled search field of a choice. */
 export const search = (words, key, placeholder) => {
   const change = (text) => choose({ [key]: text || null });
   return textField(words, chosen(key, ""), change, {
@@ -77,7 +75,6 @@ export const check = (text, checked, change, props = {}) =>
     span(text),
   );
 
-/** Return a button that opens a file dialog; `taken` receives the list of files. */
 export function filePicker(words, accept, taken, look = "quiet", props = {}) {
   const onchange = (event) => {
     const files = [...event.target.files];
@@ -89,7 +86,7 @@ export function filePicker(words, accept, taken, look = "quiet", props = {}) {
   return span(button(words, open, look), input(about));
 }
 
-/** Let the Tab key stop only once in a list. Arrow keys, Home and End move through the controls of the list. */
+/** Let the Tab key stop only once in a list; arrow keys, Home and End move in it. */
 export function rove(place) {
   if (!place) return;
   const all = () =>

@@ -1,13 +1,13 @@
 // Linked view: measured and modelled forces of runs as loops and versus time, with one cursor and one time span.
 //
-// The choices of a view have its prefix: `t` (time span), `d` and `v` (ranges of the loops), `colour`, `hide`, `centre` and
-// `cycles`. Each zoom is a step of the browser's history, so that Back undoes it.
+// Choices: `t` (time span), `d` and `v` (ranges of the loops), `hide`, `centre`, `cycles`. Each zoom is a step of the
+// browser's history, so that Back undoes it.
 
 import { samples } from "./api.js";
 import { note, table } from "./layout.js";
 import { createLink, extent, legendOf, nearest, nth, plot } from "./plot.js";
 import { commandOf, temperatureOf } from "./runs.js";
-import { app, cardDetails, choose, chosen, once } from "./state.js";
+import { app, cardDetails, choose, chosen } from "./state.js";
 import { rampColour } from "./theme.js";
 import { counted, fixed, has, several, toggled } from "./text.js";
 import { button, tags } from "./ui.js";
@@ -16,7 +16,7 @@ import { h, useEffect, useMemo, useState } from "./vendor/preact.js";
 const { div, p } = tags;
 
 const LOOPS = ["d", "v"];
-/** Plots by the keys of their choices: columns of x and y, and height. */
+/** Plots by key: columns of x and y, and height. */
 const PANES = {
   d: ["displacement_mm", "force_N", 290],
   v: ["velocity_mm_s", "force_N", 290],
@@ -28,7 +28,7 @@ const PANES = {
   T: ["time_s", "temperature_degC", 100],
 };
 const MODELLED = "dvfr"; // keys of the plots that also show the forces of cards
-/** Quantities of the columns: word, unit, and decimals at the cursor. */
+/** Columns: word, unit, and decimals at the cursor. */
 const QUANTITIES = {
   time_s: ["time", "s"],
   force_N: ["force", "N", 0],
@@ -41,9 +41,8 @@ const QUANTITIES = {
 };
 const SAMPLES_MAX = 2_200_000; // max number of samples in all curves together
 const CURSOR_ROWS_MAX = 8;
-const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
-/** Return how a fit used the runs, by name: `training` or `held_out`. Empty until the card has been fetched. */
+/** Return how a fit used the runs, by name: `training` or `held_out`. */
 export const splitsOf = (name) =>
   new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
 
@@ -56,7 +55,6 @@ export function usualRuns(runs) {
   return similar.filter((run) => coldest === Infinity || run.temperature_degC < coldest + 5);
 }
 
-/** Fetch the samples of a run, or of the force of a card and its residual. */
 async function fetchOne(run, card, limits) {
   const failed = (fault) => {
     if (fault.name === "AbortError") throw fault;
@@ -68,7 +66,7 @@ async function fetchOne(run, card, limits) {
   return { run, card, ...answer };
 }
 
-/** Fetch the samples of runs and of the forces of cards: `{shown, ms}`; `shown` is null during a request. */
+/** Fetch samples of runs and forces of cards: `{shown, ms}`; `shown` is null during a request. */
 function useSamples(picked, cards, part) {
   const [found, set] = useState({ shown: null });
   const fraction = SAMPLES_MAX / Math.max(1, picked.length * (1 + cards.length));
@@ -94,7 +92,7 @@ function useSamples(picked, cards, part) {
   return found;
 }
 
-/** Return the columns, limited to the last complete cycles and with centred displacement if these are chosen. */
+/** Return the columns of the last complete cycles, with centred displacement, if these are chosen. */
 function prepared(columns, count, isCentred) {
   const { displacement_mm: x } = columns;
   if (!x || (!count && !isCentred)) return columns;
@@ -110,18 +108,22 @@ function prepared(columns, count, isCentred) {
   return cut;
 }
 
-/** Return key and colour of a run by its command, temperature or name; each unit has its own ramp. */
+/** Return the property in which runs differ: command, else temperature, else the run itself. */
+function differenceOf(runs) {
+  const differ = (property) => new Set(runs.map(property)).size > 1;
+  return (
+    (differ(commandOf) && "command") || (differ(temperatureOf) && "temperature_degC") || "name"
+  );
+}
+
+/** Return key and colour of a run by its command, temperature or name. */
 function colourOf(run, by, runs) {
-  if (by === "run") return { key: run.name, colour: nth(runs.indexOf(run)) };
-  const isWarm = by === "temperature";
-  const valueOf = (one) => (isWarm ? one.temperature_degC : one.command);
-  const key = isWarm ? temperatureOf(run) : commandOf(run);
-  const similar = runs.filter((other) => isWarm || other.command_unit === run.command_unit);
-  const range = extent(similar.map(valueOf).filter(has));
-  if (!has(valueOf(run)) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
-  const fraction = (valueOf(run) - range[0]) / (range[1] - range[0] || 1);
-  const isVolts = !isWarm && run.command_unit === "V";
-  return { key, colour: (colours) => rampColour(fraction, colours, isVolts) };
+  if (by === "name") return { key: run.name, colour: nth(runs.indexOf(run)) };
+  const key = by === "command" ? commandOf(run) : temperatureOf(run);
+  const range = extent(runs.map((one) => one[by]).filter(has));
+  if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
+  const fraction = (run[by] - range[0]) / (range[1] - range[0] || 1);
+  return { key, colour: (colours) => rampColour(fraction, colours) };
 }
 
 /** Return the curves of samples. Measured curves are grey and wide, below the modelled curves. */
@@ -133,22 +135,20 @@ function curvesOf(shown, { runs, cards, by, cycles, isCentred }) {
   const curve = (one) => {
     const { run, card } = one;
     const columns = prepared(one.columns, cycles, isCentred);
-    const isCard = by === "card" && card;
-    const look = isCard ? { key: card, colour: nth(cards.indexOf(card)) } : colourOf(run, by, runs);
+    const ofCard = { key: card, colour: nth(cards.indexOf(card)) };
+    const look = by === "card" && card ? ofCard : colourOf(run, by, runs);
     const name = (isUnique(run) ? words(run) : run.name) + (isHeld(run) ? ", held out" : "");
-    const base = { ...one, columns, name, width: 1.3, ...look };
+    const base = { ...one, columns, name, width: 1.3, isHeld: isHeld(run), ...look };
     if (!cards.length) return base;
     if (!card) {
       const measured = { key: "measured", colour: (colours) => colours.measured, width: 2.4 };
       return { ...base, name: `${name}, measured`, ...measured };
     }
-    const dash = isCard ? [] : DASHES[cards.indexOf(card) % DASHES.length];
-    return { ...base, name: `${name}, ${card}`, key: cards.length > 1 ? card : look.key, dash };
+    return { ...base, name: `${name}, ${card}` };
   };
   return shown.filter(({ head }) => head).map(curve);
 }
 
-/** Return the plot of a pane: its axes and its data. */
 function paneOf(id, curves) {
   const [x, y, height] = PANES[id];
   const isLoop = LOOPS.includes(id);
@@ -169,12 +169,7 @@ function paneOf(id, curves) {
   return { id, title, name, ...axes, data: { series, spans: start > 0 ? [band] : [] } };
 }
 
-/**
- * Linked view of runs and cards.
- *
- * @param {{runs: object[], picked: object[], cards: string[], prefix: string, panes?: string}} props
- *   runs: all runs, which determine the colours; picked: drawn runs; panes: keys of the plots
- */
+/** Linked view: all `runs` determine the colours, the `picked` ones are drawn; `panes`: keys of the plots. */
 function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
   const [t, point] = useState(null);
   const link = useMemo(() => createLink(point), []);
@@ -185,9 +180,7 @@ function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
   };
   const part = get("t");
   const { shown, ms } = useSamples(picked, cards, part);
-  const isOne = (property) => new Set(picked.map(property)).size === 1;
-  const differs = isOne(commandOf) && !isOne(temperatureOf) ? "temperature" : "command";
-  const by = get("colour", cards.length > 1 ? "card" : differs);
+  const by = cards.length > 1 ? "card" : differenceOf(picked);
   const how = { by, cycles: Number(get("cycles", 0)), isCentred: get("centre", false) };
   const splits = cards.map((card) => splitsOf(card).size);
   const drawn = useMemo(() => {
@@ -233,7 +226,6 @@ function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
   );
 }
 
-/** Return the values at the cursor, one row for each curve. */
 function readout(all, hide, t) {
   const curves = all.filter(({ key }) => !hide.includes(key)).slice(0, CURSOR_ROWS_MAX);
   const known = Object.entries(QUANTITIES).filter(
@@ -246,59 +238,30 @@ function readout(all, hide, t) {
   };
   const title = t === null ? "point at a plot over time" : `${t.toFixed(3)} s`;
   const first = [title, ({ name }) => name, "name"];
-  const columns = [first, ...known.map(columnOf)];
-  return div["readout-table"](table("Values at the cursor", columns, curves));
+  const error = ({ head }) => fixed(head.nrmse_percent, 2);
+  const hasCard = curves.some(({ card }) => card);
+  const last = hasCard && ["error of the run", error, "n", "% of spread"];
+  const columns = [first, ...known.map(columnOf), last].filter(Boolean);
+  const rowClass = ({ isHeld }) => (isHeld ? "held" : "");
+  return div["readout-table"](table("Values at the cursor", columns, curves, { rowClass }));
 }
 
-export function errorTable(picked, cards, link) {
-  const rows = picked.flatMap((run) => cards.map((card) => ({ run, card })));
-  const splitOf = ({ run, card }) => splitsOf(card).get(run.name);
-  const value = (name, digits) => (row) => {
-    const { run, card } = row;
-    const ask = () => samples(run, card, { max: 64 });
-    return fixed(once(`error ${run.file} ${run.name} ${card}`, ask)?.head?.[name], digits);
-  };
-  const columns = [
-    ["run", ({ run }) => link(run), "name"],
-    ["card", ({ card }) => card, "whole"],
-    ["in the fit", (row) => splitOf(row)?.replace("_", " ") ?? "not used", "whole"],
-    ["RMS error", value("rmse_N", 1), "n", "N"],
-    ["error", value("nrmse_percent", 2), "n", "% of spread"],
-  ];
-  const rowClass = (row) => (splitOf(row) === "held_out" ? "held" : "");
-  return table("Errors of the whole run", columns, rows, { rowClass });
-}
-
-/** Return peak forces, energy and damping of the last complete cycle of the drawn runs. */
 export function characteristics(picked) {
-  const valuesOf = (run) =>
-    once(`samples ${run.file} ${run.name}`, () => samples(run, null, { max: 65536 }))?.columns;
-  const rows = picked.map((run) => ({ run, ...measuresOf(valuesOf(run)) }));
-  rows.sort((x, y) => x.run.command - y.run.command);
-  const show = (name, digits) => (row) => fixed(row[name], digits);
+  const runs = picked.toSorted((x, y) => x.command - y.command);
+  const show =
+    (name, digits, scale = 1) =>
+    ({ cycle }) =>
+      cycle && fixed(scale * cycle[name], digits);
   const columns = [
-    ["run", ({ run }) => run.name, "name"],
-    ["command", ({ run }) => commandOf(run), "whole"],
-    ["peak speed", show("speed", 0), "n", "mm/s"],
-    ["highest force", show("high", 0), "n", "N"],
-    ["lowest force", show("low", 0), "n", "N"],
-    ["energy per cycle", show("energy", 2), "n", "J"],
-    ["equivalent damping", show("damping", 2), "n", "kN s/m"],
+    ["run", ({ name }) => name, "name"],
+    ["command", commandOf, "whole"],
+    ["peak speed", (run) => fixed(run.peak_velocity_mm_s, 0), "n", "mm/s"],
+    ["highest force", show("highest_force_N", 0), "n", "N"],
+    ["lowest force", show("lowest_force_N", 0), "n", "N"],
+    ["energy per cycle", show("energy_J", 2), "n", "J"],
+    ["equivalent damping", show("damping_Ns_m", 2, 1e-3), "n", "kN s/m"],
   ];
-  return table("Characteristic of the last complete cycle", columns, rows);
-}
-
-function measuresOf(columns) {
-  if (!columns?.force_N) return {};
-  const { displacement_mm: x, force_N: force, time_s: time } = prepared(columns, 1, true);
-  let energy = 0;
-  for (let k = 1; k < x.length; k += 1)
-    energy += ((force[k] + force[k - 1]) / 2) * (x[k] - x[k - 1]) * 1e-3;
-  const [low, high] = extent(force);
-  const amplitude = extent(x)[1] * 1e-3;
-  const omega = (2 * Math.PI) / (time.at(-1) - time[0]);
-  const speed = Math.max(...extent(columns.velocity_mm_s).map(Math.abs));
-  return { speed, low, high, energy, damping: energy / (Math.PI * omega * amplitude ** 2) / 1e3 };
+  return table("Characteristic of the last complete cycle", columns, runs);
 }
 
 export const linkedView = (props) => h(LinkedView, props);
