@@ -47,7 +47,7 @@ def page(browser, rig):
 
 
 def newest(client, kind):
-    return next(job for job in client.get("/api/jobs")["jobs"] if job["kind"] == kind)
+    return next(job for job in client.get("/api/state")["jobs"] if job["kind"] == kind)
 
 
 # -------------------------------------------------------------------------------------------- files and maps

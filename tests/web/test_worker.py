@@ -54,7 +54,7 @@ def idle(shared):
     """Return the shared server without running jobs."""
     yield shared
     client = shared[1]
-    for job in client.get("/api/jobs")["jobs"]:
+    for job in client.get("/api/state")["jobs"]:
         client.ask("POST", f"/api/jobs/{job['id']}/cancel")
         client.ended(job["id"])
 
@@ -123,7 +123,7 @@ def test_third_job_waits(folder):
         client.ask("POST", f"/api/jobs/{first}/cancel")
         assert client.ended(third)["state"] == "done"
         assert client.get(f"/api/jobs/{second}")["state"] == "running"
-        assert [job["id"] for job in client.get("/api/jobs")["jobs"]] == [fourth, third, second, first]
+        assert [job["id"] for job in client.get("/api/state")["jobs"]] == [fourth, third, second, first]
     assert python_processes_of(folder) == []
 
 

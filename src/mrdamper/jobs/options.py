@@ -383,7 +383,8 @@ class DataListOptions:
 class DataFetchOptions:
     """Inputs and options of ``data fetch``."""
 
-    name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True, offers="data", word="data set")]]
+    name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True, offers="data", word="data set",
+        label="Data set")]]
     """Fetch the data set with this name. The command data list prints the names."""
 
 

@@ -4,7 +4,7 @@
     records/      long records for cycle counting; the user copies them there
     inputs/       geometry, sinks, fluids, targets, campaigns (TOML), load cycles (CSV)
     cards/NAME/   output of ``mrdamper fit --out``
-    results/ID/   one job: job.json, progress.jsonl, answer.json and output files
+    results/ID/   one job: job.json, progress.json, answer.json and output files
     dampers/NAME/ another damper: a folder with the same structure
     .trash/ID/    removed items, in subfolders with the names of their original folders
     .cache/       samples of runs for plots; may be deleted at any time

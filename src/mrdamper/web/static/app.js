@@ -1,6 +1,6 @@
 // Frame of the pages: navigation, dampers, keyboard shortcuts, messages and the printed head.
 
-import { addDamper, DAMPER_NAME, deleteDamper, getDampers, getForms } from "./api.js";
+import { at, DAMPER_NAME, get, post } from "./api.js";
 import { removal } from "./jobs.js";
 import { note, table } from "./layout.js";
 import { ControllerPage } from "./page_controller.js";
@@ -30,24 +30,20 @@ const FILES_MAX = 12; // Longer lists are shortened in print.
 function stepOf(page) {
   const { files, jobs } = app.state;
   const card = cardInUse();
-  if (page === "data")
-    return files.some(({ state }) => state === "ready") ? ["done", "runs are read"] : ["open", ""];
-  if (!card) return ["open", ""];
-  const { name } = card;
+  if (page === "data") return [files.some(({ state }) => state === "ready") ? "done" : "open"];
+  if (!card) return ["open"];
   const lastOf = (kind) =>
-    jobs.find((job) => job.kind === kind && job.state === "done" && job.options.card === name);
+    jobs.find((job) => job.kind === kind && job.state === "done" && job.options.card === card.name);
   if (page === "model") {
     if (card.cancelled || !card.converged)
-      return ["old", `the fit of ${name} was cancelled or did not converge`];
+      return ["old", "The fit was cancelled or did not converge."];
     const fitted = lastOf("fit")?.asked_at ?? card.modified;
-    return files.some(({ modified }) => modified > fitted)
-      ? ["old", `runs were added or changed after the fit of ${name}`]
-      : ["done", `card ${name}`];
+    const isOld = files.some(({ modified }) => modified > fitted);
+    return isOld ? ["old", "Runs were added or changed after the fit."] : ["done"];
   }
-  const [job] = (JOBS_OF[page] ?? []).map(lastOf).filter(Boolean);
-  if (!job) return ["open", ""];
-  const reason = reasonOf(job, card);
-  return reason ? ["old", reason] : ["done", job.id];
+  const job = (JOBS_OF[page] ?? []).map(lastOf).find(Boolean);
+  const reason = job && reasonOf(job, card);
+  return reason ? ["old", reason] : [job ? "done" : "open"];
 }
 
 /** Return the reason why a result is out of date; empty if it is up to date. */
@@ -66,7 +62,7 @@ function rail() {
   const badge = () =>
     span.badge({ id: "busy", hidden: !busy, "aria-label": `${busy} at work` }, busy);
   const link = ([page, { title }]) => {
-    const [step, words] = state ? stepOf(page) : ["open", ""];
+    const [step, words = ""] = state ? stepOf(page) : ["open"];
     const about = { href: `#/${page}`, "data-page": page, "data-step": step, title: words };
     const current = page === app.page ? "page" : null;
     return li(a({ ...about, "aria-current": current }, title, page === "jobs" && badge()));
@@ -75,23 +71,20 @@ function rail() {
   return header.rail(
     p.brand(b("mrdamper"), button(state?.folder_name ?? "", openDampers, "quiet", folder)),
     nav({ "aria-label": "Pages" }, ol(Object.entries(PAGES).map(link))),
-    p.foot(state?.versions.mrdamper),
+    p.foot(state?.version),
   );
 }
 
 function printed() {
-  const { files, folder_name: damper, versions } = app.state;
+  const { files, folder_name: damper, version } = app.state;
   const names = files.slice(0, FILES_MAX).map(({ name }) => name);
   const more = files.length > FILES_MAX ? ` and ${files.length - FILES_MAX} more` : "";
-  const used = [cardInUse()?.name, chosen("drawing")].filter(Boolean).join(", ");
-  const words = [
-    `Damper: ${damper}`,
-    `Printed: ${new Date().toLocaleString()}`,
-    `Files: ${names.join(", ") || "none"}${more}`,
-    used && `In use: ${used}`,
-    `mrdamper ${versions.mrdamper}`,
-  ];
-  return p({ id: "printed" }, words.filter(Boolean).join(" · "));
+  const used = [cardInUse()?.name, chosen("drawing")].filter(Boolean).join(", ") || "none";
+  return p(
+    { id: "printed" },
+    `Damper: ${damper} · Printed: ${new Date().toLocaleString()} · In use: ${used} · ` +
+      `Files: ${names.join(", ") || "none"}${more} · mrdamper ${version}`,
+  );
 }
 
 function Body() {
@@ -134,7 +127,7 @@ const sheet = (id, title, ...body) =>
   );
 
 async function openDampers() {
-  app.dampers = (await attempt(getDampers))?.dampers ?? [];
+  app.dampers = (await attempt(() => get(at`workspaces`)))?.dampers ?? [];
   app.draw();
   sheetOf("dampers").showModal();
 }
@@ -145,14 +138,16 @@ function dampers() {
   const add = async (event) => {
     event.preventDefault();
     try {
-      window.location.assign(placeOf((await addDamper((app.newDamper ?? "").trim())).name));
+      window.location.assign(
+        placeOf((await post(at`workspaces`, { name: (app.newDamper ?? "").trim() })).name),
+      );
     } catch (fault) {
       app.faults.dampers = fault.message; // The entry stays so that the user can correct it.
       app.draw();
     }
   };
   const link = (one) => (isOpen(one) ? b(one.shown) : a({ href: placeOf(one.name) }, one.shown));
-  const discard = ({ name }) => removal(deleteDamper, name, () => sheetOf("dampers").close());
+  const discard = ({ name }) => removal("workspaces", name, () => sheetOf("dampers").close());
   const columns = [
     ["damper", link, "name"],
     ["files", ({ files }) => files, "n"],
@@ -164,9 +159,7 @@ function dampers() {
   return sheet(
     "dampers",
     "Dampers",
-    p.small(
-      "Each has its own runs, geometry, fits, heat sinks, controllers and exports, in a folder of its own.",
-    ),
+    p.small("Each damper has its own folder."),
     table("Dampers", columns, app.dampers ?? []),
     form(
       { class: "row end", onsubmit: add },
@@ -218,7 +211,7 @@ window.addEventListener("unhandledrejection", ({ reason }) => {
   if (reason?.name !== "AbortError") toast("fault", reason?.message ?? String(reason));
 });
 route();
-Promise.all([getForms(), refresh()])
+Promise.all([get(at`forms`), refresh()])
   .then(([forms]) => {
     app.forms = forms;
     route();

@@ -1,6 +1,6 @@
 // Channel map of one file: role, unit and gain of each column. The file is read again after each change.
 
-import { glance, look, putChannels } from "./api.js";
+import { at, get, put } from "./api.js";
 import { numberField, numberInput, readNumber } from "./forms.js";
 import { fold, note, notes, table } from "./layout.js";
 import { plot } from "./plot.js";
@@ -105,10 +105,10 @@ export function ChannelSheet({ name, others, close }) {
   useEffect(() => {
     const asked = new AbortController();
     const read = async () => {
-      const beginning = await glance(name, asked.signal);
+      const beginning = await get(`${at`files/${name}/look`}?head=1`, asked.signal);
       show(beginning);
       if (beginning.head_share === undefined) return;
-      const whole = await look(name, asked.signal); // The first preview read only the beginning of a large file.
+      const whole = await get(at`files/${name}/look`, asked.signal); // The first preview read only the beginning of a large file.
       if (touched.current) setFound(whole);
       else show(whole);
     };
@@ -125,7 +125,8 @@ export function ChannelSheet({ name, others, close }) {
 
   async function send(save, files, signal) {
     const head = found.head_share !== undefined && !save ? { head: true } : {};
-    const answer = await putChannels({ files, map: mapOf(entry, found), save, ...head }, signal);
+    const body = { files, map: mapOf(entry, found), save, ...head };
+    const answer = await put(at`channels`, { body, signal });
     setPreviews(answer.previews);
     setFault("");
     if (!answer.saved) return;
@@ -133,9 +134,9 @@ export function ChannelSheet({ name, others, close }) {
     setFound({ ...found, map: {} });
   }
   const drop = async () => {
-    await putChannels({ files: [name], map: null, save: true });
+    await put(at`channels`, { body: { files: [name], map: null, save: true } });
     touched.current = false;
-    show(await look(name));
+    show(await get(at`files/${name}/look`));
   };
 
   const title = div.row(h2(name), button("Close", close, "quiet"));

@@ -1,6 +1,6 @@
 // Forms of jobs, built from the declared fields (/api/forms). The state contains the entries as the user typed them.
 
-import { putInput } from "./api.js";
+import { at, put } from "./api.js";
 import { fold } from "./layout.js";
 import { app, attempt, cardInUse, cards, choose, chosen } from "./state.js";
 import { has, toggled } from "./text.js";
@@ -208,7 +208,9 @@ function severalControl(one) {
 
 export function bringInput(words, suffixes, brought = () => {}) {
   const bring = ([file]) =>
-    attempt(() => putInput(file)).then((answer) => answer && brought(file.name));
+    attempt(() => put(at`inputs/${file.name}`, { raw: file })).then(
+      (answer) => answer && brought(file.name),
+    );
   const kinds = suffixes.replaceAll(".", "").toUpperCase();
   return p.small(filePicker(`${words} (${kinds})`, suffixes, bring));
 }

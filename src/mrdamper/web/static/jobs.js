@@ -1,6 +1,6 @@
 // Jobs on a page: start, progress and end; files of jobs, and the trash.
 
-import { cancelJob, getJob, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
+import { at, get, post, put, remove } from "./api.js";
 import { empty, note, tag } from "./layout.js";
 import { app, attempt, choose, chosen, isRunning, once, refresh, toast } from "./state.js";
 import { duration } from "./text.js";
@@ -23,7 +23,7 @@ export function jobOf(kind, card = null) {
 /** Return a job with its answer; null before its end. */
 export function resultOf(job) {
   if (!job || isRunning(job)) return null;
-  const found = once(`job ${job.id} ${job.ended_at}`, () => getJob(job.id));
+  const found = once(`job ${job.id} ${job.ended_at}`, () => get(at`jobs/${job.id}`));
   return found?.answer ? found : null;
 }
 
@@ -33,7 +33,7 @@ async function start(kind, read, started) {
     const options = read();
     app.starting = kind;
     app.draw();
-    const { id } = await startJob(kind, options);
+    const { id } = await post(at`jobs`, { kind, options });
     choose({ [`${kind}.job`]: id });
     started?.(options);
     await refresh(false);
@@ -99,10 +99,11 @@ function atWork(job) {
 }
 
 export const cancelButton = ({ id }, look = "quiet", name = {}) =>
-  button("Cancel", () => attempt(() => cancelJob(id)), look, name);
+  button("Cancel", () => attempt(() => post(at`jobs/${id}/cancel`)), look, name);
 
 export const resumeButton = ({ id, resumable }, look = "quiet") =>
-  resumable && button("Resume", () => attempt(() => resumeJob(id)), look, `Resume ${id}`);
+  resumable &&
+  button("Resume", () => attempt(() => post(at`jobs/${id}/resume`)), look, `Resume ${id}`);
 
 function endOf(job) {
   if (job.state === "done") return null;
@@ -111,17 +112,18 @@ function endOf(job) {
 }
 
 export async function keepInput(job, path, name) {
-  await putInput(new File([await (await fetch(jobFile(job.id, path))).blob()], name));
+  const raw = await (await fetch(at`jobs/${job.id}/files/${path}`)).blob();
+  await put(at`inputs/${name}`, { raw });
   toast("good", `${name} is saved with the inputs.`);
 }
 
 export const putBack = (id, name = {}) =>
-  button("Put back", () => attempt(() => restore(id)), "quiet", name);
+  button("Put back", () => attempt(() => post(at`trash/${id}/restore`)), "quiet", name);
 
 /** Return a button that moves an item into the trash and then offers to restore it. */
-export function removal(remove, name, removed = () => {}) {
+export function removal(kind, name, removed = () => {}) {
   const discard = async () => {
-    const answer = await attempt(() => remove(name));
+    const answer = await attempt(() => remove(at`${kind}/${name}`));
     if (!answer) return;
     removed();
     toast("info", `${name} was moved to the trash.`, putBack(answer.trash));

@@ -1,6 +1,6 @@
 // Controller: force tracking, and export of model and controller as code.
 
-import { cardFile } from "./api.js";
+import { at } from "./api.js";
 import { formOf } from "./forms.js";
 import { jobColumns } from "./jobs.js";
 import { empty, pageHead, tabbed } from "./layout.js";
@@ -28,7 +28,7 @@ function tracking(card) {
   const only = { controllers: card.controllers };
   const form = formOf("track", { only, preset: { plant: plantOf(card) } });
   const nothing =
-    "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target.";
+    "Choose targets, temperatures and controllers, and press Track. It takes some seconds.";
   const view = (job) =>
     resultView(job, "track.tab", {
       own: exportButtons(job.answer, card),
@@ -102,17 +102,16 @@ function exporting(card) {
   const preset = { ...(controllers.length ? {} : { content: "model" }), damper: null };
   const form = formOf("export", { only: { controller: controllers }, preset });
   const nothing =
-    "Tick the files and press Make and verify. The C code is compiled on this machine and compared with the model, sample by sample.";
+    "Press Make and verify. The C code is compiled here and compared with the model, sample by sample.";
   const file = (path) =>
-    a.button({ href: cardFile(name, path), download: `${name}-${path}` }, path);
-  const about = `The card ${name}: ${card.title || card.law}, ${several(runs, "run")}. The card is data without code.`;
+    a.button({ href: at`cards/${name}/files/${path}`, download: `${name}-${path}` }, path);
+  const about = `The card ${name}: ${card.title || card.law}, ${several(runs, "run")}.`;
   const first = missingControllers(card);
   const after = [
     p.small(about),
     div.actions(
       file("card.json"),
-      report && opening(cardFile(name, "report.html"), "Report", { class: "button" }),
-      report && file("errors.csv"),
+      report && opening(at`cards/${name}/files/report.html`, "Report", { class: "button" }),
     ),
   ];
   const options = { card: name, first, nothing, view: exportView, after };

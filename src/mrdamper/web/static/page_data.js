@@ -1,6 +1,6 @@
 // Data: files and their channel maps, runs with findings, and the linked view of the ticked runs.
 
-import { deleteFile, look, putFile } from "./api.js";
+import { at, get, put } from "./api.js";
 import { ChannelSheet } from "./channels.js";
 import { jobOf, jobStatus, removal, startButton } from "./jobs.js";
 import { empty, fold, note, pageHead, tabbed, table, tag } from "./layout.js";
@@ -40,7 +40,7 @@ export function DataPage() {
   return [
     pageHead(
       "Data",
-      "Measured runs of your damper. If a file cannot be read, the page shows the reason, and you can map its channels.",
+      "Measured runs of your damper. You can map the channels of a file that is not understood.",
     ),
     unnamed.length > 0 && note("warning", `${rename} ${unnamed.join(", ")}`),
     div.split(
@@ -96,14 +96,14 @@ async function upload(files) {
     app.draw();
     await attempt(() => {
       if (file.size > most) throw new Error(`${file.name} has ${bytes(file.size)}; ${remedy}`);
-      return putFile(file);
+      return put(at`files/${file.name}`, { raw: file });
     });
   }
   app.upload = "";
   app.draw();
   if (files.length === 1) {
     const [{ name }] = files;
-    const { error } = await look(name).catch(() => ({}));
+    const { error } = await get(at`files/${name}/look`).catch(() => ({}));
     if (error) choose({ file: name }); // The user has to assign the channels of this file.
   }
 }
@@ -148,8 +148,8 @@ function overview(runs, picked, drawn) {
   const rig = () => startButton("rig", "Make runs on the virtual rig", campaign, { id: "virtual" });
   if (!files.length) {
     const words =
-      "No runs yet. A run is one test: time, displacement and force, with the coil current and the temperature if known. Drop the files " +
-      "of your rig at the left. Without a rig, start with a short campaign of the virtual rig.";
+      "No runs yet. A run is one test: time, displacement, force, and current and temperature if known. " +
+      "Drop files at the left, or start with a short campaign of the virtual rig.";
     return div(empty(words), rig());
   }
   const all = app.runs;
@@ -186,7 +186,7 @@ function fileTable(files) {
   const actions = ({ name, state: kind }) => {
     const words = kind === "unreadable" ? "Map channels" : "Look";
     const look = button(words, open(name), "quiet", `Look into ${name}`);
-    return span.row(look, removal(deleteFile, name));
+    return span.row(look, removal("files", name));
   };
   const columns = [
     ["file", ({ name }) => button(name, open(name), "quiet"), "name"],

@@ -1,6 +1,6 @@
 // Jobs: list of jobs with states and results, a form for any other job, inputs, and trash.
 
-import { deleteInput, deleteJob, emptyTrash, getTrash, inputFile } from "./api.js";
+import { at, get, remove } from "./api.js";
 import { bringInput, fillForm, formOf } from "./forms.js";
 import { cancelButton, formPanel, jobStatus, keepInput, putBack, removal } from "./jobs.js";
 import { resultOf, resumeButton, startButton } from "./jobs.js";
@@ -63,7 +63,7 @@ function jobTable(jobs) {
     return span.row(
       isShown && button("Show", () => open(job), "quiet", `Show ${id}`),
       resumeButton(job),
-      removal(deleteJob, id),
+      removal("jobs", id),
     );
   };
   const columns = [
@@ -73,7 +73,6 @@ function jobTable(jobs) {
     ["started", when, "whole"],
     ["duration", took, "n"],
     ["progress", progress, "name"],
-    ["files", ({ files }) => files.length, "n"],
     ["", actions],
   ];
   return table("Jobs, newest first", columns, jobs, { tall: true });
@@ -116,15 +115,15 @@ function otherJobs(jobs) {
 function inputTable() {
   const { inputs } = app.state;
   const columns = [
-    ["input", ({ name }) => opening(inputFile(name), name), "name"],
+    ["input", ({ name }) => opening(at`inputs/${name}`, name), "name"],
     ["kind", ({ kind }) => kind],
     ["size", ({ bytes: size }) => bytes(size), "n"],
-    ["", ({ name }) => removal(deleteInput, name)],
+    ["", ({ name }) => removal("inputs", name)],
   ];
   return titled(
     "Inputs",
     p.small(
-      "Geometry, heat sinks, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV).",
+      "Geometry, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV).",
     ),
     inputs.length > 0 && table("Inputs in the folder", columns, inputs),
     bringInput("Bring an input", ".toml,.csv"),
@@ -134,11 +133,11 @@ function inputTable() {
 function trashTable() {
   const { files, jobs, inputs, cards } = app.state;
   const names = [files, jobs, inputs, cards].flat().map(({ id, name }) => id ?? name);
-  const { trash = [] } = once(`trash ${app.emptied} ${names}`, getTrash) ?? {};
+  const { trash = [] } = once(`trash ${app.emptied} ${names}`, () => get(at`trash`)) ?? {};
   if (!trash.length) return null;
   const clear = async () => {
     if (!window.confirm("Delete all items in the trash permanently?")) return;
-    await attempt(emptyTrash);
+    await attempt(() => remove(at`trash`));
     app.emptied = Date.now();
     app.draw();
   };
@@ -158,10 +157,7 @@ export function JobsPage() {
   const nothing = () =>
     empty("Fits, heat sinks, tracking and exports are listed here, with their files.", "data");
   return [
-    pageHead(
-      "Jobs",
-      "Two jobs run at a time. Their results are files in the folder, which the command line reads as well.",
-    ),
+    pageHead("Jobs", "Two jobs run at a time. Their results are files in the folder."),
     jobs.length ? jobTable(jobs) : nothing(),
     otherJobs(jobs),
     inputTable(),

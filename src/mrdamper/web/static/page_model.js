@@ -1,6 +1,6 @@
 // Model: choice of the law and of held-out runs, the result of a fit, and the table of fits.
 
-import { cardFile, deleteCard, getJob, putCard } from "./api.js";
+import { at, get, put } from "./api.js";
 import { fillForm, formOf, literal } from "./forms.js";
 import { jobColumns, removal } from "./jobs.js";
 import { keptFold, pageHead, table, tag, titled } from "./layout.js";
@@ -65,7 +65,7 @@ function runOptions(runs, fitted) {
 
 /** Show the options of an earlier fit in the form. */
 async function again(card, job, runs) {
-  const { options } = await getJob(job.id); // Only the record of a single job contains the file names.
+  const { options } = await get(at`jobs/${job.id}`); // Only the record of a single job contains the file names.
   const isWanted = ({ file, name }) =>
     (!options.files || options.files.includes(file)) &&
     (!options.only?.length || options.only.includes(literal(name)));
@@ -93,7 +93,7 @@ function fitView(job, runs) {
     div.actions(
       button("How hot does it get?", () => go("thermal", { card }), "main"),
       button("Control it", () => go("controller", { card })),
-      opening(cardFile(card, "report.html"), "Open the report", { class: "button" }),
+      opening(at`cards/${card}/files/report.html`, "Open the report", { class: "button" }),
       a.button({ href: link(...picked.map((run) => idOf(run, runs))) }, "All plots"),
       span.small(`${number(answer.cpu_s)} s of CPU`),
     ),
@@ -118,7 +118,7 @@ function stateOf({ cancelled, converged }) {
 function fitTable(runs) {
   const all = app.state.cards.toSorted((x, y) => String(y.modified).localeCompare(x.modified));
   const bring = ([file]) =>
-    attempt(() => putCard(file, cardName(file.name.replace(/\.json$/i, ""))));
+    attempt(() => put(at`cards/${cardName(file.name.replace(/\.json$/i, ""))}`, { raw: file }));
   const jobOfCard = ({ name }) =>
     app.state.jobs.find((job) => job.kind === "fit" && job.options.card === name);
   const link = (card) => {
@@ -133,9 +133,9 @@ function fitTable(runs) {
     const repeat = () => attempt(() => again(card, job, runs));
     const report = { "aria-label": `Report of ${name}` };
     return span.row(
-      card.report && opening(cardFile(name, "report.html"), "report", report),
+      card.report && opening(at`cards/${name}/files/report.html`, "report", report),
       job && button("Again", repeat, "quiet", `Again with the options of ${name}`),
-      removal(deleteCard, name),
+      removal("cards", name),
     );
   };
   const columns = [
@@ -172,9 +172,8 @@ export function ModelPage() {
     const options = form.read();
     return { ...options, card: cardName(options.card ?? freeName()), ...runOptions(runs, fitted) };
   };
-  const ready = `${several(runs.length, "run")} can be fitted. Keep the default law, hold out one or two runs, and press Identify. The fit takes seconds to a minute. You can leave this page during the fit.`;
-  const none =
-    "A model is identified from runs. Add files on Data first, and map their channels if they are not understood.";
+  const ready = `${several(runs.length, "run")} can be fitted. Hold out one or two runs, and press Identify. The fit takes seconds to a minute.`;
+  const none = "A model is identified from runs. Add files on Data first.";
   return [
     pageHead(
       "Model",

@@ -1,6 +1,6 @@
 // Thermal: heating in a load cycle, the geometry, and the search of a heat sink.
 
-import { getGeometry, heatCurve, putGeometry } from "./api.js";
+import { at, get, post } from "./api.js";
 import { formOf, inputsOf, numberField, readNumber, readSine } from "./forms.js";
 import { jobColumns, jobOf, jobStatus, keepInput, resultOf, startButton } from "./jobs.js";
 import { empty, fold, keptFold, note, notes, pageHead, tabbed, tile } from "./layout.js";
@@ -8,7 +8,7 @@ import { nth, plot } from "./plot.js";
 import { beyondCard, filesOf, firstScreen, groundsOf, resultView, tableOf } from "./results.js";
 import { sectionOf } from "./section.js";
 import { app, attempt, cardInUse, choose, chosen, go, once, toast } from "./state.js";
-import { duration, fixed, number, several } from "./text.js";
+import { fixed, several } from "./text.js";
 import { button, check, tags, textField } from "./ui.js";
 import { h, useEffect, useMemo, useRef, useState } from "./vendor/preact.js";
 
@@ -60,13 +60,13 @@ function drawingInUse() {
 
 function geometry(name) {
   const file = app.state.inputs.find((one) => one.name === name);
-  return once(`geometry ${name} ${file?.modified}`, () => getGeometry(name));
+  return once(`geometry ${name} ${file?.modified}`, () => get(at`dampers/${name}`));
 }
 
 /** Save a geometry as a new input and use it on all pages. */
 const saveGeometry = (base, entries, more = {}) =>
   attempt(async () => {
-    const { name } = await putGeometry(base, entries);
+    const { name } = await post(at`dampers/${base}`, entries);
     toast("good", `${name} is saved with the inputs. All pages use it now.`);
     choose({ drawing: name, "heat.tab": "Heating", ...more });
   });
@@ -80,7 +80,7 @@ function Heating({ card, form, facts }) {
     const duty_share = readNumber("Duty", share) / 100;
     return { ...Object.fromEntries(given), ...readSine(), card: card.name, duty_share };
   });
-  const ask = async () => request && heatCurve(request);
+  const ask = async () => request && post(at`heat/curve`, request);
   const { value: found, fault: refused } = useLatest(JSON.stringify(request), ask);
   const data = useMemo(() => found && curvesOf(found), [found]);
   const job = jobOf("heat", card.name);
@@ -108,7 +108,7 @@ function Heating({ card, form, facts }) {
     p.small({ id: "calibration" }, facts?.calibration),
     isTable
       ? note("info", "The quick curve is for a sine. Start the full study for the table.")
-      : percent(),
+      : div.fields(percent()),
     found && !isTable && quick(),
     div.actions(
       button("Search a heat sink", () => choose({ "heat.tab": "Heat sink" }), "main"),
@@ -173,7 +173,7 @@ function Geometry({ base, facts }) {
     return Object.fromEntries(all.filter(isUsed));
   };
   const [request, fault] = tried(() => ({ tables: read() }));
-  const ask = async () => request && putGeometry(base, request);
+  const ask = async () => request && post(at`dampers/${base}`, request);
   const { value: drawn, fault: refused } = useLatest(JSON.stringify([base, request]), ask);
   const isPreset = app.state.choices.dampers.includes(base);
   const name = chosen("heat.name", isPreset ? "damper" : base.replace(/\.toml$/, ""));
@@ -196,7 +196,7 @@ function Geometry({ base, facts }) {
     formOfNodes(
       { "aria-label": "Geometry of the damper", onsubmit: (event) => event.preventDefault() },
       p.small(
-        `Begin with ${base}; the choice at the left changes it. An empty field has the displayed or the default value.`,
+        `Begin with ${base}, or choose another at the left. An empty field has the default value.`,
       ),
       forms.map(first),
       keptFold("heat.all", "all-fields", "All fields", () => forms.map(rest)),
@@ -240,7 +240,7 @@ function heatSink(card, shared, facts) {
     return { ...form.read(), damper, duty };
   };
   const nothing =
-    "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.";
+    "Enter the limits of the fins and press Search. The result is the front of lighter or cooler designs.";
   const view = (job) => h(Front, { job, key: job.id });
   const options = { card: card.name, read, nothing, view };
   return jobColumns("heatsink", "What to search", "Search", form, options);

@@ -1,6 +1,6 @@
 // Result of a job as the server sends it: verdict, tables, files, and findings on runs.
 
-import { jobFile } from "./api.js";
+import { at } from "./api.js";
 import { fold, note, notes, tabbed, table, tag, tile } from "./layout.js";
 import { address } from "./state.js";
 import { bytes, has, number } from "./text.js";
@@ -63,7 +63,7 @@ export function tabsOf(key, { answer }, first = [], link = null) {
 export function filesOf(job, only = () => true) {
   const files = (job.files ?? []).filter(({ path }) => only(path));
   const one = ({ path, bytes: size }) => {
-    const href = jobFile(job.id, path);
+    const href = at`jobs/${job.id}/files/${path}`;
     if (path.endsWith(".html")) return opening(href, "Open the report", { class: "button" });
     return a.button({ href, download: path.split("/").pop() }, path, span.small(bytes(size)));
   };

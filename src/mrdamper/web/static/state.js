@@ -3,7 +3,7 @@
 // A choice has a key such as `card` or `fit.law`. `choose` changes choices, writes the address and draws the page again. The
 // address of a page contains the choices of its prefixes. The session storage keeps all choices.
 
-import * as api from "./api.js";
+import { at, DAMPER, get } from "./api.js";
 
 const SHARED = ["card", "drawing", "duty", "controller"];
 
@@ -24,7 +24,7 @@ export const app = {
   runs: null,
   reading: 0,
   page: "data",
-  choice: decode(sessionStorage.getItem(`mrdamper${api.DAMPER}`)) ?? {},
+  choice: decode(sessionStorage.getItem(`mrdamper${DAMPER}`)) ?? {},
   toasts: [],
   faults: {}, // Errors of jobs that did not start, by kind.
   draw: () => {},
@@ -75,7 +75,7 @@ export function go(name, values = {}) {
 }
 
 function write(step) {
-  sessionStorage.setItem(`mrdamper${api.DAMPER}`, JSON.stringify(app.choice));
+  sessionStorage.setItem(`mrdamper${DAMPER}`, JSON.stringify(app.choice));
   const own = Object.entries(app.choice).filter(([key]) => belongs(key));
   const next = address(app.page, Object.fromEntries(own));
   if (next === window.location.hash) return;
@@ -96,7 +96,7 @@ export function route() {
 }
 
 export async function refresh(files = true) {
-  const [state, found] = await Promise.all([api.getState(), (files || !app.runs) && api.getRuns()]);
+  const [state, found] = await Promise.all([get(at`state`), (files || !app.runs) && get(at`runs`)]);
   app.state = state;
   if (found) Object.assign(app, { runs: found.runs, reading: found.reading });
   app.draw();
@@ -109,7 +109,7 @@ let before = null;
 export async function watch() {
   try {
     if (document.visibilityState === "visible") {
-      const now = await api.getChanges();
+      const now = await get(at`changes`);
       const isNew = JSON.stringify(now) !== JSON.stringify(before);
       if (isNew || app.lost || app.state?.jobs.some(isRunning))
         await refresh(now.files !== before?.files || app.lost);
@@ -175,5 +175,5 @@ export function cardInUse() {
 
 export function cardDetails(name) {
   const card = app.state.cards.find((one) => one.name === name);
-  return once(`card ${name} ${card?.modified}`, () => api.getCard(name));
+  return once(`card ${name} ${card?.modified}`, () => get(at`cards/${name}`));
 }

@@ -111,6 +111,7 @@ function prepared(columns, count, isCentred) {
 /** Return the property in which runs differ: command, else temperature, else the run itself. */
 function differenceOf(runs) {
   const differ = (property) => new Set(runs.map(property)).size > 1;
+  if (differ((run) => run.command_unit)) return "name";
   return (
     (differ(commandOf) && "command") || (differ(temperatureOf) && "temperature_degC") || "name"
   );
