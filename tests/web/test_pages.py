@@ -23,7 +23,7 @@ pytestmark = pytest.mark.system
 
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
 MARKUP = "<img src=x onerror='window.ran = 1'>"
-HEIGHT_MAX_px, SERVED_MAX_kB = 1800, 250
+HEIGHT_MAX_px, SERVED_MAX_kB = 1800, 220
 PATHS = """async (kind) => {
   const { finished, seriesPath, thinned } = await import("/static/plot.js");
   const n = 1_000_000;

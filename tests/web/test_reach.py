@@ -35,9 +35,6 @@ FIELD_OF = {
 }  # fmt: skip
 """Names of request fields that differ from the option."""
 
-BY_ROUTE = {"data list": "/api/data"}
-"""Commands that are requests of a page, not jobs."""
-
 
 def commands(group: click.Group = cli, before: str = "") -> Iterator[tuple[str, click.Command]]:
     for name, command in group.commands.items():
@@ -75,9 +72,6 @@ def test_option_has_field_or_reason(command, name, told):
         return
     if told == "--resume":  # The option ``resume`` is a separate request.
         assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
-        return
-    if command in BY_ROUTE:
-        assert name == "card"
         return
     kind = command.split()[-1]
     field = FIELD_OF.get(kind, {}).get(name, name)

@@ -118,7 +118,6 @@ def test_address_restores_view_and_back_button_undoes(browser, site, page):
     _drag(page, "Velocity loops", 0.3, 0.6)
     page.wait_for_url(lambda url: "view.v=" in url)
     page.get_by_role("button", name="measured").click()
-    page.get_by_text("How it is drawn").click()
     page.get_by_label("Cycles").select_option("3")
     last = _pictures(page)
     with opened(browser, site[1].address) as other:

@@ -39,27 +39,18 @@ _RESERVE_SIZE_BYTES = 8192
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Content of ``job.json``.
-
-    Attributes
-    ----------
-    options : validated options of the request
-    message : reason why the job ended
-    card : name of the card that the job writes
-    resumed : how many times the job was resumed
-    pid : id of the job's process
-    """
+    """Content of ``job.json``."""
 
     id: str
     kind: str
-    options: dict[str, Any]
+    options: dict[str, Any]  # validated options of the request
     state: Literal["queued", "running"] | EndState = "queued"
     asked_at: str
     started_at: str | None = None
     ended_at: str | None = None
-    message: str | None = None
-    card: str | None = None
-    resumed: int = 0
+    message: str | None = None  # reason why the job ended
+    card: str | None = None  # name of the card that the job writes
+    resumed: int = 0  # how many times the job was resumed
     pid: int | None = None
 
     @property

@@ -53,19 +53,12 @@ class CachedRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Contents:
-    """Description of a measured file and its runs, stored as ``meta.json`` in the cache folder of the file.
-
-    Attributes
-    ----------
-    preview : preview of the file and its runs, computed by ``jobs.previews``
-    findings : findings of each run; None until the runs have been checked
-    rig : preset of the virtual damper, if the file was simulated by the virtual rig
-    """
+    """Description of a measured file and its runs: ``meta.json`` in the cache folder of the file."""
 
     file: str
-    preview: dict[str, Any]
-    findings: list[list[dict[str, Any]]] | None = None
-    rig: str | None = None
+    preview: dict[str, Any]  # computed by ``jobs.previews``
+    findings: list[list[dict[str, Any]]] | None = None  # None until the runs have been checked
+    rig: str | None = None  # preset of the virtual rig that simulated the file
 
     @property
     def names(self) -> list[str]:

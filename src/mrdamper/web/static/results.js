@@ -12,70 +12,70 @@ const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // a n
 
 /** Return the quantities in which a result exceeds the range of the card's runs. */
 export function beyondCard({ notes: texts = [] }) {
-  const found = texts.map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
-  return found.length ? `extrapolated: ${found.join(", ")}` : "";
+	const found = texts.map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
+	return found.length ? `extrapolated: ${found.join(", ")}` : "";
 }
 
 export function firstScreen({ kind, answer }) {
-  if (!answer.shown) return null;
-  const mark = beyondCard(answer);
-  const one = ({ label, value, band }) => tile(label, value, mark, band);
-  return [
-    p.verdict(answer.shown.verdict),
-    div.tiles({ id: `${kind}-tiles` }, answer.shown.tiles.map(one)),
-  ];
+	if (!answer.shown) return null;
+	const mark = beyondCard(answer);
+	const one = ({ label, value, band }) => tile(label, value, mark, band);
+	return [
+		p.verdict(answer.shown.verdict),
+		div.tiles({ id: `${kind}-tiles` }, answer.shown.tiles.map(one)),
+	];
 }
 
 export const groundsOf = ({ answer: { shown } }) =>
-  shown && [
-    p.small(shown.subject),
-    shown.flags.map(([lead, text]) => note("warning", b(lead), ` ${text}`)),
-  ];
+	shown && [
+		p.small(shown.subject),
+		shown.flags.map(([lead, text]) => note("warning", b(lead), ` ${text}`)),
+	];
 
 const SHORT = 22; // Cells with at most this number of letters are not wrapped.
 
 /** Return a table of a result; `link(run)`: address of a run; `choice`: the first column chooses a row. */
 export function tableOf({ title, caption, folded, columns, rows }, { link, choice } = {}) {
-  const isPicked = (row) => choice?.isPicked(rows.indexOf(row));
-  const pick = (row) => {
-    const props = { "aria-pressed": String(isPicked(row)) };
-    return button(choice.words(row.cells), () => choice.pick(rows.indexOf(row)), "quiet", props);
-  };
-  const column = ({ title: head, unit, number: isNumber, names_run: isRun }, k) => {
-    const textOf = (row) => row.cells[k];
-    const isShort = rows.every((row) => (textOf(row) ?? "").length <= SHORT);
-    const linked = (row) => a({ href: link(textOf(row)) }, textOf(row));
-    const cell = isRun && link ? linked : choice && k === 0 ? pick : textOf;
-    return [head, cell, isNumber ? "n" : isShort ? "whole" : "name", unit];
-  };
-  const rowClass = (row) => (isPicked(row) ? "chosen" : row.held ? "held" : "");
-  const made = table(title, columns.map(column), rows, { rowClass });
-  return [caption && p.small(caption), folded ? fold(folded, made) : made];
+	const isPicked = (row) => choice?.isPicked(rows.indexOf(row));
+	const pick = (row) => {
+		const props = { "aria-pressed": String(isPicked(row)) };
+		return button(choice.words(row.cells), () => choice.pick(rows.indexOf(row)), "quiet", props);
+	};
+	const column = ({ title: head, unit, number: isNumber, names_run: isRun }, k) => {
+		const textOf = (row) => row.cells[k];
+		const isShort = rows.every((row) => (textOf(row) ?? "").length <= SHORT);
+		const linked = (row) => a({ href: link(textOf(row)) }, textOf(row));
+		const cell = isRun && link ? linked : choice && k === 0 ? pick : textOf;
+		return [head, cell, isNumber ? "n" : isShort ? "whole" : "name", unit];
+	};
+	const rowClass = (row) => (isPicked(row) ? "chosen" : row.held ? "held" : "");
+	const made = table(title, columns.map(column), rows, { rowClass });
+	return [caption && p.small(caption), folded ? fold(folded, made) : made];
 }
 
 export function tabsOf(key, { answer }, first = [], link = null) {
-  const { tables = [], notes: texts = answer.notes } = answer.shown ?? {};
-  const tabs = tables.map((one) => [one.title, () => tableOf(one, { link })]);
-  const last = ["Notes", () => notes(texts) ?? p.small("No notes.")];
-  return tabbed("Parts of the result", key, [...first, ...tabs, last]);
+	const { tables = [], notes: texts = answer.notes } = answer.shown ?? {};
+	const tabs = tables.map((one) => [one.title, () => tableOf(one, { link })]);
+	const last = ["Notes", () => notes(texts) ?? p.small("No notes.")];
+	return tabbed("Parts of the result", key, [...first, ...tabs, last]);
 }
 
 export function filesOf(job, only = () => true) {
-  const files = (job.files ?? []).filter(({ path }) => only(path));
-  const one = ({ path, bytes: size }) => {
-    const href = at`jobs/${job.id}/files/${path}`;
-    if (path.endsWith(".html")) return opening(href, "Open the report", { class: "button" });
-    return a.button({ href, download: path.split("/").pop() }, path, span.small(bytes(size)));
-  };
-  return div.actions(files.map(one));
+	const files = (job.files ?? []).filter(({ path }) => only(path));
+	const one = ({ path, bytes: size }) => {
+		const href = at`jobs/${job.id}/files/${path}`;
+		if (path.endsWith(".html")) return opening(href, "Open the report", { class: "button" });
+		return a.button({ href, download: path.split("/").pop() }, path, span.small(bytes(size)));
+	};
+	return div.actions(files.map(one));
 }
 
 export const resultView = (job, key, { own, tabs, link, only } = {}) => [
-  firstScreen(job),
-  own,
-  groundsOf(job),
-  filesOf(job, only),
-  tabsOf(key, job, tabs, link),
+	firstScreen(job),
+	own,
+	groundsOf(job),
+	filesOf(job, only),
+	tabsOf(key, job, tabs, link),
 ];
 
 const AROUND_S = 0.5; // Time that is shown before and after a finding.
@@ -83,28 +83,27 @@ const SEVERITIES = ["fault", "warning", "note"];
 
 /** Return a table of findings, worst first, with links to their locations in the plots. */
 export function findingList(findings) {
-  const rank = ({ severity }) => SEVERITIES.indexOf(severity);
-  const columns = [
-    ["", ({ severity }) => tag(severity), "whole"],
-    ["run", (one) => a({ href: placeOf(one) }, `${one.run}${whereOf(one)}`), "name"],
-    ["finding", ({ found }) => found, "name"],
-    ["effect and remedy", ({ effect, remedy }) => `${effect}. ${remedy}.`, "name"],
-  ];
-  return table(
-    "Findings",
-    columns,
-    findings.toSorted((x, y) => rank(x) - rank(y)),
-  );
+	const rank = ({ severity }) => SEVERITIES.indexOf(severity);
+	const columns = [
+		["", ({ severity }) => tag(severity), "whole"],
+		["run", (one) => a({ href: placeOf(one) }, `${one.run}${whereOf(one)}`), "name"],
+		["finding", ({ found }) => found, "name"],
+		["effect and remedy", ({ effect, remedy }) => `${effect}. ${remedy}.`, "name"],
+	];
+	return table(
+		"Findings",
+		columns,
+		findings.toSorted((x, y) => rank(x) - rank(y)),
+	);
 }
 
 function placeOf({ run, from_s: from, to_s: to }) {
-  if (!has(from)) return address("data", { "view.runs": [run] });
-  const around = Math.max(AROUND_S, ((to ?? from) - from) / 2);
-  return address("data", { "view.runs": [run], "view.t": [from - around, (to ?? from) + around] });
+	if (!has(from)) return address("data", { "view.runs": [run] });
+	const around = Math.max(AROUND_S, ((to ?? from) - from) / 2);
+	return address("data", { "view.runs": [run], "view.t": [from - around, (to ?? from) + around] });
 }
 
-function whereOf({ channel, from_s: from, to_s: to }) {
-  if (!has(from)) return channel ? `, ${channel}` : "";
-  const end = has(to) && to !== from ? ` to ${number(to, 4)}` : "";
-  return `, ${channel || "time"} at ${number(from, 4)}${end} s`;
+function whereOf({ channel, from_s: from }) {
+	const words = channel ? `, ${channel}` : "";
+	return has(from) ? `${words} at ${number(from, 4)} s` : words;
 }
