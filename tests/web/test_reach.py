@@ -97,7 +97,7 @@ def test_commands_are_in_page_table():
 def test_job_kinds_have_a_page(kind):
     """The form is built from the declarations, so that no field is missing."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
-    assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^  {kind}: "', text, re.MULTILINE)
+    assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^\s+{kind}: "', text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)
