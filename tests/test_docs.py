@@ -219,7 +219,7 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
         exec(code, namespace)
 
 
-# -------------------------------------------------------------------------------------------- the tests
+# ------------------------------------------------------------------------------------------------ tests
 
 
 @pytest.fixture(scope="module")

@@ -80,7 +80,7 @@ def test_triangle_keeps_speed_and_bounds(amplitude, speed, t):
     assert triangle.displacement(3 * period / 4) == pytest.approx(-amplitude)
 
 
-# ------------------------------------------------------------------------------------------- by name
+# ------------------------------------------------------------------------------------- named motions
 
 
 @pytest.mark.parametrize(

@@ -50,12 +50,12 @@ def test_import_loads_no_heavy_library():
     assert modules_after("import mrdamper") & HEAVY == set()
 
 
-def test_import_takes_50_ms():
+def test_import_takes_at_most_50_ms():
     bare = cpu_ms(sys.executable, "-c", "pass")
     assert cpu_ms(sys.executable, "-c", "import mrdamper") - bare <= 50.0
 
 
-def test_help_takes_200_ms():
+def test_help_takes_at_most_200_ms():
     assert cpu_ms(script(), "--help") <= 200.0
 
 

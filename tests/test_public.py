@@ -157,7 +157,7 @@ def test_function_has_explicit_signature(name):
             assert f"\n{parameter.name} : " in (inspect.getdoc(function) or "")
 
 
-# ------------------------------------------------------------------------------- remedies that messages name
+# --------------------------------------------------------------------------------------- options in messages
 
 SOURCE = Path(mrdamper.__file__).parent
 NAMED_OPTION = re.compile(r"(?:mrdamper ([a-z]+)[^.;()]*? )?(?<![^\s(`])(--[a-z][\w-]*)")
@@ -173,7 +173,7 @@ COMMANDS_OF = {
     "report/identification": ("fit",),
     "jobs/sweep": ("sweep",),
 }
-OTHER_TEXTS = ("registry/__init__.py", "cli/help_texts.py", "report/base.py")  # These texts name no command.
+OTHER_TEXTS = ("registry/__init__.py", "cli/commands.py", "report/base.py")  # These texts name no command.
 
 
 def message_texts(path: Path) -> Iterator[str]:

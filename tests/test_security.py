@@ -103,8 +103,8 @@ def test_only_listed_modules_can_open_connections():
         if any(module == each or module.startswith(f"{each}.") for each in NETWORK)
     }
     assert found == {
-        "jobs/public_data/catalog.py",  # data fetch: HTTPS with a fixed commit
-        "jobs/sweep/executors.py",  # sweep --scheduler
+        "jobs/public_data/__init__.py",  # data fetch: HTTPS with a fixed commit
+        "jobs/sweep/tasks.py",  # sweep --scheduler
         "web/server.py",  # serve
         "web/security.py",  # the name of this computer
     }

@@ -127,7 +127,7 @@ if TYPE_CHECKING:
     from mrdamper.jobs.export import ExportResult
     from mrdamper.jobs.fit import FitResult
     from mrdamper.jobs.fluid import FluidResult
-    from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
+    from mrdamper.jobs.public_data import FetchedData, PublicData
     from mrdamper.jobs.rig import RigResult
     from mrdamper.jobs.simulate import SimulateResult
     from mrdamper.jobs.sweep.sweep import SweepResult

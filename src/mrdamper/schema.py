@@ -33,7 +33,7 @@ import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
@@ -59,7 +59,8 @@ class Option:
     """Properties of a field beyond its type: help, unit, range, and its name in each interface.
 
     The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. These limits are in
-    ``unit``.
+    ``unit``. The options of one annotation are merged, so that a field can extend a shared type. The last
+    option decides.
     """
 
     help: str = ""  # if there is no text below the field
@@ -113,6 +114,12 @@ class Option:
         if self.key and self.unit:
             yield pydantic.AfterValidator(self.to_si)
             yield pydantic.PlainSerializer(self.from_si, when_used="unless-none")
+
+    @property
+    def non_defaults(self) -> Json:
+        """Return the properties that differ from their default."""
+        pairs = ((each, getattr(self, each.name)) for each in dataclasses.fields(self))
+        return {each.name: value for each, value in pairs if value != each.default}
 
     @property
     def remedy(self) -> str:
@@ -182,10 +189,10 @@ class Field:
 
     @property
     def help(self) -> str:
-        """Return the text below the field, or the help of the field's option."""
+        """Return the text below the field, or else the help of its option."""
         names = [(each.__module__, each.__name__) for each in self.record.__mro__ if each is not object]
         texts = (_field_texts(module).get((name, self.name)) for module, name in names)
-        return self.option.help or next(filter(None, texts), "")
+        return next(filter(None, texts), self.option.help)
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -277,18 +284,20 @@ def _field(record: type, name: str, hint: object, default: object) -> Field:
 
 
 def _split_annotation(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
-    """Return the type and the option of an annotation, and True if the annotation allows None."""
-    option, optional = Option(), False
+    """Return the type and the merged options of an annotation, and True if the annotation allows None."""
+    given: Json = {}
+    optional = False
     while True:
         if get_origin(hint) is Annotated:
             hint, *extras = get_args(hint)
-            option = next((each for each in extras if isinstance(each, Option)), option)
+            options = (each.non_defaults.items() for each in extras if isinstance(each, Option))
+            given = dict(chain(*options)) | given
         elif get_origin(hint) in (Union, types.UnionType) and type(None) in get_args(hint):
             optional = True
             rest = tuple(each for each in get_args(hint) if each is not type(None))
             hint = rest[0] if len(rest) == 1 else Union[rest]  # noqa: UP007 - evaluated at run time
         else:
-            return hint, option, optional
+            return hint, Option(**given), optional
 
 
 def read_record(record: type[Record], document: Mapping[str, Any], place: str) -> Record:

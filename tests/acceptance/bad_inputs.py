@@ -40,7 +40,7 @@ class Case:
     message: str  # Regular expression.
 
 
-# ------------------------------------------------------------------------------------------- text
+# ------------------------------------------------------------------------------------- text files
 
 
 def columns() -> dict[str, np.ndarray]:
@@ -126,20 +126,20 @@ def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], A
 
 
 def twins(folder: Path) -> Arguments:
-    """Write two files with the same name of the run."""
+    """Write two files whose runs have the same name."""
     for name in ("run.csv", "run.txt"):
         (folder / name).write_text(GOOD)
     return identify("run.csv", "run.txt")
 
 
-# ------------------------------------------------------------------------------------------- binary
+# ------------------------------------------------------------------------------------- binary files
 
 
 SIGNATURE_BYTES = 24  # These bytes identify every format.
 
 
 def damaged(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
-    """Return a function that writes a file by its format's own library and changes its bytes."""
+    """Return a function that writes a file with the library of the format and changes bytes."""
 
     def make(folder: Path) -> Arguments:
         WRITERS[name](folder / name)
@@ -223,7 +223,7 @@ BOOK = {
 
 
 def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
-    """Return a workbook with one sheet. ``stated`` is the unpacked size in its directory."""
+    """Return a workbook with one sheet. ``stated`` is the unpacked size that the ZIP directory states."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, part in BOOK.items():
@@ -312,7 +312,7 @@ def no_unit(document: dict) -> None:  # type: ignore[type-arg]
     document["coefficients"]["viscosity"]["unit"] = "N"
 
 
-# ------------------------------------------------------------------------------------------- other TOML
+# ------------------------------------------------------------------------------------- other TOML files
 
 
 def toml(content: str, *arguments: object) -> Callable[[Path], Arguments]:
@@ -404,7 +404,7 @@ CASES: tuple[Case, ...] = (
     # Data loggers
     Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
     # Every format: empty, with the signature of another format, or with only its signature.
-    # An empty JSON file may be of any program and is omitted.
+    # The message omits the empty JSON file because it may belong to any program.
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 9} more"),
     *(
         Case(

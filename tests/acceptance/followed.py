@@ -1,4 +1,4 @@
-"""Controllers on a damper of the rig, and the required errors."""
+"""Tracking controllers on dampers of the virtual rig, and the limits of their errors."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from mrdamper.virtual_rig.plant import STEP_S, Plant, VirtualDamper
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
-# Largest error, largest feasible error, feasible RMS error [N]. One limit of the largest errors is 175.3 N
-# instead of 175 N because no damper can follow the target at its sample.
+# Limits of the largest error, the largest feasible error and the feasible RMS error [N]. The limit 176 N
+# would be 175 N, but at one infeasible sample the error is at least 175.3 N for any controller.
 MUST = {
     ("nominal", SLOW): (120.0, 62.5, 21.0),
     ("nominal", FAST): (176.0, 75.0, 25.0),
@@ -22,7 +22,7 @@ MUST = {
     ("hard", FAST): (265.0, 125.0, 48.0),
     ("hard", UNEVEN): (400.0, 225.0, 63.0),
 }
-OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # Fractions of the RMS error of the paper's controller.
+OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # RMS error limits relative to the paper's controller.
 
 _REACHES: dict[tuple[VirtualDamper, str, float, float], AttainableRange] = {}
 

@@ -29,7 +29,7 @@ STANDARD_ERROR_RATIO_MAX = 0.05  # Parameters with a larger relative standard er
 
 @dataclass(frozen=True)
 class Case:
-    """A data set with the law to fit, without terms; None: the default model selection."""
+    """A data set and the law that is fitted without terms. Without a law, the model is selected."""
 
     runs: Dataset
     hold_out: tuple[str, ...]
@@ -59,7 +59,8 @@ def virtual_case(preset: str, temperatures_degC: tuple[float, ...]) -> Case:
     return Case(short_campaign(preset, temperatures_degC), ("*sine15mm1Hz*",))
 
 
-# Another law or another set of terms is selected. On six runs the held-out error then changes by 25 %.
+# In these tests the selection takes another law or other terms. The held-out error of six runs then changes
+# by 25 %.
 KNOWN_FAILURES = {
     *(("test_every_second_sample_is_sufficient", name) for name in ("nominal", "hard")),
     *(("test_predicted_run_hardly_changes_model", name) for name in ("nominal", "hard")),
@@ -110,7 +111,7 @@ def held_out_percent(result: FitResult) -> float:
 
 
 def assert_equal(first: FitResult, second: FitResult) -> None:
-    """Check that two results have the same law and the same bits of all parameters."""
+    """Check that two results have the same law and bit-identical parameters."""
     assert second.damper.law.name == first.damper.law.name
     assert dict(second.damper.parameters) == dict(first.damper.parameters)
 

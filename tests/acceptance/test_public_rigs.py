@@ -65,8 +65,8 @@ def test_series_valve_predicts_held_out_chirp(series_valve: Identification, real
 
 
 @pytest.mark.data
-def test_energy_per_cycle_equals_measured_loops(judged: Assessment) -> None:
-    """At 1 A the energy per cycle heats the damper."""
+def test_energy_per_cycle_agrees_with_measured_loops(judged: Assessment) -> None:
+    """The energy per cycle becomes heat. At 1 A the model agrees with each measured loop within 8 %."""
     for error in judged.runs:
         if error.command == 1.0:
             assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=0.08), error.name

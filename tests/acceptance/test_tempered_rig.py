@@ -46,7 +46,7 @@ Errors = Mapping[tuple[str, int], float]
 
 
 def _not_met(measured: str) -> pytest.MarkDecorator:
-    """Mark a limit that is not met. The test fails if it passes, so that the mark is removed."""
+    """Mark a limit that is not met. If the limit is met later, the test fails until the mark is removed."""
     return pytest.mark.xfail(reason=measured, strict=True)
 
 
@@ -107,9 +107,10 @@ def test_held_out_temperatures_are_predicted(preset, law):
 
 @pytest.mark.parametrize("law", [SELECTED, PLAIN])
 def test_held_out_chirp_is_predicted(law):
-    """The chirp reaches 8 Hz and 150 mm/s, four times the training speed. Its error is at most 1.5 times.
+    """The chirp reaches 8 Hz and 150 mm/s, four times the training speed.
 
-    At 20 degC, the lowest temperature, the default law has 1.57 times its training error of 15 N.
+    The error is at most 1.5 times the training error. At 20 degC, the lowest temperature, the default law has
+    1.57 times its training error of 15 N.
     """
     errors = errors_of("nominal", law)
     trained = over(errors, TRAINED_MOTIONS, TRAINED)
@@ -127,7 +128,7 @@ def test_chirp_of_hard_damper_is_predicted(law, bar_N):
     assert {t: round(errors[CHIRP, t], 1) for t in (*TRAINED, *HELD_OUT) if errors[CHIRP, t] > bar_N} == {}
 
 
-# ---------------------------------------------------------------------- what temperature is worth
+# ----------------------------------------------------------------- without temperature dependence
 
 
 @cache
@@ -148,7 +149,7 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_model_without_temperature_fails_when_hot(preset, known, times):
-    """The error of each motion is at least 4 times as large after a fit at 20 degC, and 2 times if pooled."""
+    """Without temperature, errors are at least 4 times (fit at 20 degC) or 2 times (all runs) as large."""
     aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
         assert unaware[motion, 123] >= times * aware[motion, 123], motion
@@ -177,7 +178,7 @@ def test_fit_method_of_paper_is_less_accurate(preset):
         assert over(theirs, [motion], TRAINED) > over(ours, [motion], TRAINED)
 
 
-# ---------------------------------------------------------------------- noise on the displacement
+# ---------------------------------------------------------------------- noise of the displacement
 
 KNOWN = Damper(
     LAWS[PLAIN],
@@ -237,7 +238,7 @@ def test_noise_does_not_bias_exponent(terms):
     assert abs(bias_of_n(None, terms)) < 0.05
 
 
-# ---------------------------------------------------------------------- force lost to warmth
+# ------------------------------------------------------------ loss of force with temperature
 
 
 def peak_of(damper: Damper, degrees: float) -> float:
@@ -282,7 +283,7 @@ def t63_of_plant(preset: str, start: float, end: float, degrees: float) -> float
 
 
 def t63_of_model(damper: Damper, start: float, end: float, degrees: float) -> float:
-    """Return the time of a model: its force compared with the force at either constant current."""
+    """Return the time [s] after which 63 % of the force change due to a current step has occurred."""
     n, at = 4000, 2000
     x = SPEED * STEP_S * (np.arange(n) - at)
     path = Trajectory(
@@ -318,13 +319,13 @@ def test_mean_step_time_matches_plant(preset, degrees):
     assert abs(np.mean(list(lateness(preset, degrees).values()))) <= 2.0
 
 
-# ---------------------------------------------------------------------- time
+# ---------------------------------------------------------------------- CPU time
 
 
 @pytest.mark.parametrize(
     ("law", "bar_s", "seeds"), [(PLAIN, 1.2, 3), (BETTER, 1.6, 3), ("series-valve", 6.0, 1)]
 )
-def test_one_start_stays_within_cpu_time(law, bar_s, seeds):
+def test_fit_from_one_start_is_fast(law, bar_s, seeds):
     """Fit 5 currents, 4 temperatures and 3 motions of 4 s at 500 Hz, including the preparation.
 
     The CPU time is the best of eight rounds because the machine can be loaded. The default law takes 1.05 s,
@@ -341,7 +342,7 @@ def test_one_start_stays_within_cpu_time(law, bar_s, seeds):
         assert min(spent) <= bar_s, f"seed {seed}"
 
 
-# ---------------------------------------------------------------------- few data
+# ---------------------------------------------------------------------- one motion
 
 
 def test_cost_matches_damper_with_few_data():

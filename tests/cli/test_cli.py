@@ -171,7 +171,7 @@ def test_terminal_shows_errors_and_report_every_run(repeated, folder):
     assert "yield_force" in page
 
 
-# --------------------------------------------------------------------------------------- usage and faults
+# ------------------------------------------------------------------------ wrong usage and internal errors
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_single_current_is_accepted_with_option(tmp_path, folder):
     assert mrdamper(*arguments, "--one-command").returncode == 0
 
 
-# --------------------------------------------------------------------------------------- laws and interrupts
+# ----------------------------------------------------------------------------- laws in Python and interrupts
 
 
 @pytest.mark.nightly

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from mrdamper.cli import cli
-from mrdamper.cli.help_texts import EXAMPLES, EXIT_CODES, GROUPS
+from mrdamper.cli.commands import EXAMPLES, EXIT_CODES, GROUPS
 
 COMMANDS = sorted(EXAMPLES)
 

@@ -136,7 +136,7 @@ def test_card_has_actuation_from_current_steps(identified):
     assert 0.010 < actuation.response_time(0.63) < 0.020
 
 
-# -------------------------------------------------------------------------------- without temperature
+# --------------------------------------------------------------------- assumed temperature dependence
 
 
 def test_temperature_dependence_of_fluid_is_marked_assumed(folder, identified, tmp_path):

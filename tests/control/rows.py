@@ -33,7 +33,7 @@ def told(
 
 
 def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float = ROOM) -> bytes:
-    """Return the state at mid-stroke after 0.5 s of constant velocity and zero target: full hysteresis."""
+    """Return the state at mid-stroke after 0.5 s of constant velocity: the hysteresis is fully developed."""
     t = controller.period_s * np.arange(round(0.5 / controller.period_s))
     rows = np.full((len(t), 5), np.nan)
     rows[:, 0] = rows[:, 1] = 0.0

@@ -112,7 +112,7 @@ def test_block_size_does_not_change_force(size):
     assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(together, abs=near)
 
 
-def test_copy_is_independent():
+def test_copied_plant_is_independent():
     plant, whole = CardPlant(damper()), path(swing)
     in_blocks(plant, whole, 500)
     other = plant.copy()

@@ -108,7 +108,7 @@ def test_single_steps_equal_one_run(law, name):
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_pickled_controller_gives_same_bits(single):
+def test_pickled_controller_gives_identical_state(single):
     made = replace(RECOMMENDED, single=single)
     rows = told(made, 0.5)
     again = pickle.loads(pickle.dumps(made))
@@ -117,7 +117,7 @@ def test_pickled_controller_gives_same_bits(single):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_single_precision_gives_same_command(name):
-    """The limit is 2 mA in 5 s. Predictions may deviate in 1 % of samples, at kinks of their six steps."""
+    """The difference is below 2 mA in 99.9 % of samples; with prediction, which has kinks, in 99 %."""
     made = ALL[name]
     rows = told(made, 5.0)
     rows[:, 4] = 0.8 * rows[:, 0]
@@ -127,7 +127,7 @@ def test_single_precision_gives_same_command(name):
     assert (single == single.astype(np.float32)).all()
 
 
-def test_instruction_sets_give_same_bits():
+def test_instruction_sets_give_identical_states():
     rows, before = told(RECOMMENDED, 1.0), core.level()
     found = set()
     try:
@@ -344,7 +344,7 @@ def test_clipped_on_off_returns_zero_or_maximum(wanted, force, expected):
     assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 
 
-# --- Refused dampers --------------------------------------------------------------------------------------
+# --- Rejected dampers -------------------------------------------------------------------------------------
 
 
 UNMOVED = {"yield_force": Constant(300.0), "second_force": Constant(200.0)}

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.tuning import OBSERVER_S, motion_filter
+from mrdamper.control.settings import SETTINGS
+from mrdamper.control.tuning import motion_filter
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
 from tests.oracles.estimators import AppliedCurrent, MotionFilter
@@ -158,5 +159,5 @@ def test_observer_follows_a_first_order_lag():
         state = made.run(state, row)[0]
         found.append(made.estimate(state).disturbance)
     t = PERIOD * np.arange(1, 2001)
-    np.testing.assert_allclose(found, surplus * (1.0 - np.exp(-t / OBSERVER_S)), rtol=2e-2, atol=0.5)
+    np.testing.assert_allclose(found, surplus * (1.0 - np.exp(-t / SETTINGS.observer_s)), rtol=2e-2, atol=0.5)
     assert found[-1] == pytest.approx(surplus, abs=1e-3)

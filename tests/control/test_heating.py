@@ -59,7 +59,7 @@ def first(flags: NDArray[np.int64]) -> float:
     return PERIOD * float(raised[0]) if raised.size else math.inf
 
 
-# --- Detected ---------------------------------------------------------------------------------------------
+# --- Detected faults --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("single", [False, True])
@@ -163,10 +163,10 @@ def test_wrong_heat_loss_causes_no_false_alarm(wrong):
     assert first(made.run(made.start(), rows(900.0, current=1.0, kelvin=kelvin))[2]) == math.inf
 
 
-# --- Values -----------------------------------------------------------------------------------------------
+# --- Values of the heat balance ---------------------------------------------------------------------------
 
 
-def test_heat_balance_has_values_of_drawing():
+def test_heat_balance_has_values_of_geometry():
     bare = Heating.from_drawing(PAPER.with_sink(None))
     assert bare.capacity_J_K == pytest.approx(zone_network(PAPER.with_sink(None)).total_capacity)
     assert WHOLE.loss_W_K > 3.0 * bare.loss_W_K

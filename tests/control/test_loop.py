@@ -182,7 +182,7 @@ def test_gain_of_damper_scales_force_and_reading():
 
 
 def test_same_seed_repeats_run_without_changing_plant():
-    """Equal seeds give equal bits, different seeds give different runs. The given plant does not change."""
+    """Equal seeds give identical runs, different seeds different runs. The given plant does not change."""
     plant = Plant(PRESETS["nominal"])
     before, noisy = plant.state, replace(SHORT, sensors=Sensing())
     first, again, other = (run_loop(plant, OnOff(), replace(noisy, seed=seed)).force for seed in (1, 1, 2))
@@ -218,7 +218,7 @@ class _AnyPlant:
 @pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
 @pytest.mark.parametrize("disturbed", [False, True])
 def test_loop_in_c_equals_loop_in_python(preset, disturbed):
-    """Both loops give equal bits, also with delays, quantised currents, sensor faults and gains."""
+    """Both loops give identical bits, also with delays, quantised currents, sensor faults and gains."""
     scenario = Scenario(duration_s=0.4, unscored_s=0.1, temperature_degC=60.0)
     if disturbed:
         disturbance = Disturbance(force_gain=1.1, command_delay_s=3.7e-3, command_step_A=0.01)
@@ -247,7 +247,7 @@ def test_batched_loops_match_single_loops(preset):
             assert np.array_equal(run.current, alone.current)
 
 
-# --- Refused inputs ---------------------------------------------------------------------------------------
+# --- Rejected inputs --------------------------------------------------------------------------------------
 
 
 FAR = replace(SHORT, motion="sine:2500mm:1Hz")

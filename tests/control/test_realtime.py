@@ -219,7 +219,7 @@ def test_state_of_other_precision_is_refused(model, other):
 
 
 @both_precisions
-def test_instruction_sets_give_same_bits(model):
+def test_instruction_sets_give_identical_states(model):
     rows, before = rows_for(MOVED, 0.5), core.level()
     found = set()
     try:
@@ -305,7 +305,10 @@ def test_missing_current_is_held_for_30_ms():
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 7.0, None])
 def test_missing_displacement_is_integrated(value):
-    """Only the spring force needs displacement. After 120 ms the motion is unknown. None: stuck sensor."""
+    """Only the spring force needs displacement. After 120 ms the motion is unknown.
+
+    The value None is a sensor that repeats its last reading.
+    """
     rows = rows_for(Sine(5e-3, 1.0), 1.0)
     clean = MODEL.run(MODEL.start(), rows)[1]
     bad = rows.copy()
@@ -333,6 +336,6 @@ def test_invalid_velocity_is_estimated(value):
     np.testing.assert_array_equal(force, estimated)
 
 
-def test_rows_need_four_columns():
+def test_input_rows_with_five_columns_raise():
     with pytest.raises(InputError, match=r"rows have shape \(3, 5\); expected \(n, 4\)"):
         MODEL.run(MODEL.start(), np.zeros((3, 5)))

@@ -13,13 +13,9 @@ from scipy.linalg import expm
 
 from mrdamper.control.config import Axes
 from mrdamper.control.controllers import Safety, controllers_for
+from mrdamper.control.settings import SETTINGS
 from mrdamper.control.tables.heating import Heating
 from mrdamper.control.tuning import (
-    FREEWHEEL_RATIO,
-    FREEWHEEL_STRETCH,
-    HORIZON_RATIO,
-    HORIZON_STEPS,
-    JERK_DENSITY,
     check_sampling,
     feedback_gains,
     horizon_end,
@@ -37,10 +33,11 @@ NO_LAG_S = 1e-9  # The matrix exponential needs a positive lag.
 
 
 def of_two_lags(first: float, second: float, time: float) -> tuple[float, float, float, float]:
-    """Return the remainder of each gap, the part of the first in the second, and the lateness of a ramp.
+    """Return four coefficients of two lags in series during a time step, by the matrix exponential.
 
-    Gaps to a held command obey g1' = -g1 / T1, g2' = (g1 - g2) / T2. The gap of a lag to a ramp r' = 1 / time
-    from rest obeys g' = 1 / time - g / T2.
+    1, 2: the remaining fractions of the first and the second gap to a constant command, for which
+    g1' = -g1 / T1 and g2' = (g1 - g2) / T2. 3: the fraction of the first gap that enters the second gap.
+    4: the gap of the second lag to a ramp r' = 1 / time from rest, for which g' = 1 / time - g / T2.
     """
     one, two = max(first, NO_LAG_S), max(second, NO_LAG_S)
     gaps = expm(time * np.array([[-1.0 / one, 0.0], [1.0 / two, -1.0 / two]]))
@@ -68,7 +65,8 @@ def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, perio
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_equal_and_missing_lags_have_limits():
+def test_equal_and_missing_lags_are_continuous_limits():
+    """Two equal lags give t/T exp(-t/T) in the second lag. A missing lag has no remainder."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
@@ -87,9 +85,12 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
     without = replace(actuation, delay_s=0.0)
-    span, parts = without.response_time(HORIZON_RATIO), HORIZON_STEPS
+    span, parts = without.response_time(SETTINGS.horizon_ratio), SETTINGS.horizon_steps
     if wheel:
-        span, parts = max(span, without.response_time(FREEWHEEL_RATIO, 2.0, 0.0)), 3 + 3 * FREEWHEEL_STRETCH
+        span, parts = (
+            max(span, without.response_time(SETTINGS.freewheel_ratio, 2.0, 0.0)),
+            3 + 3 * SETTINGS.freewheel_stretch,
+        )
     span = min(span, 122e-3 - dead)  # max number of samples in the delay line
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
@@ -138,7 +139,7 @@ def test_slow_bus_counts_as_stuck_later():
     assert slow.config.motion.holds_readings
 
 
-@pytest.mark.parametrize(("noise", "density"), [(0.0, JERK_DENSITY), (1e-5, 0.0), (1e-5, math.nan)])
+@pytest.mark.parametrize(("noise", "density"), [(0.0, SETTINGS.jerk_density), (1e-5, 0.0), (1e-5, math.nan)])
 def test_filter_rejects_zero_noise_or_jerk(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
         motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)

@@ -149,7 +149,7 @@ def test_closed_cycle_dissipates_work(amperes: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["recommended", "recommended-causal", "pi"])
-def test_single_precision_is_within_a_milliampere(name: str) -> None:
+def test_single_precision_agrees_within_a_milliampere(name: str) -> None:
     made = ALL[name]
     rows = told(made, 3.0, amplitude=700.0, kelvin=KELVIN)
     rows[:, 4] = 0.8 * rows[:, 0]

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.control.tables.card_tables import CURRENT_COUNT_MAX, TABULATED, DamperTables, tabulate
+from mrdamper.control.settings import SETTINGS
+from mrdamper.control.tables.card_tables import TABULATED, DamperTables, tabulate
 from mrdamper.control.tables.lookup import fit_lookup, tabulate_lookup, universal_curve
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
@@ -78,7 +79,7 @@ def test_interpolated_force_error_is_below_thousandth(law, exponent):
         }
         damper = replace(damper, coefficients=forms)
     tables = tabulate(damper, 2.0)
-    assert len(tables.currents) <= CURRENT_COUNT_MAX
+    assert len(tables.currents) <= SETTINGS.current_count_max
     peak_yield = max(float(tables.evaluate(kelvin)[6:8].sum(axis=0).max()) for kelvin in tables.temperatures)
     current, rng = np.linspace(0.0, 2.0, 201), np.random.default_rng(1)
     low, high = damper.temperature_range or (0.0, 0.0)
@@ -140,7 +141,7 @@ def test_curve_tables_equal_the_kernel(kappa, n):
 
 
 def test_cubics_are_of_fourth_order():
-    """An error of one hundredth needs about three times as many cells."""
+    """To reduce the error to a hundredth, about three times as many cells are necessary."""
     cells = [len(fit_lookup(np.sin, np.cos, 3.0, error).cell) for error in (1e-3, 1e-5, 1e-7)]
     assert cells[0] < cells[1] < cells[2] < 150
     made = fit_lookup(np.sin, np.cos, 3.0, 1e-5)

@@ -1,7 +1,9 @@
 """The universal curve of the Bouc-Wen law: quadrature, closed form, and its own equation.
 
-The reference integrates travel over w in q = -ln(1 - u), without singularities. It gives
-travel, slope and tangents to rounding, also next to w = 1, where ``scipy.special.hyp2f1`` loses digits.
+The curve is the hysteresis variable w versus the normalised travel tau, with exponent n and unloading shape
+kappa. The reference integrates the travel over q = -ln(1 - u), which removes the singularity at u = 1.
+Travel, slope and the derivatives by kappa and n (tangents) are exact to rounding, also next to w = 1, where
+``scipy.special.hyp2f1`` loses digits.
 """
 
 from __future__ import annotations
@@ -66,11 +68,14 @@ def exact_branch(k: float, n: float, *, below: float = 1.0) -> Branch:
     )
 
 
-# ------------------------------------------------------------------------------------ the oracle itself
+# ----------------------------------------------------------------------------------- reference solution
 
 
 def test_reference_matches_elementary_cases():
-    """N = 1 is 1 - exp(-tau), n = 2 is tanh(tau); kappa = -1, n = 2 falls as tan(tau)."""
+    """The curve is 1 - exp(-tau) for n = 1 and tanh(tau) for n = 2.
+
+    With kappa = -1 and n = 2 it falls as tan(tau).
+    """
     one, two, fall = exact_branch(1.0, 1.0), exact_branch(1.0, 2.0), exact_branch(-1.0, 2.0)
     np.testing.assert_allclose(one.u, -np.expm1(-one.travel), atol=2e-15)
     np.testing.assert_allclose(two.u, np.tanh(two.travel), atol=2e-15)
@@ -92,7 +97,7 @@ def test_reference_matches_hypergeometric_form(n):
 
 @pytest.mark.parametrize("n", EXPONENTS)
 def test_curve_matches_the_closed_form(n):
-    """The limit is 1e-6. The table is designed for 5e-7; the largest measured error is 2e-7 (n = 0.2)."""
+    """The table is designed for an error of 5e-7. The largest measured error is 2e-7 (exponent n = 0.2)."""
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n)
         assert np.abs(core.curve(kappa, n, rise.travel)[0] - rise.u).max() < 5e-7
@@ -101,7 +106,7 @@ def test_curve_matches_the_closed_form(n):
 
 @given(kappa=kappas, n=exponents)
 def test_curve_is_monotonic_and_bounded(kappa, n):
-    """The falling side is tabulated to the first knot at or below -1; no state starts beyond Y = -1."""
+    """The falling side is tabulated to the first knot at or below w = -1, because no state is below -1."""
     tau = np.concatenate(
         [np.linspace(-150.0, -3.0, 300), np.linspace(-3.0, 3.0, 4001), np.linspace(3.0, 150.0, 300)]
     )

@@ -1,4 +1,4 @@
-"""The laws of the kernel: independent integrator, closed forms, conservation laws, limits, and equal bits.
+"""The laws of the kernel: independent integrator, closed forms, conservation laws, limits, identical bits.
 
 Values in the docstrings were measured when the test was written.
 """
@@ -134,7 +134,7 @@ def relative(found, expected) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-# ------------------------------------------------------------------------- an independent integrator
+# ---------------------------------------------------------------------------- independent integrator
 
 
 @pytest.mark.system
@@ -217,7 +217,7 @@ def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
     assert 1.8 < math.log(rms[0] / rms[2]) / math.log(16.0) < 2.2
 
 
-# -------------------------------------------------------------------------------------- the closed form
+# ----------------------------------------------------------------------------------------- closed forms
 
 
 def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float]]:
@@ -311,9 +311,10 @@ def test_slot_creeps_linearly_to_its_yield_force():
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
 def test_chain_converges_with_order_one(off):
-    """All terms are enabled except the corner and terms for which the integrator fails (1/2, 1/8, 1/32 ms).
+    """The steps are 1/2, 1/8 and 1/32 ms.
 
-    The first 20 ms are ignored because the gas of the cavity is compressed first.
+    The corner, and terms for which the reference integrator fails, are disabled. The first 20 ms are ignored
+    because the gas of the cavity is compressed first.
     """
     trajectory = random_drive(0, duration=0.6)
     d = damper("chain", **FRICTION, **dict.fromkeys(("creep", "knee", "bypass", *off), 0.0))
@@ -328,7 +329,7 @@ def test_chain_converges_with_order_one(off):
     assert 0.8 < math.log(errors[0] / errors[2]) / math.log(16.0) < 1.3
 
 
-# ------------------------------------------------------------------------------------------ laws of nature
+# --------------------------------------------------------------------------------------- conservation laws
 
 
 @every_law
@@ -371,7 +372,7 @@ def test_states_are_bounded(name, rho, kappa, n, excess, fade, series, size, rat
 def work_of_last_cycle(
     d: Damper, motion: Sine, *, form: Literal["record", "causal"] = "record"
 ) -> tuple[float, float]:
-    """Return the work taken [J] over the third cycle, and its size 4 A max |F| [J]."""
+    """Return the dissipated work of the third cycle [J], and 4 A max |F| [J] with the amplitude A."""
     per_cycle = 400
     trajectory = drive(
         motion, duration=3.0 / motion.frequency, rate_Hz=per_cycle * motion.frequency, command=0.0
@@ -503,7 +504,7 @@ def test_chain_is_passive_while_current_changes(data, size, seed):
     assert np.all(work >= -5e-3 * path.step * np.cumsum(np.abs(power)) - 1e-9)
 
 
-# ------------------------------------------------------------------------------------------------ limits
+# ------------------------------------------------------------------------------ limits and special cases
 
 
 def test_dahl_is_a_case_of_bouc_wen():
@@ -570,9 +571,9 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
 def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rms):
     """The reference is the program of the virtual rig at 20 kHz, with textbook coefficients (3 kN damper).
 
-    The kernel has 1 kHz. The largest error relative to the peak force and the rms error relative to the
-    standard deviation are 1e-4 and 3e-5; 6e-4 and 2e-4; 2.2e-3 and 7e-4. The loop is steep (yield
-    displacement 21 um), so that the reversal time within a millisecond causes the error.
+    The kernel has 1 kHz. The largest errors in the three cases are 1e-4, 6e-4 and 2.2e-3 of the peak force.
+    The rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. The time of a reversal within a
+    millisecond causes these errors because the loop is steep (yield displacement 21 um).
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (
@@ -654,7 +655,7 @@ def test_causal_form_matches_with_varying_command(name):
 
 
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
-    """Generate central differences of fourth order with three steps: the best depends on the curvature."""
+    """Generate central differences of fourth order with three steps. The curvature decides which is best."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -682,7 +683,7 @@ def test_tangents_match_central_differences(name):
         assert worst_tangent(columns[place], force_at, value) < 1e-6, d.law.names[place]
 
 
-# -------------------------------------------------------------------------------------- sums and ensembles
+# ------------------------------------------------------------------------------------------ sums over runs
 
 
 @every_law
@@ -704,7 +705,7 @@ def test_squared_errors_match_single_runs(name):
 
 @every_law
 def test_gram_sums_match_single_runs(name):
-    """The reference multiplies tangents and force of single runs by NumPy."""
+    """The reference is S S^T of each run by NumPy. The rows of S are the tangents and the residual."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
@@ -729,7 +730,7 @@ def test_gram_sums_match_single_runs(name):
 @examples(25)
 @given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4))
 def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
-    """Runs in a batch have the bits of single runs; tangents agree within the search tolerance."""
+    """Residuals of batched and single runs are bit-identical; tangents agree within the search tolerance."""
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
@@ -768,7 +769,7 @@ def _level() -> Iterator[None]:
 
 @pytest.mark.usefixtures("_level")
 @every_law
-def test_instruction_sets_give_the_same_bits(name):
+def test_instruction_sets_give_identical_results(name):
     """The compiler does not fuse or reorder operations, so that all machines compute the same card."""
     trajectory = random_drive(2)
     d = damper(name, **FRICTION)
@@ -849,7 +850,7 @@ def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
 def test_viscous_force_and_tangents_are_additive(name, varying):
-    """The derivative by viscosity is the power of velocity, by the exponent the force times ln(|v| / v0)."""
+    """dF/dc0 is the power of velocity. The derivative by the exponent is the force times ln(|v| / v0)."""
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
     plain = damper(name, viscosity=0.0)
@@ -883,7 +884,7 @@ def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
     assert work == pytest.approx(expected, rel=1e-3, abs=1e-12)
 
 
-# ---------------------------------------------------------------------------------------------- refusals
+# --------------------------------------------------------------------- special cases and rejected inputs
 
 
 def test_double_law_reduces_to_a_single_element():

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.codegen.track_struct import Nested, Pointer, Table, Value, track_members
+from mrdamper.codegen.structs import Nested, Pointer, Table, Value, track_members
 from mrdamper.control.config import compile_options
 from mrdamper.control.controllers import ForceController
 

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.codegen.c_code import c_files, literal, tables_bytes
-from mrdamper.codegen.kernel_files import flag_texts, kernel_files
+from mrdamper.codegen.c_code import c_files, flag_texts, kernel_files, literal, tables_bytes
 from mrdamper.codegen.target import target_of
 from mrdamper.control.config import config_values
 from mrdamper.control.stepper import Flag
@@ -28,7 +27,7 @@ ALLOWED = {"memcpy", "memset", "memmove", "__stack_chk_fail"}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return the C folder of a target with both parts in single precision."""
+    """Return the C folder of a target with model and controller in single precision."""
     return write(a_target(), tmp_path_factory.mktemp("export") / "both")
 
 
@@ -208,7 +207,7 @@ def test_card_title_stays_inside_c_comment(title, tool, tmp_path):
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_literals_read_back_as_the_same_bits(value):
+def test_literals_read_back_exactly(value):
     single, double = literal(value, "float"), literal(value, "double")
     assert np.float32(single.removesuffix("f")).tobytes() == np.float32(value).tobytes()
     assert np.float64(double).tobytes() == np.float64(value).tobytes()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mrdamper.codegen.target import target_of
-from mrdamper.thermal.compact.model import compact_model
+from mrdamper.thermal.compact import compact_model
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.support.cards import DOUBLE
@@ -30,7 +30,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_bare_cortex_runs_at_a_kilohertz(folder, tool, tmp_path):
-    """No step is late in QEMU with 31 million instructions per second. Board and host give equal bits.
+    """No step is late in QEMU with 31 million instructions per second. Board and host give identical results.
 
     A timer interrupts every millisecond.
     """
@@ -52,7 +52,7 @@ def test_bare_cortex_runs_at_a_kilohertz(folder, tool, tmp_path):
 
 
 @pytest.mark.nightly
-def test_compilers_give_same_bits(folder, tool, tmp_path):
+def test_compilers_give_identical_results(folder, tool, tmp_path):
     """GCC and Clang, with and without optimisation."""
     sources = [CORTEX_M / "host.c", CORTEX_M / "loop.c", *(folder / name for name in UNITS)]
     printed = set()

@@ -1,4 +1,4 @@
-"""FMUs run in independent simulation masters and compute the same bits as Python."""
+"""FMUs run in independent simulation masters and give results that are bit-identical to Python."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_fmpy_validates_each_content(made, content):
     assert VALIDATION.validate_fmu(str(made(content)[1])) == []
 
 
-def test_real_variables_have_units_temperatures_celsius(made):
+def test_fmu_variables_have_units_and_celsius_display(made):
     description = fmpy.read_model_description(str(made("both")[1]))
     reals = [each for each in description.modelVariables if each.type == "Real"]
     assert all(each.unit for each in reals)
@@ -206,11 +206,11 @@ def test_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
     assert [line for line in lines if line.split()[-2] in "bBdDC"] == []
 
 
-# ---------------------------------------------------------------------------------------- bits of Python
+# -------------------------------------------------------------------------------- comparison with Python
 
 
 @PRECISIONS
-def test_controller_has_the_bits_of_python(made, precision):
+def test_controller_is_bit_identical_to_python(made, precision):
     target, path = made("controller", precision)
     table = controller_inputs()
     found, flags = simulated(path, table, ("current", "flags"), use_wanted_force_ahead=True)
@@ -221,7 +221,7 @@ def test_controller_has_the_bits_of_python(made, precision):
 
 
 @PRECISIONS
-def test_model_has_the_bits_of_python(made, precision):
+def test_model_is_bit_identical_to_python(made, precision):
     target, path = made("model", precision)
     table = model_inputs()
     found, flags = simulated(path, table, ("force", "flags"), use_velocity=True)
@@ -251,7 +251,7 @@ def test_combined_fmu_matches_controller_and_model(loaded):
 
 
 @pytest.mark.nightly
-def test_fmu_rebuilt_from_sources_has_the_same_bits(made, place, tool):
+def test_fmu_rebuilt_from_sources_gives_identical_commands(made, place, tool):
     tool("cmake")
     target, path = made()
     folder = place / "built"
@@ -385,7 +385,8 @@ def test_invalid_parameters_keep_previous_values(loaded):
 
 
 @pytest.mark.parametrize("length", [PERIOD, 10.0005 * PERIOD])
-def test_multiple_of_the_period_is_one_step(loaded, length):
+def test_communication_step_may_have_several_periods(loaded, length):
+    """The tolerance of a communication step is a thousandth of a period."""
     _, library = loaded()
     with library.slave() as slave:
         slave.begin().step(0.0, length)
@@ -456,7 +457,8 @@ def test_coarse_steps_keep_the_force_at_rest(loaded, length):
     assert coarse == pytest.approx(fine, rel=1e-3)
 
 
-def test_calls_in_the_wrong_phase_are_errors(loaded):
+def test_calls_in_wrong_order_are_errors(loaded):
+    """A step before initialisation, a second initialisation, a step after the end, and a wrong GUID fail."""
     _, library = loaded()
     with library.slave() as slave:
         with pytest.raises(FmiError):

@@ -1,4 +1,4 @@
-"""Controllers on Cortex-M4F and M7 in QEMU: equal bits, instruction counts, memory, and static analysis.
+"""Controllers on Cortex-M4F and M7 in QEMU: equal results, instruction counts, memory, static analysis.
 
 The readings of ``hard_readings`` are reversals, impossible targets, temperature ramps and sensor faults.
 """
@@ -78,7 +78,7 @@ def test_target_results_agree_for_100_000_steps(boards, shown, board):
 @pytest.mark.nightly
 @pytest.mark.parametrize("shown", SHOWN, ids=_name)
 def test_target_and_host_agree_in_single_precision(boards, shown):
-    """x86-64, Cortex-M7 and the Python extension return the same bits."""
+    """x86-64, Cortex-M7 and the Python extension return identical results."""
     there, here = replayed(shown, "M7", 3000)
     told = readings(shown.made(), 3000)
     assert there.hash == here == on_host(shown.made(), told, flags=("-O1",)).hash

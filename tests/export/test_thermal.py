@@ -12,8 +12,7 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.codegen.target import Target, target_of
 from mrdamper.codegen.verify import verify_c
-from mrdamper.thermal.compact.model import CompactModel, compact_model
-from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
+from mrdamper.thermal.compact import CompactLoad, CompactModel, compact_model, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.export.masters import Library, table_of, written
@@ -123,7 +122,7 @@ def test_time_to_limit_matches_the_host(folder, model):
     host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
-    late = at > 300.0  # The power is a mean over minutes.
+    late = at > 300.0  # The prediction uses a mean power, which needs minutes of data.
     assert (found[late, 4] + at[late]) == pytest.approx(np.full(late.sum(), reached), rel=0.03)
     rest, _ = stepped(folder, even(300, 0.0, 0.0), command=0.0)
     assert rest[-1, 4] == 7200.0
@@ -171,7 +170,7 @@ def test_constant_reading_at_balance_is_not_flagged(folder):
     assert still[-1, 0] == pytest.approx(ROOM_K, abs=0.1)
 
 
-def test_unknown_inputs_are_flagged_outputs_finite(folder):
+def test_unknown_inputs_set_flags_outputs_stay_finite(folder):
     power = np.full(400, 100.0)
     power[200:300] = np.nan
     found, flags = stepped(folder, even(400, power))

@@ -32,7 +32,7 @@ def _compiler(tool):
     tool("gcc")
 
 
-# ---------------------------------------------------------------------------------- the bits of Python
+# ------------------------------------------------------------------------------ comparison with Python
 
 
 def assert_same_bits(target, samples=SHORT):
@@ -44,12 +44,12 @@ def assert_same_bits(target, samples=SHORT):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", one_by_day(["series-valve", *DAMPERS], 2))
-def test_law_in_c_has_the_bits_of_python(law):
+def test_law_in_c_equals_python(law):
     assert_same_bits(a_target(law))
 
 
 @pytest.mark.parametrize("damper", one_by_day([CHAIN, DOUBLE]))
-def test_actuation_in_c_has_the_bits_of_python(damper):
+def test_actuation_in_c_equals_python(damper):
     lags = Actuation(
         0.004,
         0.001,
@@ -67,7 +67,7 @@ def test_actuation_in_c_has_the_bits_of_python(damper):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("controller", ["paper", "recommended-causal", "recommended-observer", "pi"])
-def test_controller_in_c_has_the_bits_of_python(controller):
+def test_controller_in_c_equals_python(controller):
     assert_same_bits(a_target("bouc-wen", content="controller", controller=controller))
 
 
@@ -77,12 +77,12 @@ def test_controller_in_c_has_the_bits_of_python(controller):
     [{"period_s": 5e-3}, {"period_s": 1e-4}, {"content": "model", "precision": "double"}],
     ids=["slow", "fast", "double"],
 )
-def test_periods_and_double_precision_match_python(target):
+def test_periods_and_double_precision_equal_python(target):
     assert_same_bits(a_target(**target))
 
 
 @pytest.mark.nightly
-def test_command_in_volts_matches_python_bits():
+def test_command_in_volts_equals_python():
     assert_same_bits(target_of(card_of(replace(DOUBLE, command_unit="V"))))
 
 
@@ -98,7 +98,7 @@ def test_full_run_raises_every_flag_of_readings():
     assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
-def test_stuck_thermometer_is_flagged_with_equal_bits():
+def test_stuck_thermometer_is_flagged_as_in_python():
     """A light damper under a hard load warms quickly, but the reading is constant."""
     light = Heating(capacity_J_K=2.0, loss_W_K=0.01, resistance_20_ohm=5.0)
     record = assert_same_bits(target_of(card_of(DOUBLE), heating=light), 3 * SHORT)
@@ -164,10 +164,11 @@ def test_crashing_program_fails(monkeypatch):
         verify_c(a_target(), samples=100)
 
 
-# ------------------------------------------------------------------------------------------ the record
+# ---------------------------------------------------------------------------------------------- record
 
 
-def test_record_belongs_to_its_sources():
+def test_verification_record_contains_hash_of_sources():
+    """A changed C file has a different hash, a changed README has the same hash."""
     record = verify_c(a_target(content="model"), samples=1000)
     files = c_files(a_target(content="model"))
     assert record.sources_sha256 == sources_sha256(files | {"README.md": "other words"})

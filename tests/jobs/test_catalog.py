@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.public_data import catalog
-from mrdamper.jobs.public_data.catalog import DataSet, RemoteFile, fetch, list_sets
-from mrdamper.jobs.public_data.datasets import MAPS
+from mrdamper.jobs import public_data
+from mrdamper.jobs.public_data import MAPS, DataSet, RemoteFile, fetch, list_sets
 
 CONTENT = b"time_s,force_N\n0,1\n"
 
@@ -26,7 +25,7 @@ def small_set(monkeypatch, tmp_path):
     given = {"a": CONTENT, "b": CONTENT * 2}
     files = tuple(RemoteFile(f"data/{k}.csv", hashlib.sha256(v).hexdigest()) for k, v in given.items())
     chosen = DataSet("small", "", "MIT", "", "owner/name", "0" * 40, "", "", files)
-    monkeypatch.setattr(catalog, "DATA_SETS", (chosen,))
+    monkeypatch.setattr(public_data, "DATA_SETS", (chosen,))
     monkeypatch.setenv("MRDAMPER_DATA", str(mirror))
     return mirror
 
@@ -69,7 +68,7 @@ def test_download_with_wrong_hash_is_rejected(small_set, tmp_path, monkeypatch):
 
     monkeypatch.delenv("MRDAMPER_DATA")
     monkeypatch.setattr(urllib.request, "urlopen", forge)
-    monkeypatch.setattr(catalog, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(public_data, "_cache", lambda: tmp_path / "cache")
     with pytest.raises(InputError, match=r"a\.csv: is not a\.csv of small"):
         fetch("small", folder=tmp_path / "kept")
     assert asked[0].startswith("https://")

@@ -42,7 +42,7 @@ def spoilt(folder):
     return mrdamper("check", folder / "spoilt", "--out", folder / "out", "--json")
 
 
-def test_correct_runs_exit_with_zero(folder):
+def test_correct_runs_give_exit_code_0(folder):
     answer = answer_of(mrdamper("check", folder / "runs", "--json"))
     assert answer["usable"] is True
     assert answer["counts"]["fault"] == 0
@@ -79,7 +79,7 @@ def test_file_named_by_two_paths_is_one_run(folder):
     ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
 )
 def test_faulty_time_is_the_only_finding(tmp_path, spoil):
-    """Runs with faulty time are not compared with each other or with names, which requires correct times."""
+    """Comparisons between runs, and with the frequencies in their names, require correct times."""
     columns = columns_of(short_runs()[0])
     columns["time_s"] = spoil(columns["time_s"])
     for name in ("sine 1 Hz.csv", "sine 2 Hz.csv"):
@@ -90,7 +90,7 @@ def test_faulty_time_is_the_only_finding(tmp_path, spoil):
     assert checked.groups == ()
 
 
-def test_fault_exits_with_five_and_json(spoilt):
+def test_fault_gives_exit_code_5_and_json(spoilt):
     assert spoilt.returncode == 5
     assert spoilt.stderr == ""
     answer = json.loads(spoilt.stdout)

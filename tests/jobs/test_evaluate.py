@@ -50,7 +50,7 @@ def test_runs_beyond_envelope_are_noted(card):
     assert "displacement" in note
 
 
-def test_runs_from_files_are_flipped_together(card, tmp_path):
+def test_flip_force_flips_objects_and_files(card, tmp_path):
     write_csv(tmp_path / "file.csv")
     given = run_of(card)
     plain = read_dataset([given, tmp_path / "file.csv"])

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrdamper.codegen.kernel_files import kernel_files
+from mrdamper.codegen.c_code import kernel_files
 from mrdamper.jobs.export import export as exported
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.actuation import Actuation
@@ -125,7 +125,7 @@ def test_card_of_one_current_exports_its_model(law, tmp_path, tool):
     assert (done.returncode, done.stderr.count("does not depend on the command")) == (3, 1)
 
 
-# ------------------------------------------------------------------------------------- nothing is written
+# -------------------------------------------------------------------------------- failures without output
 
 
 def test_missing_compiler_writes_nothing(folder, tmp_path, monkeypatch):

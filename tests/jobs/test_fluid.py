@@ -69,7 +69,7 @@ def test_true_laws_are_recovered(fitted):
     assert fitted.stderr == ""
 
 
-def test_file_is_the_fitted_fluid(fitted, folder):
+def test_fluid_file_contains_fitted_laws(fitted, folder):
     answer = answer_of(fitted)
     found, best = find_fluid(answer["file"]), answer["viscosity"]
     assert found.viscosity_factor.kind == best["law"]

@@ -81,7 +81,7 @@ def test_fitted_card_heats_as_in_paper():
         assert rise.energy_closure <= 1e-9
 
 
-# --------------------------------------------------------------------------------------------- the answer
+# --------------------------------------------------------------------------------- contents of the answer
 
 
 def test_heating_without_sink_is_simulated(answer):
@@ -271,7 +271,7 @@ def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
 
 
 @pytest.mark.nightly
-def test_two_factors_have_errors_and_correlation(calibrated):
+def test_calibration_reports_errors_and_correlation(calibrated):
     told = calibrated["calibration"]
     assert (told["place"], told["from_s"], told["to_s"]) == ("fluid", 0.0, 480.0)
     assert 0.0 < told["heat_capacity_error"] < 0.05 * told["heat_capacity"]
@@ -303,7 +303,7 @@ def test_invalid_curve_is_rejected_with_message(folder):
     assert not (folder / "none").exists()
 
 
-# ------------------------------------------------------------------------------------------------ bad input
+# ------------------------------------------------------------------------------------------ rejected inputs
 
 
 @pytest.mark.parametrize(

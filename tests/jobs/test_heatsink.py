@@ -64,7 +64,7 @@ def test_heat_sink_search_reduces_temperature_and_mass():
     assert run.lightest.fluid <= run.reference.fluid
 
 
-def test_study_has_sweeps_of_paper(answer):
+def test_answer_contains_fin_sweeps_of_paper(answer):
     study = answer["study"]
     assert [round(1e3 * row["width_m"]) for row in study["width"]] == [18, 23, 28, 33]
     assert [row["fins"] for row in study["fins"]] == [3, 4, 5]

@@ -127,7 +127,7 @@ def test_parameter_samples_of_another_card_are_rejected(folder: Path, tmp_path: 
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 
-def test_samples_are_read_only_with_option(tmp_path: Path):
+def test_interval_requires_option_for_posterior_samples(tmp_path: Path):
     path = write_card_of(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate(path, MOTION).interval is None

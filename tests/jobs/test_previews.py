@@ -64,7 +64,7 @@ def test_preview_shows_columns_run_and_findings(file):
     assert answer["findings"] == findings_in(file)["findings"][0]
 
 
-def test_card_line_describes_card_or_error(tmp_path):
+def test_card_list_entry_describes_card_or_error(tmp_path):
     card = read_card(write_card_of(tmp_path / "card.json"))
     line = card_line(tmp_path / "card.json")
     assert (line["title"], line["law"], line["error"]) == (card.title, card.damper.law.name, None)
@@ -76,7 +76,7 @@ def test_card_line_describes_card_or_error(tmp_path):
         assert str(card_line(tmp_path / "card.json")["error"]).startswith("not a readable card")
 
 
-# ------------------------------------------------------------------------------------------- series
+# -------------------------------------------------------------------------------------- stored runs
 
 
 def test_stored_run_has_single_precision(file, tmp_path):
@@ -142,7 +142,7 @@ def test_model_of_stored_run_is_simulated(file, tmp_path):
         keep_model(card, file, 1, tmp_path / "model", "mine")
 
 
-# ------------------------------------------------------------------------------------------- maps
+# ----------------------------------------------------------------------------------- channel maps
 
 
 def written(folder, *headers):
@@ -178,7 +178,8 @@ def test_written_channel_map_is_read_again(tmp_path):
 # ------------------------------------------------------------------------------------------- heating
 
 
-def test_quick_heating_agrees_with_job(tmp_path):
+def test_heating_preview_agrees_with_heat_job(tmp_path):
+    """The preview is the quick curve that a page updates while the user changes values."""
     card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()
     fast = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0)
@@ -211,7 +212,8 @@ def test_copies_and_runs_of_other_dampers_are_marked(file):
     assert reasons["volts"] == "commanded in V, most runs are in A"
 
 
-def test_changed_geometry_is_written_with_errors_by_key():
+def test_edited_geometry_is_written_or_rejected():
+    """An unknown key in the form of the page causes an error."""
     facts = damper_facts("paper", "paper")
     drawn = draw_damper("paper", "mine", facts["tables"])
     assert parse_toml(drawn["text"]) == facts["tables"]

@@ -77,7 +77,7 @@ def test_files_contain_the_measured_runs(answer, folder):
             assert getattr(read[name], channel) == pytest.approx(getattr(run, channel), abs=0.51 * unit)
 
 
-def test_channel_map_sets_only_the_session(answer, folder):
+def test_channel_map_changes_only_session_name(answer, folder):
     place = folder / "runs"
     plain, mapped = read_runs(place), read_runs(place, read_channel_map(place / "channels.toml"))
     assert plain.fingerprint == mapped.fingerprint

@@ -19,10 +19,10 @@ import pytest
 import mrdamper
 from mrdamper.errors import InputError, UsageError
 from mrdamper.jobs.options import RigOptions, SweepOptions
-from mrdamper.jobs.sweep import executors
-from mrdamper.jobs.sweep.executors import run_on_processes
+from mrdamper.jobs.sweep import tasks
 from mrdamper.jobs.sweep.plan import Plan, Task, make_plan
 from mrdamper.jobs.sweep.store import RESULTS_FILE, open_store
+from mrdamper.jobs.sweep.tasks import run_on_processes
 from mrdamper.registry import JOBS
 from mrdamper.thermal.duty import read_duty
 from mrdamper.virtual_rig.campaign import Campaign
@@ -172,8 +172,8 @@ def test_cluster_gives_equal_results(card: Path, tmp_path: Path, reference: byte
 def test_missing_scheduler_is_an_error(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A missing scheduler and a cluster without workers are errors."""
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT_MAX_S", 0.5)
-    monkeypatch.setattr(executors, "WORKERS_WAIT_MAX_S", 0.3)
+    monkeypatch.setattr(tasks, "CONNECT_MAX_S", 0.5)
+    monkeypatch.setattr(tasks, "WORKERS_WAIT_MAX_S", 0.3)
     with pytest.raises(InputError, match="no answer within"):
         sweep(card, tmp_path / "none", scheduler="tcp://127.0.0.1:9")
     with (
@@ -254,8 +254,8 @@ def test_campaigns_have_unique_names(tmp_path: Path):
 
 def test_task_that_kills_workers_is_an_error(monkeypatch: pytest.MonkeyPatch):
     """A task is run again a limited number of times."""
-    monkeypatch.setattr(executors, "DEATHS_MAX", 3)
-    monkeypatch.setattr(executors, "run_task", _die)
+    monkeypatch.setattr(tasks, "DEATHS_MAX", 3)
+    monkeypatch.setattr(tasks, "run_task", _die)
     with pytest.raises(InputError, match="workers died 3 times"):
         list(run_on_processes([Task("a", "samples", 1, {})], 1))
 

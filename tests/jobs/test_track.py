@@ -179,8 +179,8 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
     assert any("the card is of another damper" in note for note in notes) == noted
 
 
-def test_infeasible_sized_targets_are_omitted(folder):
-    """Two of three targets are infeasible: the force at zero current exceeds most of the target force."""
+def test_infeasible_default_targets_are_omitted(folder):
+    """In two of three targets, the force at zero current exceeds the target force most of the time."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
     path = write_card_of(folder / "thick.json", thick)
@@ -189,7 +189,7 @@ def test_infeasible_sized_targets_are_omitted(folder):
     assert any(note.startswith("left out") for note in found.notes)
 
 
-# --- Refused inputs ---------------------------------------------------------------------------------------
+# --- Rejected inputs --------------------------------------------------------------------------------------
 
 
 def refused(folder, *arguments, card="card.json"):

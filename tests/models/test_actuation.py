@@ -151,7 +151,7 @@ def test_free_wheeling_current_decays_to_the_command():
 
 
 def test_free_wheeling_in_saturated_iron_matches_integrator():
-    """An adaptive integrator gives the same solution of wheel phi' = -I, phi = I / (1 + I / I_s)."""
+    """An adaptive integrator solves T phi' = -I, phi = I / (1 + I / I_s) with the free-wheeling time T."""
     wheel, bend = 0.08, 1.6
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=wheel, saturation=bend), 2e-4
     time = step * np.arange(500)
@@ -198,7 +198,7 @@ def test_flux_lags_in_saturated_iron():
 
 
 @given(level=st.floats(0.0, 4.0), bend=st.floats(0.1, 50.0))
-def test_flux_and_current_are_inverse(level, bend):
+def test_flux_and_current_are_inverse_functions(level, bend):
     iron, size = Actuation(0.0, 0.0, saturation=bend), np.array([level])
     np.testing.assert_allclose(iron.current(iron.flux(size)), size, rtol=1e-10)
     np.testing.assert_array_equal(Actuation(0.0, 0.0).current(size), size)

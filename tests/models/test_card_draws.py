@@ -23,7 +23,7 @@ def test_dampers_are_evenly_spaced_samples(most, rows):
     assert {each.parameters["rho.rate"] for each in dampers} == {CARD.damper.parameters["rho.rate"]}
 
 
-def test_samples_are_read_only_for_their_card(tmp_path):
+def test_posterior_samples_of_another_card_are_rejected(tmp_path):
     write_card(CARD, tmp_path / "card.json")
     card = read_card(tmp_path / "card.json")
     with pytest.raises(InputError, match="No such file"):

@@ -57,7 +57,8 @@ def test_closed_inverse_matches_root_finder(flux):
 
 
 @given(fields, fractions)
-def test_fluid_flux_is_between_air_and_iron(field, fraction):
+def test_fluid_adds_limited_flux_density(field, fraction):
+    """The flux density exceeds the value in air, mu0 H, by at most the saturation of the iron."""
     added = float(flux_density(field, fraction)) - MU_0 * field
     assert 0.0 < added <= 1.91 * fraction**1.133 * (1 + 1e-9)
 

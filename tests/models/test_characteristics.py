@@ -190,10 +190,11 @@ def test_force_response_needs_lag_and_current_dependence():
         assert way.command_t63 == pytest.approx(-0.01 * math.log(0.37), rel=2e-3)
 
 
-# Scope
+# Default scope: commands, temperatures and speeds of the evaluation
 
 
-def test_assumed_temperatures_count_if_one_was_tested():
+def test_assumed_temperature_range_is_in_default_scope():
+    """A damper tested at one temperature is evaluated over the range of its assumed temperature laws."""
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
     assert default_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
     assert default_scope(damper, ENVELOPE).temperatures == (REFERENCE,)

@@ -42,7 +42,7 @@ def test_yield_stress_of_paper_falls_linearly(flux_density):
 
 
 @given(st.floats(200.0, 500.0))
-def test_collapse_is_a_logistic_curve(kelvin):
+def test_thermal_collapse_is_logistic_in_temperature(kelvin):
     expected = 1.0 / (1.0 + math.exp((kelvin - 414.15) / 1.5))
     assert float(Collapse(414.15, 1.5).value(kelvin)) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 

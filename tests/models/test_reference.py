@@ -125,7 +125,7 @@ def test_turning_points_of_sine_are_crests():
     assert errors[1] < errors[0] / 12
 
 
-# --------------------------------------------------------------------------- the integrator against it
+# ------------------------------------------------------------ integrator compared with the closed form
 
 
 @pytest.mark.system
@@ -203,7 +203,7 @@ def test_motion_inside_free_play_has_dashpot_force():
     np.testing.assert_allclose(simulate_reference(wide, small), 2e3 * small.velocity, atol=1e-3)
 
 
-# -------------------------------------------------------------------------------- a user's own law
+# -------------------------------------------------------------------------------- user-defined law
 
 
 class OwnBoucWen:

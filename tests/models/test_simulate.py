@@ -287,7 +287,7 @@ def test_warming_run_matches_integrator(name, varying):
 
 
 def differences(force_at, value: float) -> Iterator[FloatArray]:
-    """Generate central differences of fourth order with three steps: the best depends on the curvature."""
+    """Generate central differences of fourth order with three steps. The curvature decides which is best."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)

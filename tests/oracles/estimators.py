@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
+from mrdamper.control.settings import SETTINGS
 from mrdamper.models.actuation import HYSTERESIS_WEIGHT, Actuation
 
 __all__ = ["AppliedCurrent", "Motion", "MotionFilter"]
@@ -36,7 +37,7 @@ class MotionFilter:
 
     period_s: float
     noise_m: float = 10e-6
-    jerk_density: float = tuning.JERK_DENSITY
+    jerk_density: float = SETTINGS.jerk_density
 
     @property
     def gains(self) -> FloatArray:

@@ -13,7 +13,7 @@ from mrdamper.paper.claim_table import TABLE
 from mrdamper.paper.claims import Row, is_larger, judge
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.sinks.efficiency import paper_sweeps
+from mrdamper.thermal.sinks.effects import paper_sweeps
 from mrdamper.thermal.temperature_rise import loads_of, works_of
 from tests.support.campaigns import paper_card
 

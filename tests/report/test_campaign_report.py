@@ -16,8 +16,8 @@ from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
 from mrdamper.models.characteristics import steady_cycle
 from mrdamper.models.dependence import TemperatureDependent
-from mrdamper.report.identification.campaign import Campaign
-from mrdamper.report.identification.groups import (
+from mrdamper.report.identification.campaign import (
+    Campaign,
     levels_of,
     main_sine,
     peak_force,
@@ -137,7 +137,7 @@ def test_measured_peak_force_equals_damper_force():
         assert pick.retraction == pytest.approx(cycle.retraction_N, rel=0.02, abs=NOISE_N)
 
 
-def test_sine_of_runs_is_recovered():
+def test_amplitude_and_frequency_of_runs_are_recovered():
     prepared = [prepare_run(run, AS_IT_IS) for run in warm_runs(warm_damper()) if "sine3mm2Hz" in run.name]
     found = sine_of(prepared)
     assert found is not None

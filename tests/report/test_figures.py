@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from matplotlib.patches import Rectangle
 
-from mrdamper.report.figures.errors import errors_figure
+from mrdamper.report.figures.runs import errors_figure
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import drawing_style, svg_drawn_by
 from tests.report.test_campaign_report import an_error

@@ -29,7 +29,7 @@ def small():
     return list(measure(NOMINAL, SMALL, seed=3))
 
 
-# ------------------------------------------------------------------------------------------- what is run
+# ------------------------------------------------------------------------------------------ planned runs
 
 
 def test_hold_out_patterns_match_the_held_out_runs():
@@ -114,7 +114,7 @@ def test_invalid_campaign_raises(document, message):
     assert message in str(error.value)
 
 
-# ------------------------------------------------------------------------------------------- what comes of it
+# ---------------------------------------------------------------------------------------------- measured runs
 
 
 def test_run_has_its_labels_and_temperature(small):
@@ -123,7 +123,8 @@ def test_run_has_its_labels_and_temperature(small):
     assert np.mean(run.temperature) == pytest.approx(333.15, abs=0.05)
 
 
-def test_part_of_a_campaign_has_the_same_bytes(small):
+def test_subset_of_campaign_has_identical_runs(small):
+    """A run, including its noise, does not depend on the other runs of the campaign."""
     part = replace(SMALL, motions=("chirp3mm",), temperatures_degC=(60.0,), steps=None)
     whole = {run.name: run for run, _ in small}
     for run, _ in measure(NOMINAL, part, seed=3):

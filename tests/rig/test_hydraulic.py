@@ -126,7 +126,7 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     e, rate = x - s["piston_m"], v - s["piston_m_s"]
     beyond = np.maximum(np.abs(e) - p.joint_gap_m, 0.0)
 
-    def free(pressure):  # of the mixture, a content's
+    def free(pressure):  # free energy of the mixture divided by its content [J/m^3]
         return 0.5 * of.a * pressure**2 + of.b * np.log(pressure)
 
     def enthalpy(pressure):

@@ -25,7 +25,7 @@ NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "virtual_rig" / "nativ
 
 # Feed-forward of the resistance only, constant inductance.
 BARE_COIL = replace(NOMINAL, driver_V_A=0.0, driver_V_A_s=0.0, inductance_fall=0.0)
-# A coil without lag; a damper with one bristle and without compliance, play and viscous force.
+# A coil without lag; a damper with one bristle, without compliance, magnetic hysteresis and viscous force.
 QUICK_COIL = replace(BARE_COIL, coil_henry=1e-9, supply_V=1e9, copper_per_K=0.0)
 RIGID = replace(NOMINAL, leak_N_s_m=1e30, play_share=0.0, viscous_N=0.0, spread=0.0, offset_N=0.0)
 
@@ -84,8 +84,8 @@ def test_flux_rises_and_falls_exponentially():
         assert field[n:] == pytest.approx(field[n - 1] * np.exp(-time * quicker / 0.006), rel=1e-9)
 
 
-def test_magnetic_hysteresis_width_is_play():
-    """The field lags by wp r if the flux rises and leads by the same amount if the flux falls."""
+def test_magnetic_hysteresis_shifts_field_by_half_width():
+    """The field is lower by the half width if the current rises, and higher by it if the current falls."""
     levels = (0.0, 1.0, 2.0, 1.0)
     command = np.repeat(levels, 2000)
     still = np.zeros(len(command))
@@ -192,7 +192,7 @@ def rates(damper, motion, command, degrees):
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_stiff_solver_finds_the_same_force(preset):
-    """LSODA solves the equations without play, because play has no rate."""
+    """LSODA solves the equations without magnetic hysteresis, which is no differential equation."""
     damper = replace(LUMPED[preset], play_share=0.0)
     motion, degrees = Sine(4e-3, 3.0), 70.0
     command = CurrentSteps((1.3, 0.2, 0.9), 0.08).current
@@ -211,7 +211,7 @@ def test_stiff_solver_finds_the_same_force(preset):
 
 
 def test_method_has_first_order():
-    """Compared with a tenth of the step the errors of step and half step have the ratio 0.9 to 0.4."""
+    """Errors refer to a tenth of the step: 1 - 1/10 for a full step, 1/2 - 1/10 for half a step."""
     forces = {
         k: driven(NOMINAL, Sine(5e-3, 1.0), 1.0, 40.0, 1.2, step=STEP_S / k)[2][::k] for k in (1, 2, 10)
     }
@@ -245,7 +245,7 @@ def test_closed_cycle_dissipates_energy(preset, amplitude, frequency, current, d
     amplitude=st.floats(1e-3, 1e-2),
 )
 def test_force_is_odd_in_motion(preset, current, degrees, amplitude):
-    """Without asymmetry and offset a reversed motion reverses the force to the bit."""
+    """Without asymmetry and offset, a reversed motion exactly reverses the force."""
     damper = replace(LUMPED[preset], asymmetry=0.0, offset_N=0.0)
     time = grid(0.6)
     motion = Sine(amplitude, 2.0)
@@ -265,7 +265,7 @@ def test_force_falls_with_temperature_rises_with_current(preset):
     assert (np.diff(by_warmth, axis=0) > 0.0).all()
 
 
-# ------------------------------------------------------------------------------------------- use
+# -------------------------------------------------------------------- blocks, states and samples
 
 
 def rough_run(n=3000, seed=2):
@@ -280,7 +280,7 @@ def rough_run(n=3000, seed=2):
     )
 
 
-def test_block_has_the_bits_of_its_steps():
+def test_block_of_steps_equals_single_steps():
     run = rough_run()
     steps, blocks = Plant(NOMINAL), Plant(NOMINAL)
     stepwise = [steps.advance(*map(float, sample)) for sample in zip(*run, strict=True)]
@@ -321,7 +321,7 @@ def test_invalid_sample_raises_and_keeps_the_state(sample, value):
     assert plant.state == before
 
 
-# -------------------------------------------------------------------------------------- independence
+# ------------------------------------------------------------------------ independence of the kernel
 
 
 def test_c_and_python_have_the_same_parameters():

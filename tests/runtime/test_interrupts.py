@@ -139,7 +139,7 @@ def test_innermost_block_handles_interrupt():
 
 @pytest.mark.usefixtures("heeded")
 @pytest.mark.parametrize("number", [INT, TERM, HUP])
-def test_held_interrupt_is_raised_after_block(number: signal.Signals):
+def test_interrupt_in_holding_block_is_raised_afterwards(number: signal.Signals):
     with pytest.raises(KeyboardInterrupt), hold_interrupts(), contextlib.suppress(KeyboardInterrupt):
         signal.raise_signal(number)
 

@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.thermal.compact.model import CompactModel, compact_model
-from mrdamper.thermal.compact.step import UPDATE_S, CompactLoad, sensor_gains, simulate_compact
+from mrdamper.thermal.compact import (
+    UPDATE_S,
+    CompactLoad,
+    CompactModel,
+    compact_model,
+    sensor_gains,
+    simulate_compact,
+)
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field, cooling_in
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field, steady_field

@@ -28,7 +28,7 @@ def powers_of_ten(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
-# -------------------------------------------------------------------------------- against the library ht
+# --------------------------------------------------------- comparison with the libraries ht and CoolProp
 
 
 @given(grashof=powers_of_ten(-2, 11), prandtl=PRANDTL, slenderness=st.floats(0.5, 20.0))

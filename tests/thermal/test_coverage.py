@@ -29,7 +29,7 @@ from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import fin_uncertainty
 from mrdamper.thermal.sinks.design import HeatedDamper
-from mrdamper.thermal.sinks.gain import gain_band
+from mrdamper.thermal.sinks.effects import gain_band
 from mrdamper.thermal.temperature_rise import simulate_rise
 from tests.thermal.bodies import HALF_HOUR_S, HeatedBody, draw_body, odd_bodies
 

@@ -25,7 +25,7 @@ from mrdamper.thermal.sinks.design import (
     limits_of,
     search_grid,
 )
-from mrdamper.thermal.sinks.gain import gain_band
+from mrdamper.thermal.sinks.effects import gain_band
 from tests.oracles.freefem import run_freefem, write_freefem
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"

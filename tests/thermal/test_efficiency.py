@@ -12,7 +12,7 @@ from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import fin_efficiency
-from mrdamper.thermal.sinks.efficiency import body_area, judge_sink, paper_sweeps
+from mrdamper.thermal.sinks.effects import body_area, judge_sink, paper_sweeps
 
 DRAWING = read_drawing("paper")
 SINK = read_sink("paper")

@@ -108,7 +108,8 @@ def test_variable_capacity_agrees_with_scipy_integrator():
     assert np.log2(misses[0] / misses[1]) == pytest.approx(2.0, abs=0.4)
 
 
-def test_constant_models_use_the_mean():
+def test_network_uses_mean_heat_capacity():
+    """Network and finite elements with constant values use the mean over the stated temperature range."""
     drawing = paper(WHOLE, fins=False)
     assert zone_network(drawing).total_capacity == pytest.approx(1200.0, rel=1e-9)
     assert section_of(drawing).heat_capacity == pytest.approx(1200.0, rel=1e-9)

@@ -144,7 +144,8 @@ def test_first_minutes_depend_on_power_and_capacity():
     assert width / gained == pytest.approx(2.0 * 1.645 * np.hypot(PRIOR.power, PRIOR.capacity), rel=0.35)
 
 
-def test_rise_factors_match_the_temperature_interval():
+def test_quick_interval_matches_predicted_interval():
+    """Factors of the temperature rise give the limits of the interval within 2 %."""
     load = Load(1800.0, power, 4.0 * OHM)
     ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))

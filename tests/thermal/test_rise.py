@@ -42,7 +42,7 @@ def temperature_dependent() -> Damper:
     )
 
 
-# -------------------------------------------------------------------------------------------------- duties
+# --------------------------------------------------------------------------------------------- load cycles
 
 
 def test_amplitude_table_has_a_segment_per_row(tmp_path):
@@ -89,14 +89,16 @@ def test_measured_sine_heats_as_a_sine(tmp_path):
 # --------------------------------------------------------------------------------------------------- power
 
 
-def test_dry_friction_power_is_four_strokes():
+def test_dry_friction_power_is_closed_form():
+    """A friction force F dissipates 4 A F in each cycle of the amplitude A."""
     work = tabulate_work(dry_and_viscous(dry=1000.0), segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.constant
     assert work.power[0] == pytest.approx(4.0 * 1000.0 * 0.015, rel=1e-3)
     assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
 
 
-def test_dashpot_power_is_half_the_product():
+def test_dashpot_power_is_closed_form():
+    """The mean power of a sine is c v^2 / 2 with the peak velocity v."""
     speed = 2.0 * math.pi * 2.0 * 0.005
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(Sine(0.005, 2.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.5 * 3000.0 * speed**2, rel=1e-5)
@@ -145,7 +147,7 @@ def test_force_fades_with_fluid_temperature():
     assert rise.peak_force_N[0] == pytest.approx(own.peak[0], rel=1e-4)
 
 
-def test_rise_energy_is_conserved_by_path():
+def test_rise_energy_is_sum_over_paths():
     rise = predict_rise(temperature_dependent(), DRAWING)
     account = rise.energy_J
     paths = sum(account[path] for path in rise.paths_W)
@@ -204,11 +206,11 @@ def test_reduced_rise_follows_the_elements():
     assert rise.energy_closure < 1e-9
 
 
-# ---------------------------------------------------------------------------------------- ends of what may be
+# --------------------------------------------------------------------------------------------------- segments
 
 
 def test_reported_force_belongs_to_its_segment():
-    """Each of two segments has its own work at the fluid temperature. The rest has no work."""
+    """The two moving segments have different forces, which fall with temperature. The pause has none."""
     kelvin = np.array([293.15, 393.15])
     works = [
         LoopWork(kelvin, np.full(2, 60.0), np.array([1000.0, 800.0])),

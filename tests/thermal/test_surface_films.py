@@ -94,7 +94,7 @@ def test_annular_fins_follow_published_forced_law(speed, gap, tube, ratio):
     assert found == pytest.approx(expected, rel=1e-6)
 
 
-# ------------------------------------------------------------------------------------- films of a drawing
+# --------------------------------------------------------------- heat-transfer coefficients of a geometry
 
 
 def drawn(law: str, speed: float, *, altitude: float = 0.0) -> DamperDrawing:
@@ -192,7 +192,7 @@ def test_groove_radiation_agrees_with_reflections(finish):
     assert of_fin == pytest.approx((4.0 * faces * expected + outside * finish) / (5.0 * whole), rel=1e-9)
 
 
-# ------------------------------------------------------------------------------------------ the moving fluid
+# ---------------------------------------------------------------------------------------------- moving fluid
 
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))

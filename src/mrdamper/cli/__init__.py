@@ -1,8 +1,7 @@
 """The command line: read the options, run one job, print its result.
 
 This module imports only click. A job's libraries are loaded when the job starts, so that ``--help`` is fast.
-With ``--json`` standard output contains one JSON object and nothing else. Exit codes: 0 complete, 1 internal
-error, 2 invalid usage, 3 invalid input, 4 interrupted or not converged, 5 a check failed.
+With ``--json`` standard output contains one JSON object and nothing else.
 """
 
 from __future__ import annotations

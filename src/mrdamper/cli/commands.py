@@ -15,11 +15,55 @@ from typing import Any
 
 import click
 
-from mrdamper.cli.help_texts import EXAMPLES, EXIT_CODES, GROUPS
-from mrdamper.cli.questions import answer_questions
 from mrdamper.errors import InputError, UsageError
 from mrdamper.registry import Job
 from mrdamper.schema import Field, Json
+
+GROUPS = {
+    "Data": ("data", "check", "cycles"),
+    "Model": ("fit", "evaluate", "simulate", "compare", "fluid"),
+    "Temperature": ("heat", "derate", "heatsink"),
+    "Control": ("track", "export"),
+    "Tools": ("rig", "sweep", "serve", "demo"),
+}
+"""Groups of commands with their commands, in the order of the help."""
+
+EXAMPLES = {
+    "check": ("lab", "lab --answer force.unit=kN --out findings"),
+    "fit": ("lab --hold-out '*_060C_*' --out card", "lab --law double-bouc-wen --posterior 1000 --out card"),
+    "evaluate": ("card.json lab/new_*.csv", "card.json lab --out errors"),
+    "simulate": ("card.json sine:10mm:1Hz:1A:2s", "card.json lab/run_7.csv --out simulation"),
+    "compare": ("new/card.json worn/card.json", "new/card.json worn/card.json --out comparison"),
+    "cycles": ("endurance.csv", "endurance.csv --least-stroke-mm 2 --out cycles"),
+    "heat": ("card.json --damper paper", "card.json --damper paper --duty sine:15mm:1Hz:2A:600s --out heat"),
+    "derate": ("card.json --damper paper", "card.json --damper mine.toml --quantity stroke --out limits"),
+    "heatsink": (
+        "card.json --damper paper --network-only",
+        "card.json --damper mine.toml --mass-g 300 --out sink",
+    ),
+    "fluid": ("viscosity.csv yield.csv --out fluid", "viscosity.csv --like lord-mrf-132dg --out fluid"),
+    "track": (
+        "card.json --target sine-900N-1Hz --out track",
+        "card.json --controller recommended --temperature 60",
+    ),
+    "export": ("card.json --c c", "card.json --fmu damper.fmu --precision double --content model"),
+    "rig": ("--out runs", "--preset stiff --campaign short --seed 3 --out runs"),
+    "data list": ("", "--json"),
+    "data fetch": ("utfsm", "utfsm --out runs"),
+    "demo": ("", "--quick --out demo"),
+    "sweep": ("labs/* --out fits", "--card card.json --samples 200 --out tolerance"),
+    "serve": ("--open", "--folder work --port 9000"),
+}
+"""Arguments of two example calls of each command."""
+
+EXIT_CODES = (
+    ("0", "The command is complete."),
+    ("1", "An internal error occurred. Please report it."),
+    ("2", "An option or argument is invalid."),
+    ("3", "The input is invalid, for example a file cannot be read."),
+    ("4", "The command was interrupted or did not converge."),
+    ("5", "A check failed: a run has a fault, or the exported code differs from the model."),
+)
 
 _STARTED_S = time.monotonic()
 _PATH = click.Path(path_type=Path)
@@ -34,7 +78,7 @@ def print_message(message: str) -> None:
 
 def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - checked by click
     """Run a job with the values from the command line, print the result, and return the exit code."""
-    from mrdamper.cli.terminal import open_console, progress_line
+    from mrdamper.cli.terminal import answer_questions, open_console, progress_line
 
     given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
     paths = {output.name: values.pop(output.name) for output in job.outputs}
@@ -84,10 +128,10 @@ class GroupedCommands(click.Group):
         width = max(map(len, self.commands))
         for title, names in GROUPS.items():
             with formatter.section(title):
-                summaries = [self.commands[name].get_short_help_str(SUMMARY_LENGTH_MAX) for name in names]
-                formatter.write_dl(
-                    [(name.ljust(width), text) for name, text in zip(names, summaries, strict=True)]
-                )
+                summaries = {
+                    name: self.commands[name].get_short_help_str(SUMMARY_LENGTH_MAX) for name in names
+                }
+                formatter.write_dl([(name.ljust(width), text) for name, text in summaries.items()])
 
 
 class HelpfulCommand(click.Command):

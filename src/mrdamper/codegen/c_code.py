@@ -1,6 +1,7 @@
 """Generate C99 source code for a target: unchanged kernel files, tables, and thin wrappers.
 
-The templates print the values of a ``Target``. Each number is printed as the shortest decimal that a compiler
+The kernel files, the meaning of flags and their numbers are read from the installed C sources. The templates
+print the values of a ``Target``. Each number is printed as the shortest decimal that a compiler
 converts to the same float or double. Therefore a card gives the same files on every machine, and the compiled
 code computes with exactly the same numbers as Python.
 """
@@ -18,18 +19,69 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrdamper import __version__
-from mrdamper.codegen.kernel_files import flag_texts, kernel_files
 from mrdamper.codegen.record import Verification
+from mrdamper.codegen.structs import (
+    FROZEN_K,
+    HORIZON_S,
+    Nested,
+    Pointer,
+    Table,
+    Value,
+    steps_between_updates,
+    thermal_members,
+    track_members,
+)
 from mrdamper.codegen.target import Precision, Target
-from mrdamper.codegen.thermal_struct import FROZEN_K, HORIZON_S, steps_between_updates, thermal_members
-from mrdamper.codegen.track_struct import Nested, Pointer, Table, Value, track_members
 from mrdamper.codegen.verification_rows import replay_columns, replay_outputs
 from mrdamper.errors import InputError
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+
 _REAL_BYTES = {"float": 4, "double": 8}
+_ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"
+"""Main kernel files of an export. The files that they include are exported as well."""
+
+
+@cache
+def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
+    """Return the texts of all kernel files that an export needs, by file name."""
+    folder = files("mrdamper.core").joinpath("kernel")
+    found: dict[str, str] = {}
+    waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else [])]
+    while waiting:
+        name = waiting.pop(0)
+        if name not in found:
+            found[name] = folder.joinpath(name).read_bytes().decode("utf-8")
+            waiting += re.findall(r'^\s*#\s*include\s+"([^"]+)"', found[name], re.MULTILINE)
+    return dict(sorted(found.items()))
+
+
+@dataclass(frozen=True, slots=True)
+class FlagText:
+    """A flag of the kernel: name in C, value (one bit), and meaning."""
+
+    name: str
+    value: int
+    text: str
+
+
+@cache
+def flag_texts() -> tuple[FlagText, ...]:
+    """Return the flags that the header ``controller.h`` of the kernel defines."""
+    found = re.search(
+        r"/\* Flags of the last step.*?\benum \{(.*?)\};", kernel_files()["controller.h"], re.DOTALL
+    )
+    lines = re.findall(
+        r"(MRD_\w+) = (\d+),?[ \t]*(?:/\*\s*(.*?)\s*\*/)?", found[1] if found else "", re.DOTALL
+    )
+    return tuple(
+        FlagText(
+            name, int(bit), re.sub(r"\s+", " ", text or name.partition("_")[2].replace("_", " ").lower())
+        )
+        for name, bit, text in lines
+    )
 
 
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:

@@ -19,7 +19,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
 from mrdamper.schema import unknown_name
-from mrdamper.thermal.compact.model import CompactModel
+from mrdamper.thermal.compact import CompactModel
 
 Content = Literal["model", "controller", "both"]
 Precision = Literal["float", "double"]

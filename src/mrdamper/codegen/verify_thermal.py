@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.codegen.structs import steps_between_updates
 from mrdamper.codegen.target import Target
-from mrdamper.codegen.thermal_struct import steps_between_updates
 from mrdamper.errors import CheckError
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, typical_power
+from mrdamper.thermal.compact import CompactLoad, simulate_compact, typical_power
 
 TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
 """Tolerance of single (True) and double precision (False) [K]."""

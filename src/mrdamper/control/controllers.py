@@ -5,7 +5,7 @@ Each controller is a small frozen object. All controllers and exports share one 
 
 - ``recommended``: model-predictive control with the model of the card. The command is optimised over the
   horizon in which it acts. After a reversal, the controller assumes that the hysteresis builds up faster than
-  in the model (``tuning.SETTLED_RATIO``). ``recommended-causal`` extrapolates the target.
+  in the model (``settings``: ``settled_ratio``). ``recommended-causal`` extrapolates the target.
   ``recommended-observer`` adds a disturbance observer for a measured force.
 - ``predictive``: like ``recommended``, but with the hysteresis exactly as in the model of the card. For the
   laws ``chain`` and ``series-valve``, ``predictive`` and ``recommended`` are equal.
@@ -29,6 +29,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control import config, tuning
 from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.protocol import Measurement, Reference
+from mrdamper.control.settings import SETTINGS
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.card_tables import STEPPED, DamperTables, tabulate
 from mrdamper.control.tables.heating import Heating
@@ -46,19 +47,11 @@ NAMES = (
 )  # fmt: skip
 """Names of all controllers."""
 
-UNPOWERED_COMMAND_MAX = 1e-3
-"""Largest command [A or V] of a card that was fitted only to runs at zero command.
-
-A larger command sets a flag.
-"""
 
 _WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
 _BANKS = ("paper", "paper-unaware")
 NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
 """Controllers that require a card with a delay or lag between current and force."""
-
-# Max time without a valid reading for which the temperature estimate is held constant, or is extrapolated.
-_HELD_S, _LONGEST_S = 10.0, 1800.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +111,10 @@ class Safety:
         estimate is held for 10 s.
         """
         kept = heating.extrapolate and heating.heat_capacity > 0.0
-        lasts = (
-            min(heating.heat_capacity / max(heating.loss_conductance, 1e-9), _LONGEST_S) if kept else _HELD_S
-        )
+        lasts = SETTINGS.temperature_held_s
+        if kept:
+            time_constant_s = heating.heat_capacity / max(heating.loss_conductance, 1e-9)
+            lasts = min(time_constant_s, SETTINGS.temperature_extrapolated_s)
         middle = 0.5 * (axes.coldest + axes.warmest)
         return config.Thermometer(
             cold_limit=self.cold_K,
@@ -228,7 +222,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     largest: float | None = None,
     displacement_noise_m: float = 10e-6,
     displacement_period_s: float | None = None,
-    jerk_density: float = tuning.JERK_DENSITY,
+    jerk_density: float = SETTINGS.jerk_density,
     extra_delay_s: float = 0.0,
     safety: Safety | None = None,
     heating: Heating | None = None,
@@ -338,7 +332,7 @@ def tables_of(
             found="the largest command is unknown, because the damper has no actuation that contains it",
             remedy="Pass it (largest=...), or pass the card, whose envelope contains it",
         )
-    return tabulate(damper, highest or UNPOWERED_COMMAND_MAX, speed=speed_m_s)
+    return tabulate(damper, highest or SETTINGS.unpowered_command_max, speed=speed_m_s)
 
 
 def envelope_of(source: ModelCard | Damper) -> OperatingEnvelope | None:
@@ -405,7 +399,7 @@ def _variants(
         inverse=config.Inverse(method=InverseMethod.BANK, preview=0.0),
     )
     gain, rate = tuning.feedback_gains(actuation, period, force_per_command)
-    observe = 1.0 - math.exp(-period / tuning.OBSERVER_S)
+    observe = 1.0 - math.exp(-period / SETTINGS.observer_s)
     return {
         "recommended": recommended,
         "recommended-causal": recommended,
@@ -442,7 +436,7 @@ def base_configuration(
     speed_noise = math.sqrt(motion.velocity_noise_variance)
     return Config(
         axes=axes,
-        law=tables.law(substeps=max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
+        law=tables.law(substeps=max(1, math.ceil(period / SETTINGS.series_step_s - 1e-9))),
         motion=motion,
         # The filter that extrapolates the target has the bandwidth of the motion filter.
         reference=config.ReferenceFilter(

@@ -26,21 +26,12 @@ from mrdamper.control.controllers import (
     envelope_of,
     tables_of,
 )
+from mrdamper.control.settings import SETTINGS
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
-
-DISPLACEMENT_NOISE_M = 1e-8
-"""Displacement noise [m] for which the motion filter is designed if the velocity is unknown.
-
-The displacement of a simulation has no noise. Tests with five motions of 0.4 to 20 Hz at 1 kHz showed: below
-1e-7 m, the force is as accurate as with a given velocity. Below 1e-8 m, the gains no longer change.
-"""
-
-JERK_DENSITY = 30.0
-"""Jerk density of the motion filter [m/s^3 per root Hz]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,8 +74,8 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     *,
     period_s: float = 1e-3,
     largest: float | None = None,
-    displacement_noise_m: float = DISPLACEMENT_NOISE_M,
-    jerk_density: float = JERK_DENSITY,
+    displacement_noise_m: float = SETTINGS.model_noise_m,
+    jerk_density: float = SETTINGS.model_jerk_density,
     safety: Safety | None = None,
     heating: Heating | None = None,
     extrapolate_temperature: bool = False,

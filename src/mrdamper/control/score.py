@@ -19,11 +19,8 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray, rms
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
+from mrdamper.control.settings import SETTINGS
 from mrdamper.errors import InputError
-
-# Min distance of a feasible target from both ends of the range. It is at most a fraction of the peak target.
-MARGIN_N = 20.0
-MARGIN_RATIO_MAX = 0.025
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +37,7 @@ class AttainableRange:
         is 20 N, or 2.5 % of the largest absolute target if this is smaller.
         """
         if margin_N is None:
-            margin_N = min(MARGIN_N, MARGIN_RATIO_MAX * float(np.abs(target).max()))
+            margin_N = min(SETTINGS.margin_N, SETTINGS.margin_ratio_max * float(np.abs(target).max()))
         return (target >= self.low + margin_N) & (target <= self.high - margin_N)
 
     def part(self, of: slice) -> AttainableRange:

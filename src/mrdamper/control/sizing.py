@@ -17,16 +17,14 @@ from mrdamper.arrays import FloatArray, rms
 from mrdamper.control.loop import reference_trajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, VelocityTarget
+from mrdamper.control.settings import SETTINGS
 from mrdamper.excitation import motion_from_text
 
 SHARES = {"sine-900N-1Hz": 0.55, "sine-1100N-2Hz": 0.65, "non-periodic": 0.6}
 """Amplitude of each target, divided by half the force range (max - min) in its motion at full current."""
 
 _NAMES = dict(zip(SHARES, ("sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"), strict=True))
-_PERCENTILES = (2.5, 97.5)  # Percentiles exclude short peaks of the force.
-SIZING_TEMPERATURE_DEGC = 20.0
 _FORMS = ("sine:{:.2g}mm:1Hz", "sine:{:.2g}mm:2Hz", "random:{:.2g}mm:0.4-3Hz:1")
-RANGE_RATIO_MAX = 0.8  # A motion uses at most this fraction of the stroke and speed of the fitted runs.
 PROBE_TIMES_S = np.linspace(0.0, 10.0, 5001)  # times at which the peaks of a motion are searched
 
 
@@ -35,7 +33,7 @@ def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> t
 
     The result is empty unless both ranges extend to both sides of zero.
     """
-    room, fastest = (RANGE_RATIO_MAX * min(-low, high) for low, high in (stroke, speed))
+    room, fastest = (SETTINGS.motion_ratio_max * min(-low, high) for low, high in (stroke, speed))
     if not min(room, fastest) > 0.0:
         return ()
     found = []
@@ -64,7 +62,7 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
             amplitude_N=round(share * 0.5 * (high - low), 1),
         )
         sized = replace(base, name=_NAMES[name], target=target, highest_A=highest_A)
-        found.append(shift_to_temperature(plant, sized, SIZING_TEMPERATURE_DEGC))
+        found.append(shift_to_temperature(plant, sized, SETTINGS.sizing_temperature_degC))
     return found
 
 
@@ -86,7 +84,10 @@ def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
 
 
 def _ends(
-    plant: Plant, scenario: Scenario, current: float, temperature_degC: float = SIZING_TEMPERATURE_DEGC
+    plant: Plant,
+    scenario: Scenario,
+    current: float,
+    temperature_degC: float = SETTINGS.sizing_temperature_degC,
 ) -> tuple[float, float]:
     """Simulate a scenario at constant current; return min and max force [N] without short peaks."""
     course = reference_trajectory(scenario, plant.step_s)
@@ -96,5 +97,5 @@ def _ends(
 
 def ends_of(force: FloatArray) -> tuple[float, float]:
     """Return the minimum and maximum of a force [N] without short peaks (2.5 and 97.5 % percentiles)."""
-    low, high = np.percentile(force, _PERCENTILES)
+    low, high = np.percentile(force, SETTINGS.force_percentiles)
     return float(low), float(high)

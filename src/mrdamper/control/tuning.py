@@ -1,28 +1,28 @@
 """Rules that compute controller parameters from the card's actuation, sampling period and sensor noise.
 
-No value is tuned to one damper. The rules:
+No value is tuned to one damper. The module ``settings`` has the values. The rules:
 
 *Motion filter.* A steady-state Kalman filter estimates position, velocity and acceleration from the
 displacement. Its motion model has white-noise jerk. A jerk density of 1 m/s^3 per root Hz gives a velocity
 noise of 0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 
 *Prediction horizon.* The motion is assumed to be harmonic, so the jerk density of the filter is multiplied by
-``HARMONIC_JERK_RATIO``. The horizon begins at the end of the dead time and has ``HORIZON_STEPS`` time steps.
-It ends when the lags have completed ``HORIZON_RATIO`` of their response to a sudden change of the command. No
-time step is shorter than ``STEP_RATIO_MIN`` of the time constant of the motion filter. If the driver is
-one-quadrant (the current can only free-wheel down), the horizon lasts at least for ``FREEWHEEL_RATIO`` of the
-fall from the largest command to zero. The time steps from the fourth on are then ``FREEWHEEL_STRETCH`` times
+``harmonic_jerk_ratio``. The horizon begins at the end of the dead time and has ``horizon_steps`` time steps.
+It ends when the lags have completed ``horizon_ratio`` of their response to a sudden change of the command. No
+time step is shorter than ``step_ratio_min`` of the time constant of the motion filter. If the driver is
+one-quadrant (the current can only free-wheel down), the horizon lasts at least for ``freewheel_ratio`` of the
+fall from the largest command to zero. The time steps from the fourth on are then ``freewheel_stretch`` times
 as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more than
-``LATE_RATIO_MAX`` of a time step.
+``late_ratio_max`` of a time step.
 
-*Prediction cost.* The force error of a time step has ``HORIZON_FADE`` of the weight of the previous time
-step. A change of the command (*move*) costs ``MOVE_COST_RATIO`` of the force change that it causes. It also
-costs ``MOVE_COST_ERROR_RATIO`` times the force error of the card, because an inaccurate law makes the command
-swing between its limits. The cost is at most ``MOVE_COST_RATIO_MAX`` of the force change, or
-``IMPLICIT_MOVE_COST_RATIO_MAX`` for a law with an implicit step. After a reversal, ``recommended`` assumes
-that ``SETTLED_RATIO`` of the remaining build-up of the hysteresis is complete. ``predictive`` uses the
+*Prediction cost.* The force error of a time step has ``horizon_fade`` of the weight of the previous time
+step. A change of the command (*move*) costs ``move_cost_ratio`` of the force change that it causes. It also
+costs ``move_cost_error_ratio`` times the force error of the card, because an inaccurate law makes the command
+swing between its limits. The cost is at most ``move_cost_ratio_max`` of the force change, or
+``implicit_move_cost_ratio_max`` for a law with an implicit step. After a reversal, ``recommended`` assumes
+that ``settled_ratio`` of the remaining build-up of the hysteresis is complete. ``predictive`` uses the
 hysteresis of the card unchanged. For a law with an implicit step, the computation is spread over at most
-``SPREAD_SAMPLE_COUNT_MAX`` periods, and the time steps during the dead time are ``DEAD_TIME_STRIDE`` times as
+``spread_sample_count_max`` periods, and the time steps during the dead time are ``dead_time_stride`` times as
 long as the time steps of the horizon.
 
 *Feedback.* Proportional and integral gain follow from Skogestad's (SIMC) rule. The first lag of the actuation
@@ -40,56 +40,10 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.control import config
 from mrdamper.control.protocol import SLOWEST_HZ
+from mrdamper.control.settings import SETTINGS
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-
-JERK_DENSITY = 1.0
-"""Jerk density of the motion filter [m/s^3 per root Hz]."""
-
-HORIZON_RATIO = 0.8
-HORIZON_STEPS = 6
-FREEWHEEL_RATIO = 0.95
-FREEWHEEL_STRETCH = 3
-STEP_RATIO_MIN = 0.25
-LATE_RATIO_MAX = 0.5
-HORIZON_FADE = 0.8
-SPREAD_SAMPLE_COUNT_MAX = 3
-DEAD_TIME_STRIDE = 2.25
-MOVE_COST_RATIO = 0.03
-MOVE_COST_ERROR_RATIO = 12.0
-MOVE_COST_RATIO_MAX = 0.25
-IMPLICIT_MOVE_COST_RATIO_MAX = 0.6
-
-SETTLED_RATIO = 0.4
-"""Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete.
-
-If the current rises after a reversal, the force of a Bouc-Wen law builds up too slowly because the state of
-the law is relative to the yield force. A value of 0 is correct for a damper that is identical to the card. On
-the virtual dampers of the rig, a value of 0 lets the force overshoot by up to 200 N after each reversal.
-"""
-
-FREQUENCY_FILTER_S = 1.0
-"""Time constant of the averages of v^2 and a^2 in the frequency estimate of the motion [s]."""
-
-HARMONIC_JERK_RATIO = 0.3
-"""Factor on the jerk density if the motion is assumed to be harmonic."""
-
-MOTION_PERIOD_RATIO_MIN = 3.0
-"""Shortest period of the assumed harmonic motion, proportional to the time constant of the motion filter.
-
-The squared angular frequency is limited to the reciprocal square of this time, because with a shorter period
-the filter could become unstable.
-"""
-
-SETTLING_RATIO = 8.0
-"""Settling time of a motion filter, divided by its time constant."""
-
-OBSERVER_S = 0.15
-"""Time constant of the disturbance observer [s]."""
-
-SERIES_STEP_S = 1e-3
-"""Maximum integration step of the series valve [s]."""
 
 _CLOSE_STEPS = 3  # The first two moves of a prediction act in these time steps, which are never stretched.
 _DELAY_LINE = 128  # number of past commands that the kernel stores: MRD_TRACK_DELAY_LINE
@@ -189,16 +143,18 @@ def motion_of(
 
     If ``is_harmonic`` is False, constant acceleration is assumed between readings.
     """
-    gains, spread = motion_filter(held_s, noise, density * (HARMONIC_JERK_RATIO if is_harmonic else 1.0))
+    gains, spread = motion_filter(
+        held_s, noise, density * (SETTINGS.harmonic_jerk_ratio if is_harmonic else 1.0)
+    )
     filter_s = _filter_time(held_s, float(gains[2]))
     return config.MotionFilter(
         gain_x=float(gains[0]),
         gain_v=float(gains[1]),
         gain_a=float(gains[2]),
         holds_readings=held_s > 1.5 * period_s,
-        frequency_filter_gain=1.0 - math.exp(-period_s / FREQUENCY_FILTER_S) if is_harmonic else 0.0,
-        settle_samples=math.ceil(SETTLING_RATIO * filter_s / period_s),
-        omega_squared_max=(MOTION_PERIOD_RATIO_MIN * filter_s) ** -2.0,
+        frequency_filter_gain=1.0 - math.exp(-period_s / SETTINGS.frequency_filter_s) if is_harmonic else 0.0,
+        settle_samples=math.ceil(SETTINGS.settling_ratio * filter_s / period_s),
+        omega_squared_max=(SETTINGS.motion_period_ratio_min * filter_s) ** -2.0,
         velocity_noise_variance=float(spread[1, 1]),
         acceleration_noise_variance=float(spread[2, 2]),
     )
@@ -223,31 +179,33 @@ def prediction_of(
     spread : True: spread the computation over several periods, for a law that needs many instructions
     """
     lags = replace(actuation, delay_s=0.0)
-    risen, stretch = lags.response_time(HORIZON_RATIO), 1
+    risen, stretch = lags.response_time(SETTINGS.horizon_ratio), 1
     if actuation.freewheel_time_s > 0.0:
-        fallen = lags.response_time(FREEWHEEL_RATIO, actuation.largest_command or 1.0, 0.0)
-        risen, stretch = max(risen, fallen), FREEWHEEL_STRETCH
-    parts = _parts(HORIZON_STEPS, stretch)
-    known = 1.0 / (MOTION_PERIOD_RATIO_MIN * math.sqrt(motion.omega_squared_max))  # filter time [s]
-    step = max(risen / parts, STEP_RATIO_MIN * known, period_s)
+        fallen = lags.response_time(SETTINGS.freewheel_ratio, actuation.largest_command or 1.0, 0.0)
+        risen, stretch = max(risen, fallen), SETTINGS.freewheel_stretch
+    parts = _parts(SETTINGS.horizon_steps, stretch)
+    known = 1.0 / (SETTINGS.motion_period_ratio_min * math.sqrt(motion.omega_squared_max))  # filter time [s]
+    step = max(risen / parts, SETTINGS.step_ratio_min * known, period_s)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
-    if dead - actuation.delay_s > LATE_RATIO_MAX * step:
+    if dead - actuation.delay_s > SETTINGS.late_ratio_max * step:
         dead -= period_s
-    longest = (_DELAY_LINE - 3 - SPREAD_SAMPLE_COUNT_MAX) * period_s - dead
+    longest = (_DELAY_LINE - 3 - SETTINGS.spread_sample_count_max) * period_s - dead
     step = min(step, longest / parts)
-    samples = min(SPREAD_SAMPLE_COUNT_MAX, max(1, round(step / period_s))) if spread else 1
+    samples = min(SETTINGS.spread_sample_count_max, max(1, round(step / period_s))) if spread else 1
     return config.Prediction(
-        steps=HORIZON_STEPS,
+        steps=SETTINGS.horizon_steps,
         samples=samples,
-        together=max(1, round((DEAD_TIME_STRIDE if spread else 1.0) * step / period_s)),
+        together=max(1, round((SETTINGS.dead_time_stride if spread else 1.0) * step / period_s)),
         step=step,
         stretch=stretch,
         dead=dead + (samples - 1) * period_s,
-        fade=HORIZON_FADE,
-        settled=SETTLED_RATIO,
+        fade=SETTINGS.horizon_fade,
+        settled=SETTINGS.settled_ratio,
         calm=min(
-            MOVE_COST_RATIO * abs(force_per_command) + MOVE_COST_ERROR_RATIO * error_per_command,
-            (IMPLICIT_MOVE_COST_RATIO_MAX if spread else MOVE_COST_RATIO_MAX) * abs(force_per_command),
+            SETTINGS.move_cost_ratio * abs(force_per_command)
+            + SETTINGS.move_cost_error_ratio * error_per_command,
+            (SETTINGS.implicit_move_cost_ratio_max if spread else SETTINGS.move_cost_ratio_max)
+            * abs(force_per_command),
         ),
         rise=_remaining(actuation.rise_s, step),
         fall=_remaining(actuation.fall_s, step),

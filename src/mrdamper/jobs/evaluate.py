@@ -1,33 +1,112 @@
-"""The job ``evaluate``: compute the error of a model card on runs.
+"""The job ``evaluate``: compute the error of a model card on runs, and 90 % intervals.
 
 Modules for fits are not imported, so that the job starts fast.
+
+The intervals of forces and coefficients are computed from posterior samples (``models.card_draws``), which
+are equally likely dampers. They describe the uncertainty of the force due to the parameters, and exclude the
+model error of the law and the sensor noise. The expected error of a measured force is ``models.force_band``.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from mrdamper.data.prepare import Preparation
+import numpy as np
+
+from mrdamper.arrays import FloatArray, rms
+from mrdamper.data.prepare import Preparation, PreparedRun, decimate, select_plot_samples
 from mrdamper.data.records import Dataset
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.identify import evaluate as scoring
 from mrdamper.identify.scores import RunError
-from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval, coefficient_intervals, force_interval
 from mrdamper.jobs.options import EvaluateOptions
 from mrdamper.models.card import SPLITS, ModelCard
-from mrdamper.models.card_draws import draws_of
+from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
+from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool
 
 if TYPE_CHECKING:
     from mrdamper.identify.fit import Identification
 
+PYTHON_RATE_Hz = 200.0
+"""Sampling rate of simulations with a law in Python. It is low because such a law is slow."""
 _USUAL = EvaluateOptions()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceInterval:
+    """90 % intervals of the force in the plotted cycle of a run, shape (n,), and of the error of the run."""
+
+    name: str
+    time_s: FloatArray  # time since the first plotted sample
+    measured_N: FloatArray
+    modelled_N: FloatArray  # force of the fitted damper
+    low_N: FloatArray  # lower end of the interval
+    high_N: FloatArray  # upper end of the interval
+    rmse_N: tuple[float, float]  # interval of the RMS error of the whole scored run
+
+    @property
+    def width_N(self) -> float:
+        """Return the mean width of the force interval during the plotted cycle."""
+        return float(np.mean(self.high_N - self.low_N))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoefficientInterval:
+    """A coefficient versus the command at 20 degC, with its 90 % interval; arrays have the shape (n,)."""
+
+    name: str
+    unit: str
+    command: FloatArray
+    value: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) -> ForceInterval:
+    """Return the force of a damper in a run, and its 90 % interval from the posterior samples ``dampers``."""
+    if damper.law.kernel is None:
+        run = decimate(run, PYTHON_RATE_Hz)
+    drive, start = open_drive(run.trajectory), run.scored_from
+    forces = np.stack([simulate(each.on_limits(), drive) for each in (damper, *dampers)])
+    drawn = select_plot_samples(run)
+    errors = np.array([rms(force[start:] - run.force[start:]) for force in forces[1:]])
+    least, most = percentile_ends(errors)
+    low, high = percentile_ends(forces[1:, drawn])
+    time = run.trajectory.time[drawn]
+    return ForceInterval(
+        run.name,
+        time - time[0],
+        run.force[drawn],
+        forces[0, drawn],
+        low,
+        high,
+        (float(least), float(most)),
+    )
+
+
+def coefficient_intervals(
+    damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
+) -> tuple[CoefficientInterval, ...]:
+    """Return all coefficients that depend on the command, with intervals from the posterior samples."""
+    command = np.linspace(*commands, 41)  # number of points on the curve of a coefficient versus the command
+    kelvin = np.full(len(command), REFERENCE_K)
+    found = []
+    for name, form in damper.coefficients.items():
+        if form.kind != "constant":
+            value, *others = (
+                np.asarray(each.coefficients[name].value(command, kelvin)) for each in (damper, *dampers)
+            )
+            ends = percentile_ends(np.stack(others))
+            found.append(CoefficientInterval(name, damper.law[name].unit, command, value, *ends))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -15,7 +15,7 @@ from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.thermal.compact.model import compact_model
+from mrdamper.thermal.compact import compact_model
 from mrdamper.thermal.drawing import DamperDrawing
 
 _USUAL = ExportOptions()

@@ -24,7 +24,6 @@ from mrdamper.identify.selection.select import Selection, select_model
 from mrdamper.identify.selection.settings import SelectionSettings
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors
-from mrdamper.identify.windows import run_windows
 from mrdamper.interrupts import interrupt_ends_all
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
@@ -185,19 +184,14 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
                 samples_max=samples_max,
             )
             selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
-        whole = run_windows(data.steady, data.settings)
-        scored, total = (sum(len(w.force) - w.start for w in each) for each in (evaluator.windows, whole))
-        subset_percent = selection.chosen.training_rms_percent
-        is_subset = scored < total
         selection = replace(
             selection,
-            subset_error_percent=subset_percent,
+            subset_error_percent=selection.chosen.training_rms_percent,
             all_runs_error_percent=evaluator.error_on_all_runs_percent(selection.chosen),
             sample_count=sum(len(window.force) for window in evaluator.windows),
-            is_subset=is_subset,
+            is_subset=evaluator.is_subset,
         )
-        is_valid = selection.all_runs_error_percent <= settings.subset_error_ratio_max * subset_percent
-        if selection.interrupted or is_valid or not is_subset:
+        if selection.interrupted or evaluator.is_represented(selection.chosen):
             return selection, () if first is None else (_repetition_note(first, selection),)
         first = first or selection
         samples_max = round(settings.subset_growth * samples_max)

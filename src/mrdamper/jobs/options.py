@@ -5,22 +5,119 @@ are generated from these classes. The text below a field is its help. The class 
 ``HeatOptions``. Its class variables are the inputs and outputs of the job, its fields are the options. A job
 without options gets no argument ``options``.
 """
-# The formatter would write each argument of a declaration on a separate line.
-# fmt: off
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from mrdamper.identify.temperature import Temperature
 from mrdamper.schema import MORE, Option
 from mrdamper.thermal.drawing import AIR_MAX_M_S
 
 _DUTY = "sine:15mm:1Hz:2A:1800s"
-_GIVEN = "the value of the geometry file"
 _DESIGN = "Limits of the design"
+_LIMIT = Option(group=_DESIGN, above=0.0, below=1e6, default_help="the drawing's sink's")
+_NETWORK_ONLY = Option(flag="--network-only", begins=False, group=_DESIGN)
+_GIVEN = Option(default_help="the value of the geometry file")
+_EXPORTS = (
+    "C99 source, as an archive",
+    "FMU for co-simulation",
+    "force map (CSV) for simulators",
+    "card and force map for MATLAB",
+)
+
+
+def _input(word: str, read: str, metavar: str, *places: str, **more: Any) -> Option:  # noqa: ANN401
+    """Return the option of an input: its kind, its reader, its placeholder and the folders of its files.
+
+    The reader is a function of this package. In the folder ``inputs``, which is the default, a form offers
+    the files that look like the kind.
+    """
+    places = places or ("inputs",)
+    looks = (word,) if "inputs" in places else ()
+    return Option(word=word, read=f"mrdamper.{read}", metavar=metavar, places=places, looks=looks, **more)
+
+
+# Kinds of inputs
+_CARD = _input("card", "models.card_schema:read_card", "CARD", "cards")
+_RECORD = _input("record", "data.readers:read_file", "RECORD", "records", "runs")
+_FLUID = _input("fluid", "models.fluids.fluid_file:find_fluid", "PRESET|FILE", offers="fluids")
+_DRAWING = _input(
+    "drawing", "thermal.drawing_file:read_drawing", "FILE|paper", offers="dampers", flag="--damper"
+)
+_SINK = _input("sink", "thermal.drawing_file:read_sink", "FILE", label="Heat sink")
+_CYCLE = _input("duty", "thermal.duty:read_duty", "DUTY", files=".csv")
+_CURVE = _input("curve", "thermal.estimation.measured_curve:read_curve", "CURVE.csv", files=".csv")
+_RHEOMETER = _input("rheometer table", "data.rheometer:read_rheometer_tables", "TABLE.csv...", files=".csv")
+_DAMPER = Option(offers="plants", looks=("damper",))
+_PLANT = _input("plant", "jobs.track:read_plant", "PRESET|FILE|CARD", "inputs", "cards")
+_PRESET = _input("virtual damper", "virtual_rig.damper:find_damper", "PRESET|FILE")
+_CAMPAIGN = _input("campaign", "virtual_rig.campaign:find_campaign", "PRESET|FILE", offers="campaigns")
+_SCENARIO = _input("scenario", "jobs.track:read_targets", "NAME|FILE", offers="targets")
+_PATHS = Option(metavar="PATH...", argument=True, key="files", places=("runs",), most_items=20_000)
+_FILES = Option(read="mrdamper.jobs.inputs:read_files", reading=("channels", "answer"))
+_LAW_READING = Option(read="mrdamper.jobs.inputs:read_card_of_law", reading=("law",))
+
+# Properties of the inputs of single jobs
+_ONE_FLUID = Option(default_help="none", label="Fluid, if the runs have one temperature")
+_TARGETS = Option(flag="--target", default_help="all", begins=("sine-900N-1Hz",), most_items=20)
+_THERMAL_MODEL = Option(default_help="no thermal model", label="Geometry file for the thermal model")
+_PAPER = Option(key="damper", label="Geometry file", default_help="paper", begins="paper")
+_DRAWINGS = Option(read="mrdamper.jobs.sweep.plan:read_drawings", word="drawings", most_items=20)
+_ANY_SINK = Option(looks=("sink", "drawing"), group=MORE, default_help="the heat sink of the geometry file")
+_TABLES = Option(argument=True, most_items=20, looks=("rheometer",), label="Rheometer tables")
+
+# Inputs, outputs and options of several jobs
+Card = Annotated[Path, _CARD, Option("Read this model card.", argument=True)]
+CardOfAnyLaw = Annotated[Card, _LAW_READING]
+Runs = Annotated[
+    tuple[str, ...],
+    _PATHS,
+    Option("Read these runs: files, folders or patterns.", label="Runs", word="runs"),
+    Option(read="mrdamper.jobs.inputs:read_dataset", reading=("channels", "answer", "flip_force")),
+]
+LoadCycle = Annotated[
+    str,
+    _CYCLE,
+    Option("Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current."),
+]
+Preparing = Annotated[
+    str | None,
+    Option("Prepare the runs with these settings. None selects the settings of the job.", flag="-"),
+]
+LawName = Annotated[
+    str | None, Option(metavar="LAW", default_help="auto", label="Hysteresis model", offers="laws")
+]
+OutputFile = Annotated[Path | None, Option(metavar="FILE", output=True)]
+OutputFolder = Annotated[Path | None, Option(metavar="DIR", output=True)]
+Processes = Annotated[int | None, Option(least=1, most=1024, default_help="all cores")]
+Jobs = Annotated[
+    Processes,
+    Option("Use this number of parallel processes. The result does not depend on it.", local=True),
+]
+Posterior = Annotated[
+    int,
+    Option(least=0, most=100_000, label="Posterior samples", group=MORE),
+    Option("Compute 90 % intervals with this number of posterior samples from the folder of the card."),
+]
+Seed = Annotated[int, Option("Use this seed of the random number generator.", least=0, group=MORE)]
+Ambient = Annotated[float, Option(unit="degC", least=-50.0, most=100.0)]
+AirSpeed = Annotated[float, Option(unit="m/s", least=0.0, most=AIR_MAX_M_S)]
+Duration = Annotated[float, Option(above=0.0, most=1440.0)]
+_LEVELS = Option(least_items=1, most_items=15, group=MORE)
+Ambients = Annotated[tuple[Ambient, ...], _LEVELS, Option(unit="degC")]
+AirSpeeds = Annotated[tuple[AirSpeed, ...], _LEVELS, Option(unit="m/s")]
+Durations = Annotated[tuple[Duration, ...], Option(unit="min", most_items=8, flag="-", group=MORE)]
+RunNames = Annotated[tuple[str, ...], Option(metavar="GLOB", most_items=20_000, offers="runs")]
+_CommonTerm = Literal["friction", "mass", "viscosity", "thinning", "gas"]
+_ChainTerm = Literal["orifice", "bristles", "spread", "stribeck", "memory", "position", "curvature"]
+_LastTerm = Literal[
+    "stiffness", "asymmetry", "flow-asymmetry", "gas-volume", "leak", "play", "follow", "none"
+]
+Term = Literal[_CommonTerm, _ChainTerm, _LastTerm]
+"""Terms of a hysteresis model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,62 +126,27 @@ class Reading:
 
     law: Annotated[str | None, Option(metavar="FILE.py:CLASS", local=True)] = None
     """Load this class, if the card was fitted with a hysteresis model of your own."""
-    channels: Annotated[Path | None, Option(
-        metavar="FILE", default_help="the map in the folder of the runs, or the headers", label="Channel map",
-        places=("inputs", "maps"), looks=("channels",), word="channel map")] = None
+    channels: Annotated[
+        Path | None,
+        Option(metavar="FILE", places=("inputs", "maps"), looks=("channels",), word="channel map"),
+        Option(label="Channel map", default_help="the map in the folder of the runs, or the headers"),
+    ] = None
     """Read columns with this channel map (TOML), which assigns them to quantities."""
-    answer: Annotated[tuple[str, ...], Option(
-        metavar="ROLE.TOPIC=VALUE", label="Answers to open questions", most_items=100, group=MORE)] = ()
+    answer: Annotated[
+        tuple[str, ...],
+        Option(metavar="ROLE.TOPIC=VALUE", label="Answers to open questions", most_items=100, group=MORE),
+    ] = ()
     """Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column, scale,
     value, rate, part. A pattern of names and a colon before it select files. Repeatable."""
     flip_force: Annotated[bool, Option(label="reverse the sign of the force", group=MORE)] = False
     """Reverse the sign of the force, for load cells with positive compression."""
 
 
-# Inputs, outputs and options of several jobs
-_CARD = Option("Read this model card.", read="mrdamper.models.card_schema:read_card", metavar="CARD",
-               argument=True, places=("cards",), word="card")
-_ANY_CARD = replace(_CARD, read="mrdamper.jobs.inputs:read_card_of_law", reading=("law",))
-_FLUID = Option(read="mrdamper.models.fluids.fluid_file:find_fluid", metavar="PRESET|FILE", offers="fluids",
-                places=("inputs",), looks=("fluid",), word="fluid")
-_RUNS = Option("Read these runs: files, folders or patterns.", read="mrdamper.jobs.inputs:read_dataset",
-               reading=("channels", "answer", "flip_force"), metavar="PATH...", label="Runs", argument=True,
-               key="files", places=("runs",), most_items=20_000, word="runs")
-_DRAWING = Option(read="mrdamper.thermal.drawing_file:read_drawing", metavar="FILE|paper", flag="--damper",
-                  offers="dampers", places=("inputs",), looks=("drawing",), word="drawing")
-Card = Annotated[Path, _CARD]
-CardOfAnyLaw = Annotated[Path, _ANY_CARD]
-Runs = Annotated[tuple[str, ...], _RUNS]
-LoadCycle = Annotated[str, Option(
-    "Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.",
-    read="mrdamper.thermal.duty:read_duty", metavar="DUTY", places=("inputs",), files=".csv", looks=("duty",),
-    word="duty")]
-Preparing = Annotated[str | None, Option(
-    "Prepare the runs with these settings. None selects the settings of the job.", flag="-")]
-LawName = Annotated[str | None, Option(
-    metavar="LAW", default_help="auto", label="Hysteresis model", offers="laws")]
-OutputFile = Annotated[Path | None, Option(metavar="FILE", output=True)]
-OutputFolder = Annotated[Path | None, Option(metavar="DIR", output=True)]
-Jobs = Annotated[int | None, Option(
-    "Use this number of parallel processes. The result does not depend on it.", least=1, most=1024,
-    default_help="all cores", local=True)]
-Posterior = Annotated[int, Option(
-    "Compute 90 % intervals with this number of posterior samples from the folder of the card.", least=0,
-    most=100_000, label="Posterior samples", group=MORE)]
-Term = Literal[
-    "friction", "mass", "viscosity", "thinning", "gas", "orifice", "bristles", "spread", "stribeck", "memory",
-    "position", "curvature", "stiffness", "asymmetry", "flow-asymmetry", "gas-volume", "leak", "play",
-    "follow", "none",
-]
-"""Terms of a hysteresis model."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckOptions:
     """Inputs and options of ``check``."""
 
-    files: ClassVar[Annotated[tuple[str, ...], replace(
-        _RUNS, read="mrdamper.jobs.inputs:read_files", reading=("channels", "answer"))]]
+    files: ClassVar[Annotated[Runs, _FILES]]
     write_map: ClassVar[OutputFile] = None
     """Write the channel map with which the files were read. It can be edited and used with --channels."""
     deep: Annotated[bool, Option(label="compare all runs with one model", group=MORE)] = False
@@ -110,27 +172,25 @@ class FitOptions:
     """Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating,
     spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The choice auto selects a model by
     cross-validation."""
-    fluid: ClassVar[Annotated[str | None, replace(
-        _FLUID, default_help="none", label="Fluid, if the runs have one temperature")]] = None
+    fluid: ClassVar[Annotated[str | None, _FLUID, _ONE_FLUID]] = None
     """Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid file. The card marks it
     as assumed."""
     preparation: ClassVar[Preparing] = None
     settings: ClassVar[Annotated[str | None, Option(flag="-")]] = None
     """Use these numerical settings (FitSettings). None selects the default settings."""
-    only: Annotated[tuple[str, ...], Option(
-        metavar="GLOB", label="Use only these runs", default_help="all runs", most_items=20_000,
-        offers="runs", group=MORE)] = ()
+    only: Annotated[RunNames, Option(label="Use only these runs", default_help="all runs", group=MORE)] = ()
     """Use only runs whose names match this pattern. Repeatable."""
-    hold_out: Annotated[tuple[str, ...], Option(
-        metavar="GLOB", most_items=20_000, group="Hold out", offers="runs")] = ()
+    hold_out: Annotated[RunNames, Option(group="Hold out")] = ()
     """Exclude runs whose names match this pattern, and use them as a test. Repeatable."""
-    posterior: Annotated[int, Option(least=0, most=100_000, label="Posterior samples", group=MORE)] = 0
+    posterior: Posterior = 0
     """Compute this number of posterior samples, for 90 % intervals of parameters and forces."""
     one_command: Annotated[bool, Option(label="accept runs with a single current", group=MORE)] = False
     """Accept runs with a single current. The model is then valid only for this current."""
-    terms: Annotated[tuple[Term, ...] | None, Option(
-        flag="--term", metavar="TERM", group=MORE,
-        default_help="friction, and thinning if the runs have several temperatures")] = None
+    terms: Annotated[
+        tuple[Term, ...] | None,
+        Option(flag="--term", metavar="TERM", group=MORE),
+        Option(default_help="friction, and thinning if the runs have several temperatures"),
+    ] = None
     """Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has orifice,
     bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry, flow-asymmetry, gas-volume,
     leak, play and follow. Use none for a model without terms. Repeatable."""
@@ -144,20 +204,21 @@ class FitOptions:
 class CompareOptions:
     """Inputs and options of ``compare``."""
 
-    first: ClassVar[Annotated[Path, replace(_ANY_CARD, help="Read this card as the reference.")]]
-    second: ClassVar[Annotated[Path, replace(_ANY_CARD, help="Compare this card with the reference.")]]
+    first: ClassVar[CardOfAnyLaw]
+    """Read this card as the reference."""
+    second: ClassVar[CardOfAnyLaw]
+    """Compare this card with the reference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CyclesOptions:
     """Inputs and options of ``cycles``."""
 
-    record: ClassVar[Annotated[Path, Option(
-        read="mrdamper.data.readers:read_file", reading=("channels",), metavar="RECORD", argument=True,
-        places=("records", "runs"), word="record")]]
+    record: ClassVar[Annotated[Path, _RECORD, Option(argument=True, reading=("channels",))]]
     """Read this record."""
-    least_stroke_mm: Annotated[float | None, Option(
-        unit="mm", above=0.0, below=1e6, default_help="5 % of the displacement range")] = None
+    least_stroke_mm: Annotated[
+        float | None, Option(unit="mm", above=0.0, below=1e6, default_help="5 % of the displacement range")
+    ] = None
     """Ignore cycles with a smaller stroke, in mm."""
 
 
@@ -166,29 +227,28 @@ class TrackOptions:
     """Inputs and options of ``track``."""
 
     card: ClassVar[Card]
-    plant: ClassVar[Annotated[str, Option(
-        read="mrdamper.jobs.track:read_plant", metavar="PRESET|FILE|CARD", label="Controlled damper",
-        offers="plants", places=("inputs", "cards"), looks=("damper",), word="plant")]] = "nominal"
+    plant: ClassVar[Annotated[str, _PLANT, _DAMPER, Option(label="Controlled damper")]] = "nominal"
     """Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card (JSON)."""
-    targets: ClassVar[Annotated[tuple[str, ...] | None, Option(
-        read="mrdamper.jobs.track:read_targets", metavar="NAME|FILE", flag="--target", default_help="all",
-        begins=("sine-900N-1Hz",), offers="targets", places=("inputs",), most_items=20, looks=("scenario",),
-        word="scenario")]] = None
+    targets: ClassVar[Annotated[tuple[str, ...] | None, _SCENARIO, _TARGETS]] = None
     """Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable."""
-    unaware: ClassVar[Annotated[Path | None, replace(_CARD, help="", flag="-")]] = None
+    unaware: ClassVar[Annotated[Path | None, _CARD, Option(flag="-")]] = None
     """Add the controllers recommended-unaware and paper-unaware from this card, which was fitted at one
     temperature."""
-    temperatures_degC: Annotated[tuple[float, ...], Option(
-        flag="--temperature", unit="degC", label="Temperatures of the damper", group="Temperatures",
-        begins=(20.0, 60.0), default_help="20, 60, 100, 123", most_items=20)] = ()
+    temperatures_degC: Annotated[
+        tuple[float, ...],
+        Option(flag="--temperature", unit="degC", default_help="20, 60, 100, 123", most_items=20),
+        Option(label="Temperatures of the damper", group="Temperatures", begins=(20.0, 60.0)),
+    ] = ()
     """Simulate the damper at this temperature, in degC. Repeatable."""
     rate_Hz: Annotated[float, Option(flag="-", unit="Hz", least=100.0, most=5000.0, group=MORE)] = 1000.0
     """Run the controllers at this sample rate, in Hz."""
-    controllers: Annotated[tuple[str, ...], Option(
-        flag="--controller", metavar="NAME", default_help="all controllers", most_items=40,
-        group="Controllers", offers="controllers", begins=("recommended", "paper"))] = ()
+    controllers: Annotated[
+        tuple[str, ...],
+        Option(flag="--controller", metavar="NAME", default_help="all controllers", most_items=40),
+        Option(group="Controllers", offers="controllers", begins=("recommended", "paper")),
+    ] = ()
     """Test this controller: recommended, recommended-causal, paper, ... Repeatable."""
-    seed: Annotated[int, Option(flag="-", least=0, below=2**31, group=MORE)] = 1
+    seed: Annotated[Seed, Option(flag="-", below=2**31)] = 1
     """Use this seed and the next one for the sensor noise."""
     posterior: Posterior = 0
     jobs: Jobs = None
@@ -213,8 +273,7 @@ class ExportOptions:
     """Inputs and options of ``export``."""
 
     card: ClassVar[Card]
-    damper: ClassVar[Annotated[str | None, replace(
-        _DRAWING, default_help="no thermal model", label="Geometry file for the thermal model")]] = None
+    damper: ClassVar[Annotated[str | None, _DRAWING, _THERMAL_MODEL]] = None
     """Add the thermal model of this geometry file (TOML), which also detects a frozen temperature sensor."""
     c: ClassVar[OutputFolder] = None
     """Write C99 source code and its report to this folder."""
@@ -224,16 +283,19 @@ class ExportOptions:
     """Write a force map (CSV) for simulators to this file."""
     matlab: ClassVar[OutputFolder] = None
     """Write card and force map for MATLAB to this folder."""
-    what: Annotated[tuple[Literal["c", "fmu", "table", "matlab"], ...], Option(
-        flag="-", least_items=1, label="Files", group="Files", begins=("c", "fmu"),
-        titles=("C99 source, as an archive", "FMU for co-simulation", "force map (CSV) for simulators",
-                "card and force map for MATLAB"))] = ("c", "fmu", "table")
+    what: Annotated[
+        tuple[Literal["c", "fmu", "table", "matlab"], ...],
+        Option(flag="-", least_items=1, label="Files", group="Files", begins=("c", "fmu"), titles=_EXPORTS),
+    ] = ("c", "fmu", "table")
     """Write C99 source code, an FMU, a force map (CSV), or a folder for MATLAB."""
-    content: Annotated[Literal["model", "controller", "both"], Option(
-        titles=("the model", "the controller", "model and controller"))] = "both"
+    content: Annotated[
+        Literal["model", "controller", "both"],
+        Option(titles=("the model", "the controller", "model and controller")),
+    ] = "both"
     """Export the model of the damper, its force controller, or both."""
-    precision: Annotated[Literal["float", "double"], Option(
-        label="Number type", titles=("float (32 bit)", "double (64 bit)"))] = "float"
+    precision: Annotated[
+        Literal["float", "double"], Option(label="Number type", titles=("float (32 bit)", "double (64 bit)"))
+    ] = "float"
     """Use this floating-point type in the code."""
     period_s: Annotated[float, Option(unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME")] = 1e-3
     """Call the code with this period, such as 1ms or 500us."""
@@ -247,32 +309,25 @@ class HeatingInputs:
     """Inputs of all jobs that simulate heating."""
 
     card: ClassVar[Card]
-    drawing: ClassVar[Annotated[str, replace(
-        _DRAWING, key="damper", default_help="paper", begins="paper", label="Geometry file")]]
+    drawing: ClassVar[Annotated[str, _DRAWING, _PAPER]]
     """Read the dimensions of the damper from this geometry file (TOML)."""
     duty: ClassVar[LoadCycle] = _DUTY
-
-
-_Ambient = Annotated[float, Option(least=-50.0, most=100.0)]
-_AirSpeed = Annotated[float, Option(least=0.0, most=AIR_MAX_M_S)]
-_Duration = Annotated[float, Option(above=0.0, most=1440.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DerateOptions(HeatingInputs):
     """Inputs and options of ``derate``."""
 
-    quantity: Annotated[Literal["current", "stroke", "duty"], Option(
-        titles=("the current", "the stroke", "the share of time at work"))] = "current"
+    quantity: Annotated[
+        Literal["current", "stroke", "duty"],
+        Option(titles=("the current", "the stroke", "the share of time at work")),
+    ] = "current"
     """Reduce this quantity: the current, the stroke, or the fraction of time with motion."""
-    ambient_degC: Annotated[tuple[_Ambient, ...], Option(
-        unit="degC", least_items=1, most_items=15, group=MORE)] = (-20.0, 0.0, 20.0, 40.0, 50.0)
+    ambient_degC: Ambients = (-20.0, 0.0, 20.0, 40.0, 50.0)
     """Compute the limits at these ambient temperatures, in degC, in rising order."""
-    air_m_s: Annotated[tuple[_AirSpeed, ...], Option(
-        unit="m/s", least_items=1, most_items=15, group=MORE)] = (0.0, 1.0, 2.0, 5.0, 10.0)
+    air_m_s: AirSpeeds = (0.0, 1.0, 2.0, 5.0, 10.0)
     """Compute the limits at these air speeds, in m/s, in rising order."""
-    duration_min: Annotated[tuple[_Duration, ...], Option(
-        unit="min", most_items=8, flag="-", group=MORE)] = (5.0, 15.0, 30.0, 60.0)
+    duration_min: Durations = (5.0, 15.0, 30.0, 60.0)
     """Compute the limits for these durations, in min, in rising order, and for the steady state."""
 
 
@@ -280,61 +335,57 @@ class DerateOptions(HeatingInputs):
 class HeatOptions(HeatingInputs):
     """Inputs and options of ``heat``."""
 
-    sink: ClassVar[Annotated[Path | None, Option(
-        read="mrdamper.thermal.drawing_file:read_sink", metavar="FILE", label="Heat sink", group=MORE,
-        default_help="the heat sink of the geometry file", places=("inputs",), looks=("sink", "drawing"),
-        word="sink")]] = None
+    sink: ClassVar[Annotated[Path | None, _SINK, _ANY_SINK]] = None
     """Use the heat sink of this file (TOML table [sink])."""
-    calibrate: ClassVar[Annotated[Path | None, Option(
-        read="mrdamper.thermal.estimation.measured_curve:read_curve", metavar="CURVE.csv", group=MORE,
-        label="Measured curve for calibration", places=("inputs",), files=".csv", looks=("curve",),
-        word="curve")]] = None
+    calibrate: ClassVar[
+        Annotated[Path | None, _CURVE, Option(label="Measured curve for calibration", group=MORE)]
+    ] = None
     """Calibrate the geometry file with a measured heating curve of the same load cycle. The CSV file has the
     columns time_s and fluid_degC, body_degC or coil_degC."""
     past_limit: Annotated[bool, Option(flag="-", label="continue past the limit of the fluid")] = False
     """Continue the simulation after the mean fluid temperature has reached its limit."""
-    model: Annotated[Literal["reduced", "network", "lumped"], Option(
-        titles=("reduced finite elements", "three axial zones", "the paper's one node"),
-        group=MORE)] = "reduced"
+    model: Annotated[
+        Literal["reduced", "network", "lumped"],
+        Option(titles=("reduced finite elements", "three axial zones", "the paper's one node"), group=MORE),
+    ] = "reduced"
     """Use this thermal model: reduced finite elements, a network of three axial zones, or one lumped node."""
-    start_degC: Annotated[float | None, Option(
-        unit="degC", least=-40.0, most=370.0, default_help="ambient", group=MORE,
-        label="Temperature at the start")] = None
+    start_degC: Annotated[
+        float | None,
+        Option(unit="degC", least=-40.0, most=370.0, default_help="ambient"),
+        Option(label="Temperature at the start", group=MORE),
+    ] = None
     """Start with this temperature of all parts, in degC."""
-    ambient_degC: Annotated[float | None, Option(
-        unit="degC", least=-50.0, most=100.0, default_help=_GIVEN, begins=20.0)] = None
+    ambient_degC: Annotated[Ambient | None, _GIVEN, Option(begins=20.0)] = None
     """Use this ambient temperature, in degC."""
-    air_m_s: Annotated[float | None, Option(
-        unit="m/s", least=0.0, most=AIR_MAX_M_S, default_help=_GIVEN, label="Air speed")] = None
+    air_m_s: Annotated[AirSpeed | None, _GIVEN, Option(label="Air speed")] = None
     """Use this air speed, in m/s."""
-    with_sink: Annotated[bool, Option(
-        flag="-", label="with the heat sink of the geometry file", part="sink")] = True
+    with_sink: Annotated[
+        bool, Option(flag="-", label="with the heat sink of the geometry file", part="sink")
+    ] = True
     """Use the heat sink of the geometry file."""
-
-
-_LIMIT = Option(group=_DESIGN, above=0.0, below=1e6, default_help="the drawing's sink's")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions(HeatingInputs):
     """Inputs and options of ``heatsink``. Default limits are those of the sink in the geometry file."""
 
-    span_mm: Annotated[float | None, replace(_LIMIT, unit="mm", label="Length")] = None
+    span_mm: Annotated[float | None, _LIMIT, Option(unit="mm", label="Length")] = None
     """Limit the length of the finned body, in mm."""
-    width_mm: Annotated[float | None, replace(_LIMIT, unit="mm")] = None
+    width_mm: Annotated[float | None, _LIMIT, Option(unit="mm")] = None
     """Limit the radial width of the fins, in mm."""
-    mass_g: Annotated[float | None, replace(_LIMIT, unit="g")] = None
+    mass_g: Annotated[float | None, _LIMIT, Option(unit="g")] = None
     """Limit the total mass of the fins, in g."""
-    materials: Annotated[tuple[str, ...], Option(
-        flag="--material", metavar="NAME", label="Material", group=_DESIGN, offers="materials",
-        default_help="the material of the geometry file")] = ()
+    materials: Annotated[
+        tuple[str, ...],
+        Option(flag="--material", metavar="NAME", default_help="the material of the geometry file"),
+        Option(label="Material", group=_DESIGN, offers="materials"),
+    ] = ()
     """Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable."""
-    members: Annotated[int, Option(
-        least=2, most=200, flag="-", label="Designs on the front", group=MORE)] = 12
+    members: Annotated[int, Option(least=2, most=200, flag="-", label="Designs on the front", group=MORE)] = (
+        12
+    )
     """Show this number of designs of the Pareto front, and verify them with finite elements."""
-    by_field: Annotated[bool, Option(
-        flag="--network-only", label="verify with finite elements (slow)", begins=False,
-        group=_DESIGN)] = True
+    by_field: Annotated[bool, _NETWORK_ONLY, Option(label="verify with finite elements (slow)")] = True
     """Evaluate the designs only with the fast zone network, without finite elements."""
 
 
@@ -342,12 +393,9 @@ class HeatsinkOptions(HeatingInputs):
 class FluidOptions:
     """Inputs and options of ``fluid``."""
 
-    tables: ClassVar[Annotated[tuple[str, ...], Option(
-        read="mrdamper.data.rheometer:read_rheometer_tables", metavar="TABLE.csv...", argument=True,
-        label="Rheometer tables", most_items=20, places=("inputs",), files=".csv", looks=("rheometer",),
-        word="rheometer table")]]
+    tables: ClassVar[Annotated[tuple[str, ...], _RHEOMETER, _TABLES]]
     """Read these rheometer tables."""
-    like: ClassVar[Annotated[str, replace(_FLUID, label="Other properties from")]] = "paper"
+    like: ClassVar[Annotated[str, _FLUID, Option(label="Other properties from")]] = "paper"
     """Take properties that the tables do not have from this fluid: paper, lord-mrf-132dg, or a fluid file
     (TOML)."""
 
@@ -356,35 +404,36 @@ class FluidOptions:
 class RigOptions:
     """Inputs and options of ``rig``."""
 
-    preset: ClassVar[Annotated[str, Option(
-        read="mrdamper.virtual_rig.damper:find_damper", metavar="PRESET|FILE", label="Damper",
-        offers="plants", places=("inputs",), looks=("damper",), word="virtual damper")]] = "nominal"
+    preset: ClassVar[Annotated[str, _PRESET, _DAMPER, Option(label="Damper")]] = "nominal"
     """Test this virtual damper: a preset, or a TOML file with a preset and changed parameters."""
-    campaign: ClassVar[Annotated[str | None, Option(
-        read="mrdamper.virtual_rig.campaign:find_campaign", metavar="PRESET|FILE", begins="short",
-        default_help="the campaign of the damper", offers="campaigns", places=("inputs",),
-        looks=("campaign",), word="campaign")]] = None
+    campaign: ClassVar[
+        Annotated[str | None, _CAMPAIGN, Option(default_help="the campaign of the damper", begins="short")]
+    ] = None
     """Run this campaign of motions, currents and temperatures: short, or a TOML file."""
-    draw: Annotated[int | None, Option(
-        metavar="SEED", least=0, below=2**31, default_help="not randomised",
-        label="Seed of a randomised damper", group=MORE)] = None
+    draw: Annotated[
+        int | None,
+        Option(metavar="SEED", least=0, below=2**31, default_help="not randomised"),
+        Option(label="Seed of a randomised damper", group=MORE),
+    ] = None
     """Randomise the parameters of the damper within 30 % with this seed. Models are developed with even
     seeds, and results are reported with odd seeds."""
-    seed: Annotated[int, Option(least=0, below=2**31, group=MORE)] = 0
-    """Use this seed of the random number generator."""
+    seed: Annotated[Seed, Option(below=2**31)] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataListOptions:
-    """Inputs and options of ``data list``."""
+    """The job ``data list`` has no inputs and no options."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataFetchOptions:
     """Inputs and options of ``data fetch``."""
 
-    name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True, offers="data", word="data set",
-        label="Data set")]]
+    name: ClassVar[
+        Annotated[
+            str, Option(metavar="NAME", argument=True, offers="data", word="data set", label="Data set")
+        ]
+    ]
     """Fetch the data set with this name. The command data list prints the names."""
 
 
@@ -400,27 +449,29 @@ class DemoOptions:
 class SweepOptions:
     """Inputs and options of ``sweep``."""
 
-    campaigns: ClassVar[Annotated[tuple[str, ...] | None, replace(
-        _RUNS, help="", read="", reading=(), label="Campaigns to fit", word="campaigns")]] = None
+    campaigns: ClassVar[
+        Annotated[tuple[str, ...] | None, _PATHS, Option(label="Campaigns to fit", word="campaigns")]
+    ] = None
     """Fit a model to each of these files, folders or patterns."""
-    card: ClassVar[Annotated[Path | None, replace(_CARD, argument=False, default_help="none")]] = None
-    dampers: ClassVar[Annotated[tuple[str, ...] | None, replace(
-        _DRAWING, read="mrdamper.jobs.sweep.plan:read_drawings", most_items=20, word="drawings",
-        label="Dampers with a heat sink")]] = None
+    card: ClassVar[Annotated[Path | None, _CARD, Option(default_help="none")]] = None
+    """Read this model card."""
+    dampers: ClassVar[
+        Annotated[tuple[str, ...] | None, _DRAWING, _DRAWINGS, Option(label="Dampers with a heat sink")]
+    ] = None
     """Optimise the heat sink of this damper: paper, or a geometry file. Repeatable."""
     duty: ClassVar[LoadCycle] = _DUTY
     law: ClassVar[LawName] = None
     """Fit this hysteresis model."""
-    samples: Annotated[int | None, Option(
-        least=1, most=100_000, default_help="no random dampers", label="Random dampers")] = None
+    samples: Annotated[
+        int | None, Option(least=1, most=100_000, default_help="no random dampers", label="Random dampers")
+    ] = None
     """Test the controllers of the card on this number of random dampers."""
-    spread_percent: Annotated[float, Option(
-        flag="-", unit="%", least=0.0, most=30.0, label="Spread of random dampers")] = 10.0
+    spread_percent: Annotated[
+        float, Option(flag="-", unit="%", least=0.0, most=30.0, label="Spread of random dampers")
+    ] = 10.0
     """Limit the deviation of random parameters from the nominal ones, in percent."""
-    seed: Annotated[int, Option(flag="-", least=0, most=10_000_000, group=MORE)] = 0
-    """Use this seed of the random number generator."""
-    workers: Annotated[int | None, Option(
-        metavar="NUMBER", least=1, most=1024, default_help="all cores", label="Processes")] = None
+    seed: Annotated[Seed, Option(flag="-", most=10_000_000)] = 0
+    workers: Annotated[Processes, Option(metavar="NUMBER", label="Processes")] = None
     """Use this number of processes on this computer."""
     scheduler: Annotated[str | None, Option(metavar="tcp://HOST:PORT", local=True)] = None
     """Run the tasks on the workers of the Dask scheduler at this address."""

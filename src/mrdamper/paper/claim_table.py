@@ -36,10 +36,9 @@ from mrdamper.paper.claim_values import (
     works_up_to_degC,
     yield_drop,
 )
-from mrdamper.paper.claims import Claim, Origin, Row, is_larger, tolerance_judge
-from mrdamper.paper.findings import Findings
+from mrdamper.paper.claims import Claim, Findings, Origin, Row, is_larger, tolerance_judge
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
+from mrdamper.thermal.sinks.effects import EFFICIENCY_FORMULA, Sweep
 from mrdamper.thermal.temperature_rise import Rise
 
 ROW_COUNT = 37

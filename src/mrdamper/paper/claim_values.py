@@ -11,7 +11,7 @@ from mrdamper.excitation import Sine, motion_from_text
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.scores import RunError
 from mrdamper.models.fluids.fluid import fall_percent
-from mrdamper.paper.findings import Findings
+from mrdamper.paper.claims import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.temperature_rise import Rise
 

@@ -40,8 +40,7 @@ from mrdamper.jobs.track import TrackResult, read_plant, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.paper.claim_table import claims_of
-from mrdamper.paper.claims import Claim
-from mrdamper.paper.findings import Findings
+from mrdamper.paper.claims import Claim, Findings
 from mrdamper.report.rig import write_runs
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent

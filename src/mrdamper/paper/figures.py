@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from mrdamper.jobs.track import Traced
 from mrdamper.models.characteristics import pick_evenly
 from mrdamper.models.fluids.fluid import Fluid
-from mrdamper.paper.findings import Findings
+from mrdamper.paper.claims import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.small_multiples import Line, Panel, panel_figure
 from mrdamper.report.figures.style import (

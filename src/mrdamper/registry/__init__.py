@@ -1,9 +1,7 @@
 """Registry of the jobs: one row with help, function and report for each job.
 
-All interfaces are generated from these rows and from the inputs and options in ``jobs.options``: commands and
-their help, requests and forms of the server, tables of options in the documentation, and functions such as
-``mrdamper.heat``. To add a job, write a module in ``jobs``, a module in ``report``, a class in
-``jobs.options`` and a row in this table.
+All interfaces are generated from these rows and from the inputs and options in ``jobs.options``. To add a
+job, write a module in ``jobs``, a module in ``report``, a class in ``jobs.options`` and a row in this table.
 
 Rows name functions as text (``"mrdamper.jobs.thermal.heat:heat"``), so that this package can be imported
 without the modules of the jobs. The module ``job`` runs the job of a row.
@@ -164,14 +162,14 @@ _ROWS = (
     Job(
         name="data list",
         help="List the public data sets.",
-        run="mrdamper.jobs.public_data.datasets:list_data",
+        run="mrdamper.jobs.public_data:list_data",
         report="mrdamper.report.datasets:LISTED",
     ),
     Job(
         name="data fetch",
         out="runs",
         help="Fetch a public data set and print the paths of its files.",
-        run="mrdamper.jobs.public_data.datasets:fetch_data",
+        run="mrdamper.jobs.public_data:fetch_data",
         report="mrdamper.report.datasets:FETCHED",
         files_help="Write the files to this folder, each with its channel map.",
         progress_word="set",

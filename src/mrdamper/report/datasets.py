@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.files import MAP_SUFFIX
-from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
+from mrdamper.jobs.public_data import FetchedData, PublicData
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.schema import Json
 

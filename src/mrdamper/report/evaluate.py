@@ -14,7 +14,7 @@ from mrdamper.identify.scores import RunError
 from mrdamper.jobs.evaluate import EvaluateResult
 from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.report.base import Report, csv_file, print_notes
-from mrdamper.report.figures.errors import errors_figure, interval_figure
+from mrdamper.report.figures.runs import errors_figure, interval_figure
 from mrdamper.report.identification.scores import (
     error_table,
     show_errors,

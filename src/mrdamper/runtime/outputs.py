@@ -7,7 +7,8 @@ remain unchanged.
 If the output folder does not exist, the hidden folder is renamed, which is one step. If the output folder
 exists, the hidden folder is marked as complete, and the files are moved one by one. If a job is killed during
 this time, the next job in the same folder moves the remaining files (``recover_staging``). Incomplete hidden
-folders of killed jobs are removed. They are recognised because no process holds their lock.
+folders of killed jobs are removed. They are recognised because no process holds their lock: the operating
+system releases the locks of a process that ends for any reason.
 """
 
 from __future__ import annotations
@@ -22,9 +23,21 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.locks import lock
+
+fcntl: Any
+msvcrt: Any
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+try:
+    import msvcrt
+except ImportError:  # all systems except Windows
+    msvcrt = None
+
 
 _PREFIX = ".mrdamper-"
 _FILES, _WHOLE, _TO = (
@@ -36,6 +49,26 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _FLUSHING = 8  # number of files that are flushed to disk in parallel
 _WRITTEN: list[Path] = []
+
+
+def lock(handle: int) -> bool | None:
+    """Lock an open file or folder for this process.
+
+    Return True if this process has the lock now, False if another process has the lock, and None if the
+    operating system or the disk does not support locks.
+    """
+    try:
+        if fcntl is not None:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        elif msvcrt is not None:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        else:
+            return None
+    except BlockingIOError:
+        return False
+    except OSError:  # fcntl: the disk has no locks. msvcrt: another process has the lock.
+        return None if fcntl is not None else False
+    return True
 
 
 @contextmanager

@@ -30,8 +30,7 @@ from typing import TextIO
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX
-from mrdamper.runtime.locks import lock
-from mrdamper.runtime.outputs import recover_staging
+from mrdamper.runtime.outputs import lock, recover_staging
 
 FAULT = "internal fault: this is a fault of mrdamper; the server's terminal shows the traceback"
 """Message of an internal error, without details."""

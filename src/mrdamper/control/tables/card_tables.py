@@ -6,11 +6,11 @@ single factor, called a *level*. Coefficients that are zero are omitted. The uni
 and the functions of speed are piecewise cubics (``lookup``). ``track_tables.h`` reads the tables.
 
 The tables are as small as their tolerances permit, and the error is measured when the tables are built.
-Linear interpolation in current deviates by at most ``CURRENT_TOLERANCE`` of the largest yield force. For a
+Linear interpolation in current deviates by at most ``current_tolerance`` of the largest yield force. For a
 viscosity or an inverse yield displacement, the tolerance is relative to the maximum of the coefficient.
-Quadratic interpolation in temperature deviates by at most ``TEMPERATURE_TOLERANCE``. The total error,
+Quadratic interpolation in temperature deviates by at most ``temperature_tolerance``. The total error,
 including the errors of ``lookup``, is about 0.1 % of the peak force. A yield force that rises like a square
-root at zero current can need too many currents. In this case ``CURRENT_TOLERANCE`` is doubled until the
+root at zero current can need too many currents. In this case ``current_tolerance`` is doubled until the
 number of currents is small enough.
 """
 
@@ -23,6 +23,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.config import Axes, Law
+from mrdamper.control.settings import SETTINGS
 from mrdamper.control.tables.lookup import (
     CurveTables,
     LookupTable,
@@ -36,12 +37,6 @@ from mrdamper.control.tables.series import SeriesTables, tabulate_series
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import REFERENCE_K
-
-CURRENT_COUNT_MAX = 41
-"""Maximum number of currents. All multiples of 1/8 of the largest current are included for the model bank."""
-
-CURRENT_TOLERANCE = 8e-4
-TEMPERATURE_TOLERANCE = 1e-4
 
 ROWS = (
     "offset", "stiffness", "mass", "viscous", "sliding", "breakaway", "yield", "second", "rho", "second_rho",
@@ -62,13 +57,7 @@ SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
 LEVEL_ROW_COUNT = 6  # Only the first six rows can be levels, which do not depend on current.
 _GROUPS = (0, 6, 7, 8, 9)  # Index in ROWS at which each row group of the kernel begins.
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
-TEMPERATURE_COUNT = 193  # Temperatures at which coefficients are sampled: ends and middle of every piece.
 TERM_COUNT_MAX = 48  # MRD_TRACK_TERMS of the kernel
-RANK_TOLERANCE = 1e-7
-# Typical values that scale the error of the rows for stiffness, mass and velocity.
-TYPICAL_STROKE_M = 0.05
-TYPICAL_ACCELERATION_M_S2 = 50.0
-LOW_SPEED_M_S = 0.01
 _SHAPES = (
     "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
     "yield_velocity",
@@ -200,7 +189,7 @@ def tabulate(
     shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
     scale = _scales(_rows(fine))
     at = largest * _current_fractions(_rows(fine), scale)
-    warm = np.linspace(low, high, TEMPERATURE_COUNT)
+    warm = np.linspace(low, high, SETTINGS.temperature_count)
     rows, factor, column, pieces = _terms(_rows(_coefficients(damper, at, warm)), scale)
     if len(rows) > TERM_COUNT_MAX:
         raise InputError(
@@ -277,11 +266,11 @@ def _scales(rows: FloatArray) -> FloatArray:
     maximum of the row.
     """
     own = np.abs(rows).max(axis=(1, 2))
-    passive = own[0] + own[3] * LOW_SPEED_M_S + own[4] + own[5]
+    passive = own[0] + own[3] * SETTINGS.low_speed_m_s + own[4] + own[5]
     force = max(float(np.abs(rows[6] + rows[7]).max()), float(passive))
     at = {
-        "stiffness": force / TYPICAL_STROKE_M,
-        "mass": force / TYPICAL_ACCELERATION_M_S2,
+        "stiffness": force / SETTINGS.typical_stroke_m,
+        "mass": force / SETTINGS.typical_acceleration_m_s2,
         "viscous": own[3],
         "rho": own[8],
         "second_rho": own[9],
@@ -290,7 +279,7 @@ def _scales(rows: FloatArray) -> FloatArray:
 
 
 def _current_fractions(
-    rows: FloatArray, scale: FloatArray, tolerance: float = CURRENT_TOLERANCE
+    rows: FloatArray, scale: FloatArray, tolerance: float = SETTINGS.current_tolerance
 ) -> FloatArray:
     """Return grid points, as fractions of the largest current, for linear interpolation within a tolerance.
 
@@ -319,7 +308,7 @@ def _current_fractions(
             else:
                 high = middle - 1
         knots.append(far)
-    if len(knots) > CURRENT_COUNT_MAX:
+    if len(knots) > SETTINGS.current_count_max:
         return _current_fractions(rows, scale, 2.0 * tolerance)
     return np.asarray(np.array(knots) / count)
 
@@ -342,7 +331,7 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
             else:
                 columns.append((r, values[:, 0], np.ones(values.shape[1])))
             continue
-        while float(np.abs(left).max()) > RANK_TOLERANCE * size:
+        while float(np.abs(left).max()) > SETTINGS.rank_tolerance * size:
             i, j = np.unravel_index(int(np.argmax(np.abs(left))), left.shape)
             factor, column = left[:, j].copy(), left[i] / left[i, j]
             left -= np.outer(factor, column)
@@ -352,7 +341,7 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
     terms = [*levels, *((r, factor) for r, factor, _ in columns)]
     dense = np.array([factor for _, factor in terms])
     allowed = np.array([
-        TEMPERATURE_TOLERANCE * scale[r] / sum(other == r for other, _ in terms) for r, _ in terms
+        SETTINGS.temperature_tolerance * scale[r] / sum(other == r for other, _ in terms) for r, _ in terms
     ])  # fmt: skip
     for pieces in _PIECES:
         cells = _parabolas(dense, pieces)

@@ -2,7 +2,7 @@
 
 A table is piecewise cubic. The cell width doubles with every octave of the argument because the functions
 bend most strongly near zero. Each table has the smallest number of cells for which the error at all test
-points is at most ``CURVE_ERROR`` (hysteretic state) or ``SPEED_ERROR`` (function of speed).
+points is at most ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
 ``track_tables.h`` reads the tables.
 """
 
@@ -17,15 +17,9 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray, read_only
+from mrdamper.control.settings import SETTINGS
 from mrdamper.models.laws import VISCOUS_SPEED
 
-CURVE_ERROR = 1e-4
-"""Absolute tolerance of a hysteretic state, whose range is -1 to 1."""
-
-SPEED_ERROR = 1e-5
-"""Absolute tolerance of a function of speed. The unit is m/s for the viscous function, otherwise 1."""
-
-CELL_BITS_MAX = 6
 TEST_POINTS = np.linspace(0.0625, 0.9375, 8)  # Positions in a cell where table and function are compared.
 
 _Function = Callable[[FloatArray], FloatArray]
@@ -108,7 +102,7 @@ def fit_lookup(
     is returned.
     """
     best: LookupTable | None = None
-    for bits in range(CELL_BITS_MAX + 1):
+    for bits in range(SETTINGS.cell_bits_max + 1):
         for halvings in range(30):
             fine = 2.0 ** (math.ceil(math.log2(end)) - halvings)
             made = tabulate_lookup(value, slope, fine, end, bits=bits, rising=rising)
@@ -160,9 +154,52 @@ def no_curve() -> CurveTables:
     return CurveTables(1.0, *(_zero_table(1.0),) * 5)
 
 
-@lru_cache(maxsize=16)  # Controllers, model and plant of one card have the same curve.
-def universal_curve(kappa: float, n: float) -> CurveTables:
-    """Tabulate the solution of u' = 1 - k u^n, u(0) = 0, with k = 1 (loading) and k = kappa (unloading)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Branches:
+    """Solution of u' = 1 - k u^n, u(0) = 0: k = 1 is the loading branch, k = kappa the unloading branch.
+
+    Values and slopes are exact. The inverse of a branch is interpolated between samples.
+    """
+
+    kappa: float
+    n: float
+    travel: FloatArray  # travel of the samples of both branches, increasing
+    loading: FloatArray  # samples of the loading branch
+    unloading: FloatArray  # samples of the unloading branch
+    unloading_travel: FloatArray  # travel of the samples of the unloading branch, which ends at w = -1
+    loaded: float  # end of the loading branch
+    unloaded: float  # end of the unloading branch
+
+    def to_loading(self, u: FloatArray) -> FloatArray:
+        return np.interp(u, self.loading, self.travel)
+
+    def to_unloading(self, u: FloatArray) -> FloatArray:
+        return np.interp(u, self.unloading, self.unloading_travel)
+
+    def load(self, tau: FloatArray) -> FloatArray:
+        return np.abs(core.curve(self.kappa, self.n, tau)[0])
+
+    def load_slope(self, tau: FloatArray) -> FloatArray:
+        return np.asarray(1.0 - np.minimum(self.load(tau), 1.0) ** self.n)
+
+    def unload(self, tau: FloatArray) -> FloatArray:  # The last cell needs a linear extrapolation.
+        there = np.abs(core.curve(self.kappa, self.n, -np.minimum(tau, self.unloaded))[0])
+        slope = 1.0 - self.kappa * there**self.n
+        return np.asarray(there + slope * np.maximum(tau - self.unloaded, 0.0))
+
+    def unload_slope(self, tau: FloatArray) -> FloatArray:
+        return np.asarray(1.0 - self.kappa * np.minimum(self.unload(tau), 1.0) ** self.n)
+
+    def reload(self, tau: FloatArray) -> FloatArray:
+        """Return the position on the loading branch with the same u as on the unloading branch."""
+        return self.to_loading(self.unload(tau))
+
+    def reload_slope(self, tau: FloatArray) -> FloatArray:
+        return self.unload_slope(tau) / np.maximum(self.load_slope(self.reload(tau)), 1e-9)
+
+
+def _sample_branches(kappa: float, n: float) -> _Branches:
+    """Return the two branches of the curve with their samples."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
@@ -171,62 +208,50 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
     if stop:  # The curve passes w = -1 between two samples. For kappa = 0, it never does.
         slope = max(1.0 - kappa * down[stop - 1] ** n, 1e-9)
         fall[stop:] = min(fall[stop], fall[stop - 1] + (down[stop] - down[stop - 1]) / slope)
-    loaded = float(np.interp(1.0 - 0.2 * CURVE_ERROR, up, dense))
+    loaded = float(np.interp(1.0 - 0.2 * SETTINGS.curve_error, up, dense))
     unloaded = float(np.interp(1.0 - 1e-6, down, fall))
+    return _Branches(kappa, n, dense, up, down, fall, loaded, unloaded)
 
-    def to_loading(u: FloatArray) -> FloatArray:
-        return np.interp(u, up, dense)
 
-    def to_unloading(u: FloatArray) -> FloatArray:
-        return np.interp(u, down, fall)
+@lru_cache(maxsize=16)  # Controllers, model and plant of one card have the same curve.
+def universal_curve(kappa: float, n: float) -> CurveTables:
+    """Tabulate the solution of u' = 1 - k u^n, u(0) = 0, with k = 1 (loading) and k = kappa (unloading)."""
+    curve = _sample_branches(kappa, n)
+    loaded, unloaded, half = curve.loaded, curve.unloaded, 0.5 * curve.unloaded
 
-    def load(tau: FloatArray) -> FloatArray:
-        return np.abs(core.curve(kappa, n, tau)[0])
-
-    def load_slope(tau: FloatArray) -> FloatArray:
-        return np.asarray(1.0 - np.minimum(load(tau), 1.0) ** n)
-
-    def unload(tau: FloatArray) -> FloatArray:  # The last cell needs a linear extrapolation.
-        there = np.abs(core.curve(kappa, n, -np.minimum(tau, unloaded))[0])
-        return np.asarray(there + (1.0 - kappa * there**n) * np.maximum(tau - unloaded, 0.0))
-
-    def unload_slope(tau: FloatArray) -> FloatArray:
-        return np.asarray(1.0 - kappa * np.minimum(unload(tau), 1.0) ** n)
-
-    def reload_rest(rest: FloatArray) -> FloatArray:
+    def position(rest: FloatArray) -> FloatArray:
         return np.maximum(unloaded - rest, 0.0)
 
-    half = 0.5 * unloaded
+    def unload_slope_after(tau: FloatArray) -> FloatArray:
+        return curve.unload_slope(curve.to_unloading(curve.load(tau)))
+
     return CurveTables(
         unloaded=unloaded,
-        loading=fit_lookup(load, load_slope, loaded, CURVE_ERROR, rising=True),
-        unloading=fit_lookup(unload, unload_slope, unloaded, CURVE_ERROR, rising=True),
+        loading=fit_lookup(curve.load, curve.load_slope, loaded, SETTINGS.curve_error, rising=True),
+        unloading=fit_lookup(curve.unload, curve.unload_slope, unloaded, SETTINGS.curve_error, rising=True),
         unload_map=fit_lookup(
-            lambda tau: to_unloading(load(tau)),
-            lambda tau: load_slope(tau) / unload_slope(to_unloading(load(tau))),
+            lambda tau: curve.to_unloading(curve.load(tau)),
+            lambda tau: curve.load_slope(tau) / unload_slope_after(tau),
             loaded,
-            CURVE_ERROR,
-            weight=lambda tau: unload_slope(to_unloading(load(tau))),
+            SETTINGS.curve_error,
+            weight=unload_slope_after,
             rising=True,
         ),
         reload_map=fit_lookup(
-            lambda tau: to_loading(unload(tau)),
-            lambda tau: unload_slope(tau) / np.maximum(load_slope(to_loading(unload(tau))), 1e-9),
+            curve.reload,
+            curve.reload_slope,
             half,
-            CURVE_ERROR,
-            weight=lambda tau: load_slope(to_loading(unload(tau))),
+            SETTINGS.curve_error,
+            weight=lambda tau: curve.load_slope(curve.reload(tau)),
             rising=True,
         ),
         # The sign is reversed so that the function rises.
         reload_map_rest=fit_lookup(
-            lambda rest: -to_loading(unload(reload_rest(rest))),
-            lambda rest: (
-                unload_slope(reload_rest(rest))
-                / np.maximum(load_slope(to_loading(unload(reload_rest(rest)))), 1e-9)
-            ),
+            lambda rest: -curve.reload(position(rest)),
+            lambda rest: curve.reload_slope(position(rest)),
             half,
-            CURVE_ERROR,
-            weight=lambda rest: load_slope(to_loading(unload(reload_rest(rest)))),
+            SETTINGS.curve_error,
+            weight=lambda rest: curve.load_slope(curve.reload(position(rest))),
             rising=True,
         ),
     )
@@ -270,31 +295,31 @@ def functions_of_speed(
             lambda v: v * (np.maximum(v, 1e-300) / VISCOUS_SPEED) ** (exponent - 1.0),
             lambda v: exponent * (np.maximum(v, 1e-9) / VISCOUS_SPEED) ** (exponent - 1.0),
             end,
-            SPEED_ERROR,
+            SETTINGS.speed_error,
             rising=True,
         )
     side, steepness = _side(transition)
     if "sliding" in present:
-        sliding = fit_lookup(side, steepness, min(end, 7.0 * transition), SPEED_ERROR, rising=True)
+        sliding = fit_lookup(side, steepness, min(end, 7.0 * transition), SETTINGS.speed_error, rising=True)
     if "breakaway" in present:
         breakaway = fit_lookup(
             lambda v: side(v) * np.exp(-((v / stribeck) ** 2)),
             lambda v: (steepness(v) - 2.0 * v / stribeck**2 * side(v)) * np.exp(-((v / stribeck) ** 2)),
             min(end, 3.5 * stribeck),
-            SPEED_ERROR,
+            SETTINGS.speed_error,
         )
     if saturating:
         saturation = _saturation(shape["saturation_velocity"], end)
     elif memoryless:
         steep = shape["yield_velocity"]
-        saturation = fit_lookup(*_side(steep), min(end, 7.0 * steep), SPEED_ERROR, rising=True)
+        saturation = fit_lookup(*_side(steep), min(end, 7.0 * steep), SETTINGS.speed_error, rising=True)
     return SpeedTables(viscous, sliding, breakaway, saturation)
 
 
 def _saturation(half: float, end: float) -> LookupTable:
     """Tabulate the saturation curve v / (v + half)."""
     return fit_lookup(
-        lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SPEED_ERROR, rising=True
+        lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SETTINGS.speed_error, rising=True
     )
 
 

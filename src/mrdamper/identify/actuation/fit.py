@@ -136,7 +136,7 @@ def force_rmse_N(
     still: Damper, lags: Actuation | None, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> float:
     """Return the RMS force error [N] of a damper with the actuation ``lags`` over all scored samples."""
-    forces = LaggedForces(still, runs, settings.oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
+    forces = LaggedForces(still, runs, settings.run_oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
     scored = zip(runs, forces, strict=True)
     return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))
 
@@ -158,7 +158,7 @@ def _fit_at_fixed_share(
         fit, times = fit_lags_to_responses(still, stepped, start, settings)
     else:
         moving = _runs_with_moved_force(still, runs, settings)
-        lagged = LaggedForces(still, moving, settings.oversampling)
+        lagged = LaggedForces(still, moving, settings.run_oversampling)
         fit = fit_lags(lagged, run_residual(moving), start, settings)
         up_s = fit.actuation.response_time(STEP_FRACTION)
         down_s = fit.actuation.response_time(STEP_FRACTION, 1.0, 0.0)

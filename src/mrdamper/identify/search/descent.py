@@ -70,10 +70,13 @@ class Descents:
         while not self.done.all():
             self.advance()
 
-    def extend(self, most: int) -> None:
-        """Continue the descents that have not converged, up to a total of ``most`` steps each."""
+    def extend(self, most: int, cost_max: float = np.inf) -> None:
+        """Continue the descents that have not converged, up to a total of ``most`` steps each.
+
+        Descents with a cost [%^2] above ``cost_max`` are not continued.
+        """
         self._most = most
-        self.done = self.converged.copy()
+        self.done = self.converged | (self.costs > cost_max)
 
     def advance(self) -> BoolArray:
         """Make one trial step of every unfinished descent; return which descents accepted it."""

@@ -167,10 +167,15 @@ def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) 
 
 
 def thorough_starts(
-    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], pool: Pool = ONE_CORE
+    problem: FitProblem,
+    dampers: Sequence[Damper],
+    windows: Sequence[FitWindow],
+    screening_windows: Sequence[FitWindow],
+    pool: Pool = ONE_CORE,
 ) -> list[Damper]:
-    """Search for local minima of the cost on some windows; return the different minima, best first.
+    """Search for local minima of the cost on ``windows``; return the different minima, best first.
 
+    Many minima are found on the few screening windows. Descents on all windows start from the best of them.
     First, descents start from given dampers and random points. Then rounds of further descents follow. Some
     start from the best minimum after some of its coefficients are replaced by values from a different minimum
     (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One starts from a random
@@ -178,7 +183,7 @@ def thorough_starts(
     replacement helps because a minimum with a wrong friction can have the right free play. The random numbers
     are always the same, so that a fit does not depend on a seed.
     """
-    objective, rng = Objective(problem, windows), np.random.default_rng(0)
+    objective, rng = Objective(problem, screening_windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
     random_dampers = _random_dampers(problem, 0)
     dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
@@ -212,8 +217,10 @@ def thorough_starts(
         before = costs.min()
         costs = np.concatenate([costs, *(each.costs for each in hops)])
         failures = 0 if costs.min() < (1.0 - settings.same_cost_ratio) * before else failures + 1
-    kept = _different(costs, settings.start_count, settings.same_cost_ratio)
-    return [objective.damper_at(points[k], linear[k]) for k in kept]
+    kept = _different(costs, settings.minimum_count, settings.same_cost_ratio)
+    objective, count = Objective(problem, windows), settings.start_count
+    points, linear, _ = _ends(objective, points[kept], linear[kept], settings.thorough_iterations_max, count)
+    return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 
 def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
@@ -282,15 +289,15 @@ def descend(
 ) -> tuple[Damper, float]:
     """Descend from several dampers; return the best resulting damper and its error [%].
 
-    The first round has ``iterations`` steps. A further round follows if the last round has decreased the
-    smallest error by at least the fraction ``round_gain_min``.
+    The first round has ``iterations`` steps. A further round, without the descents with large costs, follows
+    if the last round has decreased the smallest error by at least the fraction ``round_gain_min``.
     """
     problem = objective.problem
     descents = Descents(objective, *objective.points_of(dampers), most=iterations)
     descents.run()
     for count in range(2, round_count_max + 1):
         before = descents.costs.min()
-        descents.extend(count * iterations)
+        descents.extend(count * iterations, cost_max=NUMERICS.round_cost_ratio_max * before)
         descents.run()
         if not descents.costs.min() <= (1.0 - round_gain_min) ** 2 * before:
             break

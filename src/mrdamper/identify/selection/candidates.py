@@ -30,6 +30,15 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class CandidateStarts:
+    """Start dampers for the fit of a candidate, and the smallest of their errors [%] on the windows."""
+
+    candidate: Candidate
+    dampers: list[Damper]
+    error_percent: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FittedCandidate:
     """A candidate fitted to all windows of the model selection, and the training error [%] of the fit."""
 

@@ -28,7 +28,12 @@ from mrdamper.identify.search.variable_projection import (
     screened_starts,
     thorough_starts,
 )
-from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, ValidatedCandidate
+from mrdamper.identify.selection.candidates import (
+    Candidate,
+    CandidateStarts,
+    FittedCandidate,
+    ValidatedCandidate,
+)
 from mrdamper.identify.selection.settings import DEFAULT_SETTINGS, SelectionSettings
 from mrdamper.identify.selection.starts import (
     asymmetry_percent,
@@ -78,6 +83,12 @@ class CandidateEvaluator:
         self.windows = representative_windows(
             self.runs, data.settings, samples_max=samples_max, blocks=blocks
         )
+        self.all_windows = run_windows(self.runs, data.settings)
+        scored, total = (
+            sum(len(window.force) - window.start for window in each)
+            for each in (self.windows, self.all_windows)
+        )
+        self.is_subset = scored < total
         self.screening_windows = representative_windows(
             self.runs,
             data.settings,
@@ -114,16 +125,17 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def fit_initial(
-        self, law: str, archetype: Archetype | None, error_percent_max: float = np.inf
-    ) -> FittedCandidate:
-        """Fit the first candidate of a law, where the selection of terms starts.
+    def initial_starts(self, law: str, archetype: Archetype | None) -> CandidateStarts:
+        """Return start dampers for the first candidate of a law, where the selection of terms begins.
 
-        If the error of the best start exceeds ``error_percent_max``, this start is returned without a fit.
+        The error of an alternative archetype, which starts near the fit of another archetype, is set to 0.
         """
         candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
         starts = self.starts(candidate) if archetype is None else self._archetype_starts(candidate, archetype)
-        return self.fit(candidate, starts, error_percent_max)
+        if archetype is not None and archetype.is_alternative:
+            return CandidateStarts(candidate, starts, 0.0)
+        objective = Objective(self.problem(candidate), self.windows)
+        return CandidateStarts(candidate, starts, float(np.sqrt(objective.costs_of(starts).min())))
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several start dampers for a fit of a candidate, best first."""
@@ -133,13 +145,13 @@ class CandidateEvaluator:
         starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
         best = best_different(Objective(problem, self.windows), starts)[0]
         starts += self._with_restarted_terms(candidate, best)
-        return thorough_starts(problem, starts, self.windows, self.pool)
+        return thorough_starts(problem, starts, self.windows, self.screening_windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a candidate from many starts; return the fit with the smallest training error."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem = self.problem(fitted.candidate)
-        ends = thorough_starts(problem, starts, self.windows, self.pool)
+        ends = thorough_starts(problem, starts, self.windows, self.screening_windows, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
@@ -221,16 +233,16 @@ class CandidateEvaluator:
         return {free.name for free in after} != {free.name for free in before}
 
     def fit(
-        self, candidate: Candidate, dampers: Sequence[Damper], error_percent_max: float = np.inf
+        self, candidate: Candidate, dampers: Sequence[Damper], *, with_descent: bool = True
     ) -> FittedCandidate:
-        """Fit a candidate to the windows, starting from the best of ``dampers``.
+        """Fit a candidate to the windows, starting from ``dampers``.
 
-        If the error of this damper exceeds ``error_percent_max``, the damper is returned without a fit.
+        If ``with_descent`` is False, the best of the dampers is returned without a fit.
         """
         start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
         objective = Objective(problem, self.windows)
         damper = best_different(objective, dampers)[0]
-        if float(np.sqrt(objective.costs_of([damper])[0])) <= error_percent_max:
+        if with_descent:
             damper, _ = descend(
                 objective,
                 dampers,
@@ -268,8 +280,12 @@ class CandidateEvaluator:
     def error_on_all_runs_percent(self, fitted: FittedCandidate) -> float:
         """Return the error [%] of a fitted candidate on all samples of all runs."""
         problem = self.problem(fitted.candidate)
-        windows = run_windows(self.runs, self.data.settings)
-        return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
+        return float(np.sqrt(Objective(problem, self.all_windows).costs_of([fitted.damper])[0]))
+
+    def is_represented(self, fitted: FittedCandidate) -> bool:
+        """Return True if a candidate's error on all runs is not much larger than its error on the windows."""
+        limit_percent = self.settings.subset_error_ratio_max * fitted.training_rms_percent
+        return not self.is_subset or self.error_on_all_runs_percent(fitted) <= limit_percent
 
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
         """Return copies of a previous damper with the new terms, grouped by start values of the terms.

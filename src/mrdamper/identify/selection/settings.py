@@ -24,7 +24,7 @@ class SelectionSettings:
     subset_growth: float = 3.0  # factor on samples_max in each repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 2.0  # error of a law's best start / error of the fit of the first law
+    start_error_ratio_max: float = 1.5  # error of a law's best start / smallest such error of all laws
     training_error_ratio_max: float = 1.5  # training error of a law / smallest training error of all laws
     finalist_count_max: int = 3  # max number of laws that are cross-validated, in addition to modular laws
 

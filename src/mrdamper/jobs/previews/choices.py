@@ -1,18 +1,22 @@
-"""List the names that options accept (laws, fluids, targets, controllers, roles) as one JSON object.
+"""Names and input files that web forms offer: names that options accept, and the kind of each input file.
 
-Web forms offer these names, and jobs interpret them. Only modules that load fast are imported (no SciPy, no
-table reader), because a server needs the names when it starts.
+Jobs interpret the names. Only modules that load fast are imported (no SciPy, no table reader), because a
+server needs the names when it starts. The kind of a file is a guess from its first lines. The job that reads
+the file reports what is wrong with it.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
 from types import MappingProxyType
 
 from mrdamper.control.controllers import NAMES
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.data.tables import FORMATS
-from mrdamper.jobs.public_data.catalog import DATA_SETS
+from mrdamper.jobs.public_data import DATA_SETS
 from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import QUANTITIES
@@ -22,10 +26,39 @@ from mrdamper.thermal.materials import MATERIALS
 from mrdamper.virtual_rig.campaign import CAMPAIGNS
 from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 
-__all__ = ["WRITTEN", "HeatSink", "choices", "run_formats"]
-
+_HEAD_SIZE_BYTES = 1 << 14
+# The first pattern that matches the beginning of a line decides the kind.
+_TOML: tuple[tuple[str, str], ...] = (
+    ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
+    ("drawing", r"\[body\]"),
+    ("scenario", r"\[(target|sensors|disturbance)\]|target\s*="),
+    ("campaign", r"motions\s*="),
+    ("fluid", r"\[(viscosity|yield_stress|magnetisation|induction)\b.*|particle_fraction\s*="),
+    ("sink", r"\[sink\]"),
+    ("damper", r"preset\s*="),
+)
+_CSV: tuple[tuple[str, str], ...] = (
+    ("rheometer", r"viscosity|yield_stress"),
+    ("curve", r"(fluid|body|coil|wall)_(degC|K)\b"),
+    ("duty", r"(current|voltage|velocity|displacement)_"),
+)
 WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
 """Kinds of files that a web form can edit table by table, with the class of the content of each kind."""
+
+
+@lru_cache(maxsize=1024)
+def kind_of_input(path: Path, _size: int, _time: int) -> str | None:
+    """Return the probable kind of an input; None if its first lines match no kind."""
+    with path.open("rb") as file:
+        lines = file.read(_HEAD_SIZE_BYTES).decode("utf-8", errors="replace").splitlines()
+    if path.suffix.lower() == ".csv":
+        head = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+        return next((kind for kind, pattern in _CSV if re.search(pattern, head)), None)
+    text = "\n".join(line.strip() for line in lines)
+    return next((kind for kind, pattern in _TOML if re.search(f"^({pattern})", text, re.MULTILINE)), None)
+
+
+__all__ = ["WRITTEN", "HeatSink", "choices", "run_formats"]
 
 
 def choices() -> dict[str, object]:

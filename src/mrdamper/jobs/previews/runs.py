@@ -27,7 +27,7 @@ from mrdamper.data.tables import read_tables
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, read_toml
-from mrdamper.jobs.public_data.datasets import MAPS
+from mrdamper.jobs.public_data import MAPS
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
 from mrdamper.schema import Json, finite_or_none
 

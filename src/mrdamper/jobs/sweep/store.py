@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.locks import lock
+from mrdamper.runtime.outputs import lock
 
 RESULTS_FILE = "sweep.jsonl"
 _KEPT = "The finished results are stored. Make room, then use --resume"

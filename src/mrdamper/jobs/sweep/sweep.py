@@ -15,10 +15,9 @@ import numpy as np
 
 from mrdamper.errors import UsageError
 from mrdamper.jobs.options import SweepOptions
-from mrdamper.jobs.sweep.executors import run_on_cluster, run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, make_plan
 from mrdamper.jobs.sweep.store import Store
-from mrdamper.jobs.sweep.tasks import Result
+from mrdamper.jobs.sweep.tasks import Result, run_on_cluster, run_on_processes
 from mrdamper.models.card import ModelCard
 from mrdamper.results import JobResult
 from mrdamper.runtime.pool import usable_cores

@@ -31,8 +31,7 @@ from mrdamper.thermal.sinks.design import (
     search_grid,
     thinned,
 )
-from mrdamper.thermal.sinks.efficiency import Sweep, paper_sweeps
-from mrdamper.thermal.sinks.gain import GainBand, gain_band
+from mrdamper.thermal.sinks.effects import GainBand, Sweep, gain_band, paper_sweeps
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
 
 DEFAULT_OPTIONS = HeatsinkOptions()

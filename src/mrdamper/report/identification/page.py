@@ -13,13 +13,12 @@ from mrdamper.data.finding import by_kind
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import envelope_of
 from mrdamper.identify.scores import RunError, summary
+from mrdamper.jobs.evaluate import coefficient_intervals, force_interval
 from mrdamper.jobs.fit import FitResult
-from mrdamper.jobs.intervals import coefficient_intervals, force_interval
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.errors import errors_figure, interval_figure
-from mrdamper.report.identification.campaign import Campaign
+from mrdamper.report.figures.runs import errors_figure, interval_figure
+from mrdamper.report.identification.campaign import Campaign, OperatingPoints
 from mrdamper.report.identification.coefficients import coefficient_figure
-from mrdamper.report.identification.groups import OperatingPoints
 from mrdamper.report.identification.loops import (
     find_worst_by_motion,
     loop_pictures,

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from rich.console import Console
 
 from mrdamper.identify.scores import RunError, Split, summary
-from mrdamper.jobs.intervals import ForceInterval
-from mrdamper.report.identification.groups import levels_of, pooled_rms
+from mrdamper.jobs.evaluate import ForceInterval
+from mrdamper.report.identification.campaign import levels_of, pooled_rms
 from mrdamper.report.sections import Column, Table
 from mrdamper.schema import Json
 

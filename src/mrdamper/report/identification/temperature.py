@@ -22,8 +22,7 @@ from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_fig
 from mrdamper.report.figures.runs import PANEL_COLUMNS_MAX
 from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_figure
 from mrdamper.report.figures.style import colour_of, svg_drawn_by
-from mrdamper.report.identification.campaign import Campaign
-from mrdamper.report.identification.groups import peak_force, pick_of, sine_of
+from mrdamper.report.identification.campaign import Campaign, peak_force, pick_of, sine_of
 
 REFERENCE_DISTANCE_MAX_K = 2.5  # A measured level this close to 20 degC is the reference.
 

@@ -12,14 +12,14 @@ from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, csv_file, print_notes, text_file
 from mrdamper.report.figures.damper_section import dampers_figure
-from mrdamper.report.figures.heatsink import front_figure, sweeps_figure
+from mrdamper.report.figures.heat import front_figure, sweeps_figure
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Column, Picture, Section, Table, print_compact
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.schema import Json, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
-from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
+from mrdamper.thermal.sinks.effects import EFFICIENCY_FORMULA, Sweep
 
 
 def _first(run: HeatsinkResult) -> FirstScreen:

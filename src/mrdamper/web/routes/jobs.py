@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.jobs.previews.card import card_line
-from mrdamper.jobs.previews.kinds import kind_of_input
+from mrdamper.jobs.previews.choices import kind_of_input
 from mrdamper.schema import Json
 from mrdamper.web.context import AppContext, Context, read_body, send_file
 from mrdamper.web.forms import all_forms

@@ -1,15 +1,21 @@
-"""Effect of a heat sink, and the "heat dissipation efficiency" of the paper, Eq. (10).
+"""Effect of a heat sink: efficiency of the paper, Eq. (10), and gain relative to another heat sink.
 
-The equation is missing in the paper. According to the text, the efficiency has a maximum at a fin width of 23
-mm. For three, four and five fins, the efficiency first rises and then falls, while the temperature always
-falls. Only one interpretation as a ratio reproduces these trends: the reduction of the temperature rise,
-divided by 1 + A_fins / A_damper. The search for a better heat sink (``design``) does not use the efficiency.
+The equation of the "heat dissipation efficiency" is missing in the paper. According to the text, the
+efficiency has a maximum at a fin width of 23 mm. For three, four and five fins, the efficiency first rises
+and then falls, while the temperature always falls. Only one interpretation as a ratio reproduces these
+trends: the reduction of the temperature rise, divided by 1 + A_fins / A_damper. The search for a better heat
+sink (``design``) does not use the efficiency.
+
+The *gain* is how much cooler the fluid is with one heat sink than with another. Heat-transfer coefficients
+and power are changed one by one to the two ends of their 90 % intervals. Each change of the gain is computed
+with the zone network. The half widths of the interval, above and below the gain, are the root sums of squares
+of these changes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +25,10 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.surfaces import cap_area, fin_efficiency
+from mrdamper.thermal.model.surfaces import cap_area, fin_efficiency, fin_uncertainty
 from mrdamper.thermal.model.transient import simulate_network
+from mrdamper.thermal.settings import SETTINGS
+from mrdamper.thermal.sinks.design import HeatedDamper
 
 PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # widths in the study with three fins [m]
 PAPER_FINS = (3, 4, 5)  # numbers of fins in the study with a width of 23 mm
@@ -120,3 +128,59 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
         sweep([replace(base, fins=PAPER_FINS[0], width=width) for width in PAPER_WIDTHS]),
         sweep([replace(base, fins=fins, width=PAPER_WIDTHS[1]) for fins in PAPER_FINS]),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class GainBand:
+    """Gain of a heat sink and its interval; positive if the heat sink is cooler than the reference."""
+
+    middle: float  # computed gain [K]
+    low: float  # lower end of the interval [K]
+    high: float  # upper end of the interval [K]
+
+    @property
+    def better(self) -> bool:
+        """Return True if the heat sink is cooler than the reference in the whole interval."""
+        return self.low > 0.0
+
+
+def gain_band(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink, gain: float) -> GainBand:
+    """Return the 90 % interval of the gain of one heat sink relative to another, from the zone network.
+
+    Parameters
+    ----------
+    reference : heat sink with which ``best`` is compared; None: the bare damper
+    gain : gain [K], computed with any model, to which the half widths are added
+    """
+    fins = 1.0 + fin_uncertainty(damper.drawing.with_sink(best))
+    body = 1.0 + SETTINGS.body_film_error
+    changes: list[Callable[[float], float]] = [
+        lambda side: _gain(damper, _scale_film(reference, fins**side), _scale_film(best, fins**side)),
+        lambda side: _gain(_scale_body_film(damper, body**side), reference, best),
+        lambda side: _gain(_scale_power(damper, 1.0 + side * SETTINGS.sink_power_error), reference, best),
+    ]
+    if reference is not None and min(reference.fins, best.fins) > 1 and reference.gap != best.gap:
+        by_gap = math.exp(SETTINGS.gap_exponent_error * abs(math.log(best.gap / reference.gap)))
+        changes.append(lambda side: _gain(damper, reference, _scale_film(best, by_gap**side)))
+    here = _gain(damper, reference, best)
+    ends = np.array([[change(side) - here for side in (-1.0, 1.0)] for change in changes])
+    below, above = (np.linalg.norm(np.maximum(side, 0.0).max(axis=1)) for side in (-ends, ends))
+    return GainBand(gain, gain - float(below), gain + float(above))
+
+
+def _gain(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink | None) -> float:
+    return damper.evaluate(reference).fluid - damper.evaluate(best).fluid
+
+
+def _scale_film(sink: HeatSink | None, factor: float) -> HeatSink | None:
+    return sink and replace(sink, film_multiplier=sink.film_multiplier * factor)
+
+
+def _scale_body_film(damper: HeatedDamper, factor: float) -> HeatedDamper:
+    own = damper.drawing.calibration
+    return replace(damper, drawing=replace(damper.drawing, calibration=replace(own, film=own.film * factor)))
+
+
+def _scale_power(damper: HeatedDamper, factor: float) -> HeatedDamper:
+    loads = tuple(replace(load.scaled(factor), coil_W=factor * load.coil_W) for load in damper.loads)
+    return replace(damper, loads=loads)

@@ -1,1 +1,0 @@
-"""Thermal models with a few states for controllers."""
