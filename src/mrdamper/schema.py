@@ -90,7 +90,6 @@ class Option:
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
     begins: Any = None  # initial value if it differs from the default
     offers: str = ""  # group of proposed names (``jobs.previews.choices``)
-    slider: tuple[float, float, float] | None = None  # min, max, step
     places: tuple[str, ...] = ()  # subfolders of the work folder with selectable files
     files: str = ".toml"  # suffix of selectable inputs
     looks: tuple[str, ...] = ()  # accepted kinds of input (``web.inputs``)

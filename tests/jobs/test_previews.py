@@ -15,6 +15,7 @@ from mrdamper.jobs.channel_map import channels_toml, write_map
 from mrdamper.jobs.inputs import read_files
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.previews.card import card_line
+from mrdamper.jobs.previews.compare import compare_rows
 from mrdamper.jobs.previews.heat import QuickHeat, damper_facts, draw_damper
 from mrdamper.jobs.previews.runs import findings_in, look
 from mrdamper.jobs.previews.series import keep_model, keep_runs, keep_window, read_series
@@ -25,7 +26,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from tests.data.rig_files import RUN, titled, write_csv
 from tests.support.campaigns import make_run
-from tests.support.cards import write_card_of
+from tests.support.cards import write_card_of, write_heated_card
 
 
 @pytest.fixture
@@ -54,7 +55,6 @@ def test_preview_shows_columns_run_and_findings(file):
         assert column["name"] == name
         assert column["first"] == values[:12].tolist()
         assert (column["least"], column["most"]) == (values.min(), values.max())
-        assert (min(column["thumbnail"]), max(column["thumbnail"])) == (values.min(), values.max())
     (row,) = answer["runs"]
     stroke = 1e3 * float(np.ptp(RUN.displacement))
     assert row["stroke_mm"] == pytest.approx(stroke)
@@ -189,6 +189,27 @@ def test_heating_preview_agrees_with_heat_job(tmp_path):
     half = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0, duty_share=0.5)
     assert half["power_W"]["mechanical"] == pytest.approx(0.5 * fast["power_W"]["mechanical"])
     assert max(half["curve"]["hottest_degC"]) < max(fast["curve"]["hottest_degC"])
+
+
+def test_quick_tile_names_assumption_and_extrapolation(tmp_path):
+    card = write_heated_card(tmp_path, "assumed.json", assumed=True)
+    found = QuickHeat().curve(card, "paper", amplitude_mm=300.0, duration_s=60.0)
+    (mark,) = (tile["mark"] for tile in found["tiles"] if tile["label"] == "force lost by heating")
+    assert "assumed" in mark
+    assert "extrapolated" in mark
+
+
+def test_copies_and_runs_of_other_dampers_are_marked(file):
+    (row,) = look(file)["runs"]
+    low, high = row["force_range_N"]
+    others = [{**row, "name": f"run{k}", "force_range_N": [low - k, high + k]} for k in range(4)]
+    strong = {**row, "name": "strong", "force_range_N": [3.0 * low, 3.0 * high]}
+    volts = {**row, "name": "volts", "command_unit": "V"}
+    rows = compare_rows([*others, {**others[1], "name": "copy"}, strong, volts])
+    assert {one["name"]: one["copy_of"] for one in rows if one["copy_of"]} == {"copy": "run1"}
+    reasons = {one["name"]: one["foreign"] for one in rows if one["foreign"]}
+    assert set(reasons) == {"strong", "volts"}
+    assert reasons["volts"] == "commanded in V, most runs are in A"
 
 
 def test_edited_geometry_is_written_or_rejected():

@@ -35,9 +35,6 @@ FIELD_OF = {
 }  # fmt: skip
 """Names of request fields that differ from the option."""
 
-BY_ROUTE = {"data list": "/api/data"}
-"""Commands that are requests of a page, not jobs."""
-
 
 def commands(group: click.Group = cli, before: str = "") -> Iterator[tuple[str, click.Command]]:
     for name, command in group.commands.items():
@@ -76,9 +73,6 @@ def test_option_has_field_or_reason(command, name, told):
     if told == "--resume":  # The option ``resume`` is a separate request.
         assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
-    if command in BY_ROUTE:
-        assert name == "card"
-        return
     kind = command.split()[-1]
     field = FIELD_OF.get(kind, {}).get(name, name)
     fields = {field.name for field in request_fields(kind)}
@@ -103,7 +97,7 @@ def test_commands_are_in_page_table():
 def test_job_kinds_have_a_page(kind):
     """The form is built from the declarations, so that no field is missing."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
-    assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^  {kind}: "', text, re.MULTILINE)
+    assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^\s+{kind}: "', text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)

@@ -95,12 +95,8 @@ def test_dns_rebinding_is_refused(ask, host):
     answer = ask("GET", "/api/state", headers={"host": host})
     assert answer.status == 403
     assert "files" not in answer.json
-
-
-def test_public_server_accepts_address_not_foreign_name():
-    address = ListenAddress("0.0.0.0", TOKEN)
-    assert address.is_named_by("192.168.0.7:8765")
-    assert not address.is_named_by("evil.example:8765")
+    public = ListenAddress("0.0.0.0", TOKEN)
+    assert public.is_named_by(host) == (host == "192.168.0.7:8765")
 
 
 @pytest.mark.parametrize(
@@ -184,7 +180,10 @@ def test_responses_have_security_headers(ask):
         (413, "PUT", "/api/files/big.csv", {"body": 500 * CSV}),
         (413, "POST", "/api/jobs", {"body": b" " * 3_000_000, "pieces": 30}),
         (413, "POST", "/api/heat/curve", {"body": b" " * 3_000_000, "pieces": 30}),
-        (422, "PUT", "/api/files/run.exe", {"body": CSV}),
+        *(
+            (422, "PUT", f"/api/files/{name}", {"body": CSV})
+            for name in ("page.html", "array.npy", "run.csv.channels.toml", "script.py", "run")
+        ),
         (500, "GET", "/api/runs", {}),
     ],
 )
@@ -324,12 +323,6 @@ def test_invalid_job_request_reports_error(folder, ask, body):
     assert answer.json["error"]
     assert len(answer.body) < 2000
     assert [path.name for path in (folder / "results").iterdir()] == ["check-001"]
-
-
-def test_unknown_suffix_is_refused(folder, ask):
-    for name in ("page.html", "array.npy", "run.csv.channels.toml", "script.py", "run"):
-        assert ask("PUT", f"/api/files/{name}", body=b"x").status == 422
-    assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
 
 
 # ------------------------------------------------------------------------------------------- contents

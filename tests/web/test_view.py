@@ -107,7 +107,7 @@ def test_two_million_samples_never_block_page(browser, tmp_path):
 
 
 def test_address_restores_view_and_back_button_undoes(browser, site, page):
-    """A different browser restores runs, card, colours, hidden curves and zooms from the address."""
+    """A different browser restores runs, card, cycles, hidden curves and zooms from the address."""
     page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)
     whole = _pictures(page)
@@ -118,8 +118,7 @@ def test_address_restores_view_and_back_button_undoes(browser, site, page):
     _drag(page, "Velocity loops", 0.3, 0.6)
     page.wait_for_url(lambda url: "view.v=" in url)
     page.get_by_role("button", name="measured").click()
-    page.get_by_text("How it is drawn").click()
-    page.get_by_label("Colour by").select_option("card")
+    page.get_by_label("Cycles").select_option("3")
     last = _pictures(page)
     with opened(browser, site[1].address) as other:
         other.goto(page.url)

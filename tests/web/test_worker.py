@@ -54,7 +54,7 @@ def idle(shared):
     """Return the shared server without running jobs."""
     yield shared
     client = shared[1]
-    for job in client.get("/api/jobs")["jobs"]:
+    for job in client.get("/api/state")["jobs"]:
         client.ask("POST", f"/api/jobs/{job['id']}/cancel")
         client.ended(job["id"])
 
@@ -123,7 +123,7 @@ def test_third_job_waits(folder):
         client.ask("POST", f"/api/jobs/{first}/cancel")
         assert client.ended(third)["state"] == "done"
         assert client.get(f"/api/jobs/{second}")["state"] == "running"
-        assert [job["id"] for job in client.get("/api/jobs")["jobs"]] == [fourth, third, second, first]
+        assert [job["id"] for job in client.get("/api/state")["jobs"]] == [fourth, third, second, first]
     assert python_processes_of(folder) == []
 
 
@@ -131,6 +131,9 @@ def test_third_job_waits(folder):
 def test_stopped_server_ends_its_processes(folder):
     with served(folder) as client:
         client.read_all()
+        second = mrdamper("serve", "--port", "0", "--folder", folder)
+        assert second.returncode == 3
+        assert "another server" in second.stderr
         job_id, pid = a_long_fit(client)
         waiting = client.job("fit", card="other", **LONG)
     assert gone_within(pid, 1.0)
@@ -138,14 +141,6 @@ def test_stopped_server_ends_its_processes(folder):
     with served(folder) as client:
         assert client.get(f"/api/jobs/{job_id}")["state"] == "interrupted"
         assert client.get(f"/api/jobs/{waiting}")["state"] == "interrupted"
-
-
-@pytest.mark.nightly
-def test_second_server_in_folder_is_refused(folder):
-    with served(folder):
-        second = mrdamper("serve", "--port", "0", "--folder", folder)
-        assert second.returncode == 3
-        assert "another server" in second.stderr
 
 
 @pytest.mark.nightly

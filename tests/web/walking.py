@@ -14,11 +14,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import Keyboard, Locator, Page
 
-__all__ = [
-    "AXES", "CUT", "FAINT", "PAGES", "STATIC", "UNNAMED", "VIEWS", "Actions", "a_logger_file", "a_sine_run",
-    "counted_actions", "download", "drop_files", "plot", "saved_table",
-]  # fmt: skip
-
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
 
 PAGES = ("data", "model", "thermal", "controller", "jobs")
@@ -56,38 +51,27 @@ CUT = """
 
 FAINT = """
 (() => {
-  const parsed = (said) => {
-    const [r, g, b, a = 1] = said.match(/[\\d.]+/g).map(Number);
-    return { rgb: [r, g, b], a };
-  };
-  const over = (top, share, below) => below.map((value, k) => value + (top[k] - value) * share);
+  const parsed = (text) => text.match(/[\\d.]+/g).map(Number);
   const luminance = (rgb) => {
     const linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
     const [r, g, b] = rgb.map((v) => linear(v / 255));
     return 0.2126 * r + 0.7152 * g + 0.0722 * b;
   };
   const backOf = (e) => {
-    const above = [];
-    for (; e; e = e.parentElement) above.push(parsed(getComputedStyle(e).backgroundColor));
-    return above.reverse().reduce((below, { rgb, a }) => over(rgb, a, below), [255, 255, 255]);
+    const [r, g, b, a = 1] = e ? parsed(getComputedStyle(e).backgroundColor) : [255, 255, 255];
+    return a ? [r, g, b] : backOf(e.parentElement);
   };
-  const opacity = (e) => (e ? Number(getComputedStyle(e).opacity) * opacity(e.parentElement) : 1);
+  const isActive = (e) => !e.closest(":disabled, option, script, noscript, [aria-pressed=false].key");
+  const ratio = (e) => {
+    const pair = [parsed(getComputedStyle(e).color), backOf(e)].map((rgb) => luminance(rgb.slice(0, 3)));
+    const [low, high] = pair.sort((p, q) => p - q);
+    return (high + 0.05) / (low + 0.05);
+  };
   const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  const found = [];
-  while (texts.nextNode()) {
-    const e = texts.currentNode.parentElement;
-    const inactive = e.closest(":disabled, .dim, option, script, noscript, [aria-pressed=false].key");
-    if (!texts.currentNode.data.trim() || inactive || !e.checkVisibility()) continue;
-    const style = getComputedStyle(e);
-    const back = backOf(e);
-    const { rgb, a } = parsed(style.color);
-    const [low, high] = [luminance(over(rgb, a * opacity(e), back)), luminance(back)].sort((p, q) => p - q);
-    const size = parseFloat(style.fontSize);
-    const large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
-    const ratio = (high + 0.05) / (low + 0.05);
-    if (ratio < (large ? 3 : 4.5)) found.push(`${ratio.toFixed(2)} ${e.outerHTML.slice(0, 160)}`);
-  }
-  return found;
+  const all = [];
+  while (texts.nextNode()) if (texts.currentNode.data.trim()) all.push(texts.currentNode.parentElement);
+  const faint = all.filter((e) => isActive(e) && e.checkVisibility() && ratio(e) < 4.5);
+  return faint.map((e) => `${ratio(e).toFixed(2)} ${e.outerHTML.slice(0, 160)}`);
 })()"""
 """Texts with too little contrast by WCAG 2 AA; disabled controls are exempt."""
 

@@ -355,9 +355,9 @@ class HeatOptions(HeatingInputs):
         Option(label="Temperature at the start", group=MORE),
     ] = None
     """Start with this temperature of all parts, in degC."""
-    ambient_degC: Annotated[Ambient | None, _GIVEN, Option(begins=20.0, slider=(-30.0, 60.0, 1.0))] = None
+    ambient_degC: Annotated[Ambient | None, _GIVEN, Option(begins=20.0)] = None
     """Use this ambient temperature, in degC."""
-    air_m_s: Annotated[AirSpeed | None, _GIVEN, Option(label="Air speed", slider=(0.0, 20.0, 0.5))] = None
+    air_m_s: Annotated[AirSpeed | None, _GIVEN, Option(label="Air speed")] = None
     """Use this air speed, in m/s."""
     with_sink: Annotated[
         bool, Option(flag="-", label="with the heat sink of the geometry file", part="sink")
@@ -429,7 +429,11 @@ class DataListOptions:
 class DataFetchOptions:
     """Inputs and options of ``data fetch``."""
 
-    name: ClassVar[Annotated[str, Option(metavar="NAME", argument=True)]]
+    name: ClassVar[
+        Annotated[
+            str, Option(metavar="NAME", argument=True, offers="data", word="data set", label="Data set")
+        ]
+    ]
     """Fetch the data set with this name. The command data list prints the names."""
 
 

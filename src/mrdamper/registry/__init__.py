@@ -218,6 +218,5 @@ QUERIES: Mapping[str, str] = {
     "damper": "mrdamper.jobs.previews.heat:damper_facts",
     "drawn": "mrdamper.jobs.previews.heat:draw_damper",
     "card": "mrdamper.jobs.previews.card:require_card",
-    "catalogue": "mrdamper.jobs.public_data:catalogue",
 }
 """Functions that answer the queries, by name of the query. Queries are short computations for web pages."""

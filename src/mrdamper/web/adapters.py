@@ -9,25 +9,22 @@ import json
 import os
 import shutil
 import zipfile
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.previews.choices import choices, run_formats
-from mrdamper.runtime.progress import Progress, ProgressUpdate
-from mrdamper.schema import Field, Json, finite_or_none
+from mrdamper.runtime.progress import Progress
+from mrdamper.schema import Field, Json
 from mrdamper.web.schemas import ORDER_JOBS
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
-Say = Callable[..., None]
-"""Callback for progress. The keywords are done (count), of (total), text, and further values of a fit."""
 
-
-def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
+def do(
+    kind: str, options: Json, folder: WorkFolder, out: Path, progress: Progress, *, resume: bool = False
+) -> Json:
     """Run a job, write its files, and return its answer.
 
     The files are written to the folder ``out``, except cards and simulated runs, which belong to ``cards/``
@@ -42,7 +39,7 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
         {each.name: _located(folder, each, options[each.key]) for each in inputs},
         job.options_from(chosen),
         out=folder.runs if job.out == "runs" else out,
-        on_progress=_progress(say),
+        on_progress=progress,
         resume=resume,
     )
     root = json.dumps(f"{folder.root}{os.sep}")[1:-1]  # Paths in the answer become relative to the folder.
@@ -99,20 +96,6 @@ def _path_or_preset(folder: WorkFolder, field: Field, name: str) -> str:
         known = "such as sine:15mm:1Hz:2A:1800s" if is_duty else f"one of: {', '.join(presets)}"
         found = f"neither an input in the folder nor {known}"
         raise InputError(place=f"{option.word} {name!r}", found=found) from fault
-
-
-def _progress(say: Say) -> Progress:
-    """Return the progress callback of a job."""
-
-    def on_progress(now: ProgressUpdate) -> None:
-        state = asdict(now.detail) if is_dataclass(now.detail) and not isinstance(now.detail, type) else {}
-        told: Json = {k: finite_or_none(v) if isinstance(v, float) else v for k, v in state.items()}
-        text = now.text
-        if "iteration" in told:
-            text = f"start {told['start'] + 1} of {told['starts']}, iteration {told['iteration']}"
-        say(done=now.done, of=now.total or 0, text=text, **told)
-
-    return on_progress
 
 
 def _packed(out: Path, name: str) -> Json:

@@ -41,7 +41,7 @@ class AppContext:
         self.queue = JobQueue(self.folder, slots)
         self.reader = QueryLine()  # Reads whole files for a page.
         self.previewer = QueryLine()  # Reads the beginning of large files.
-        self.heater = QueryLine()  # Computes heating curves for sliders.
+        self.heater = QueryLine()  # Computes quick heating curves.
         self.index = RunIndex(self.folder, self.formats)
 
     def open(self) -> None:
@@ -55,27 +55,21 @@ class AppContext:
         await self.queue.close()
 
     def change_numbers(self) -> dict[str, str]:
-        """Return a text for each kind of item (files, cards, ...), which changes if such an item changes."""
+        """Return a text for the files and one for all other items, which change if such an item changes."""
         folder = self.folder
-        places = {
-            "files": folder.runs,
-            "records": folder.records,
-            "inputs": folder.inputs,
-            "cards": folder.cards,
-            "jobs": folder.results,
-        }
-        numbers = {what: f"{_signature(place):x}" for what, place in places.items()}
-        return {**numbers, "files": f"{self.index.changes}-{numbers['files']}"}
+        others = (folder.records, folder.inputs, folder.cards, folder.results)
+        files = f"{self.index.changes}-{_signature(folder.runs)}"
+        return {"files": files, "others": str(list(map(_signature, others)))}
 
 
 def _signature(place: Path) -> int:
     """Return a hash of the names and modification times of the items in a folder."""
     found = []
     with suppress(OSError):
-        for path in place.iterdir():
+        for path in place.glob("[!.]*"):
             with suppress(OSError):
                 found.append((path.name, path.stat().st_mtime_ns))
-    return hash(tuple(sorted(row for row in found if not row[0].startswith("."))))
+    return hash(tuple(sorted(found)))
 
 
 class Dampers:

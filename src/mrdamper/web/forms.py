@@ -15,7 +15,7 @@ from mrdamper.schema import Field, Json, fields_of
 from mrdamper.web.schemas import ORDER_JOBS, HeatCurve, request_fields
 
 _SHOWN_UNITS = {"degC": "°C", "ohm": "Ω"}
-_SHOWN = ("group", "offers", "slider", "places", "files", "looks", "word", "part")
+_SHOWN = ("group", "offers", "places", "files", "looks", "word", "part")
 _TYPES = {bool: "yes", int: "whole", float: "number"}
 
 

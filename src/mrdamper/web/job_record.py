@@ -1,7 +1,7 @@
 """Record of a job: request, state, times and progress, in the folder of the job.
 
     job.json        one object; the server writes request and cancellation, the worker writes start and end
-    progress.jsonl  one line for each progress step
+    progress.json   the last progress step
     answer.json     the output of ``mrdamper KIND --json``
 
 A restarted server needs only these files. A small reserve file is created with the record. It is deleted when
@@ -32,34 +32,25 @@ GRACE_S = 3.0
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")
-_OWN = frozenset({"job.json", "progress.jsonl", "answer.json"})
+_OWN = frozenset({"job.json", "progress.json", "answer.json"})
 _FILES_MAX_COUNT = 500
 _RESERVE_SIZE_BYTES = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Content of ``job.json``.
-
-    Attributes
-    ----------
-    options : validated options of the request
-    message : reason why the job ended
-    card : name of the card that the job writes
-    resumed : how many times the job was resumed
-    pid : id of the job's process
-    """
+    """Content of ``job.json``."""
 
     id: str
     kind: str
-    options: dict[str, Any]
+    options: dict[str, Any]  # validated options of the request
     state: Literal["queued", "running"] | EndState = "queued"
     asked_at: str
     started_at: str | None = None
     ended_at: str | None = None
-    message: str | None = None
-    card: str | None = None
-    resumed: int = 0
+    message: str | None = None  # reason why the job ended
+    card: str | None = None  # name of the card that the job writes
+    resumed: int = 0  # how many times the job was resumed
     pid: int | None = None
 
     @property
@@ -115,23 +106,16 @@ class JobRecord:
         ended_early = job.has_ended and job.state != "done"
         return job.kind == "sweep" and ended_early and bool(_size(self.folder / RESULTS_FILE))
 
-    def last_progress(self) -> Json | None:
-        """Return the last line of progress; None if no line has been written yet."""
-        with suppress(OSError, ValueError, IndexError):
-            line = json.loads((self.folder / "progress.jsonl").read_bytes().splitlines()[-1])
-            return {key: line.get(key) for key in ("done", "of", "text")}
-        return None
-
-    def answer(self) -> Any:  # noqa: ANN401 - any JSON
-        """Return the answer of the job; None if it has no answer yet."""
+    def content(self, name: str) -> Any:  # noqa: ANN401 - any JSON
+        """Return the content of a JSON file of the job; None if it has not been written yet."""
         with suppress(OSError, ValueError):
-            return json.loads((self.folder / "answer.json").read_text(encoding="utf-8"))
+            return json.loads((self.folder / name).read_text(encoding="utf-8"))
         return None
 
     def shown(self) -> Json:
         """Return the record as JSON for the pages."""
         job = self.read()
-        progress = None if job.has_ended else self.last_progress()
+        progress = None if job.has_ended else self.content("progress.json")
         more = {"progress": progress, "files": self._files(), "resumable": self.is_resumable(job)}
         return asdict(job) | more
 

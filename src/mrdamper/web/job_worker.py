@@ -9,7 +9,7 @@ interrupts the job.
 
 from __future__ import annotations
 
-import json
+import math
 import os
 import signal
 import sys
@@ -22,38 +22,29 @@ from pathlib import Path
 
 from mrdamper.errors import MrdamperError
 from mrdamper.interrupts import Interrupted
+from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.web.adapters import do
 from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
 _NICENESS = 10  # Jobs run at low priority so that the pages stay responsive.
-INTERVAL_MIN_S, INTERVAL_MAX_S = 0.02, 2.0  # shortest and longest time between two progress lines
+_INTERVAL_MIN_S = 0.2  # shortest time between two writes of the progress
 
 _server_is_gone = threading.Event()
 
 
-class _ProgressFile:
-    """Writer of progress lines. The interval between lines grows; the last line is always written."""
+def _progress_file(path: Path) -> Progress:
+    """Return a progress callback that replaces a file, not more often than every ``_INTERVAL_MIN_S``."""
+    written_s = -math.inf
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._begin, self._next = path, time.monotonic(), 0.0
-        self._pending = ""
+    def write(now: ProgressUpdate) -> None:
+        nonlocal written_s
+        if time.monotonic() - written_s >= _INTERVAL_MIN_S:
+            written_s = time.monotonic()
+            with suppress(OSError):  # A full disk must not stop the job.
+                write_object(path, {"done": now.done, "of": now.total or 0, "text": now.text})
 
-    def progress(self, **values: object) -> None:
-        """Write a line if the previous one is old enough; otherwise keep it for ``flush``."""
-        spent = time.monotonic() - self._begin
-        line = {"event": "progress", "t_s": round(spent, 3), **values}
-        self._pending = json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
-        if spent >= self._next:
-            self._next = spent + min(INTERVAL_MIN_S + spent / 500.0, INTERVAL_MAX_S)
-            self.flush()
-
-    def flush(self) -> None:
-        """Write the pending line."""
-        # A full disk must not stop the job. In this case the line is lost.
-        with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
-            file.write(self._pending)
-        self._pending = ""
+    return write
 
 
 def main() -> None:
@@ -83,12 +74,10 @@ def run_job(folder: WorkFolder, job_id: str) -> None:
     record = JobRecord(folder.results, job_id)
     try:
         record.begin()
-        progress = _ProgressFile(record.folder / "progress.jsonl")
+        progress = _progress_file(record.folder / "progress.json")
         job = record.read()
-        resume = job.resumed > 0
-        answer = do(job.kind, job.options, folder, record.folder, progress.progress, resume=resume)
+        answer = do(job.kind, job.options, folder, record.folder, progress, resume=job.resumed > 0)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The job has finished and cannot be cancelled.
-        progress.flush()
         write_object(record.folder / "answer.json", answer)
         if not answer.get("cancelled"):
             record.end("done")

@@ -35,12 +35,7 @@ class QueryLine:
     async def ask(self, name: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 - any JSON
         """Return the answer of one of ``QUERIES``.
 
-        Raises
-        ------
-        InputError
-            If the function of the query raises it, takes too long, or crashes its process.
-        NoSpaceError
-            If the disk is full.
+        Raise InputError if the query raises it, takes too long, or crashes its process.
         """
         async with self._turn:
             try:

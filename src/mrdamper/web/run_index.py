@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError
+from mrdamper.jobs.previews.compare import compare_rows
 from mrdamper.schema import Json, read_record
 from mrdamper.web.job_record import write_object
 from mrdamper.web.queries import QueryLine
 from mrdamper.web.workspace import ConflictError, NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
 
-_CACHE_FORMAT = "4"  # If this number changes, all files are read again.
+_CACHE_FORMAT = "5"  # If this number changes, all files are read again.
 _RIG_LINE = re.compile(rb"# simulated: virtual damper ([\w-]+), seed ")
 _WINDOWS_MAX_COUNT = 64  # max number of cached windows (plotted time ranges) of a file
 _RETRY_S = 30.0  # If the disk is full, the attempt to read a file is repeated after this time.
@@ -52,19 +53,12 @@ class CachedRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Contents:
-    """Description of a measured file and its runs, stored as ``meta.json`` in the cache folder of the file.
-
-    Attributes
-    ----------
-    preview : preview of the file and its runs, computed by ``jobs.previews``
-    findings : findings of each run; None until the runs have been checked
-    rig : preset of the virtual damper, if the file was simulated by the virtual rig
-    """
+    """Description of a measured file and its runs: ``meta.json`` in the cache folder of the file."""
 
     file: str
-    preview: dict[str, Any]
-    findings: list[list[dict[str, Any]]] | None = None
-    rig: str | None = None
+    preview: dict[str, Any]  # computed by ``jobs.previews``
+    findings: list[list[dict[str, Any]]] | None = None  # None until the runs have been checked
+    rig: str | None = None  # preset of the virtual rig that simulated the file
 
     @property
     def names(self) -> list[str]:
@@ -110,7 +104,7 @@ class RunIndex:
         """Return the runs of all files read so far, and the number of files that are still being read."""
         contents = self._read_contents()
         runs = [run for one in contents.values() if one is not None for run in one.runs()]
-        return {"runs": runs, "reading": sum(one is None for one in contents.values())}
+        return {"runs": compare_rows(runs), "reading": sum(one is None for one in contents.values())}
 
     def usable(self) -> list[str] | None:
         """Return the names of the files whose runs can all be fitted; None while files are being read."""

@@ -40,10 +40,7 @@ _TOKEN_SIGNS = 32
 def build(
     root: Path, address: ListenAddress | None = None, *, most_upload: int = UPLOAD_MAX_BYTES
 ) -> ASGIApp:
-    """Return the server of a folder as an ASGI application.
-
-    The lifespan of the application starts and ends the processes of the server.
-    """
+    """Return the server of a folder as an ASGI application."""
     address = address or ListenAddress()
     dampers = Dampers(root, most_upload=most_upload, local=address.is_loopback)
 

@@ -4,7 +4,7 @@
     records/      long records for cycle counting; the user copies them there
     inputs/       geometry, sinks, fluids, targets, campaigns (TOML), load cycles (CSV)
     cards/NAME/   output of ``mrdamper fit --out``
-    results/ID/   one job: job.json, progress.jsonl, answer.json and output files
+    results/ID/   one job: job.json, progress.json, answer.json and output files
     dampers/NAME/ another damper: a folder with the same structure
     .trash/ID/    removed items, in subfolders with the names of their original folders
     .cache/       samples of runs for plots; may be deleted at any time
@@ -121,8 +121,6 @@ class WorkFolder:
             for left in place.glob(".upload-*"):
                 left.unlink(missing_ok=True)
 
-    # ---------------------------------------------------------------------------------- names to paths
-
     def new(self, place: Path, name: str, suffixes: tuple[str, ...] = ()) -> Path:
         """Return the path for a new file or folder; raise InputError if the name is invalid."""
         shown = name[:60]
@@ -152,12 +150,9 @@ class WorkFolder:
         return place / name
 
     def there(self, place: Path, *names: str, folder: bool = False) -> Path:
-        """Return the path of an existing file or folder; ``names`` are the parts of the path below ``place``.
+        """Return the path of an existing file or folder below ``place``.
 
-        Raises
-        ------
-        NotThereError
-            If there is no such item, or the item is a link to a place outside the work folder.
+        Raise NotThereError if it is missing, or a link to a place outside the work folder.
         """
         for name in names:
             if not name or name in {".", ".."} or re.search(r"[/\\\x00]", name):
@@ -203,8 +198,6 @@ class WorkFolder:
         """Return the path of a file in ``inputs/``."""
         return self.there(self.inputs, name)
 
-    # ---------------------------------------------------------------------------------- lists of items
-
     def run_files(self, formats: tuple[str, ...]) -> list[Path]:
         """Return the measured files, sorted by name."""
         return self.listed(self.runs, formats)
@@ -229,8 +222,6 @@ class WorkFolder:
         with suppress(NotThereError):
             return all(map(is_text, names)) and bool(self.there(place, *names, folder=folder))
         return False
-
-    # ---------------------------------------------------------------------------------------- writing
 
     async def store(self, path: Path, body: AsyncIterator[bytes], most_bytes: int) -> int:
         """Write an upload to a temporary file and move it to its path; return its size [bytes]."""
@@ -271,12 +262,7 @@ class WorkFolder:
     def restore(self, name: str) -> list[Path]:
         """Move an entry of the trash to its original paths; return these paths.
 
-        Raises
-        ------
-        NotThereError
-            If the trash has no such entry.
-        InputError
-            If a different item now has one of the original paths.
+        Raise InputError if a different item now has one of these paths.
         """
         entry = self.there(self.trash, name, folder=True)
         places = {path: self.root / path.relative_to(entry) for path in self._thrown(name)}

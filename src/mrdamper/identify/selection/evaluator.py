@@ -172,7 +172,7 @@ class CandidateEvaluator:
         return restarted
 
     def initial_candidate(self, law: str) -> Candidate:
-        """Return the first candidate of a law, with the terms that the user specified or the default terms."""
+        """Return the first candidate of a law, with the terms of the user or the default terms."""
         if self._terms is not None:
             return Candidate(law, self._terms)
         problem = self.data.problem(law)

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from mrdamper.control.controllers import NAMES
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.data.tables import FORMATS
+from mrdamper.jobs.public_data import DATA_SETS
 from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import QUANTITIES
@@ -73,6 +74,7 @@ def choices() -> dict[str, object]:
         "campaigns": list(CAMPAIGNS),
         "targets": list(SCENARIOS),
         "controllers": list(NAMES),
+        "data": [{"name": each.name, "title": f"{each.title} ({each.licence})"} for each in DATA_SETS],
         "materials": [name for name in MATERIALS if name != "winding"],
         "roles": [
             {

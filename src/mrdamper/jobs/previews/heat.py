@@ -1,4 +1,4 @@
-"""Compute heating curves fast enough for interactive sliders, and edit geometry files for web forms.
+"""Compute heating curves fast enough for each entry of a web form, and edit geometry files for web forms.
 
 The quick curve has the same card, geometry, load cycle and thermal model as ``mrdamper heat``. Card, geometry
 and intermediate results are cached between curves. The temperature field and the report are omitted.
@@ -28,7 +28,7 @@ from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawin
 from mrdamper.thermal.duty import Duty, Segment, segment_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.sinks.design import HeatedDamper
-from mrdamper.thermal.temperature_rise import card_range_notes, notes_of, simulate_rise, works_of
+from mrdamper.thermal.temperature_rise import Rise, card_range_notes, notes_of, simulate_rise, works_of
 
 Value = TypeVar("Value")
 
@@ -83,7 +83,10 @@ class QuickHeat:
                 start_K=start_of(asked),
                 stop_at_limit=not asked.past_limit,
             )
+        assumed = "by a fluid, not identified" if model.damper.assumed else ""
+        outside = f"extrapolated: {', '.join(beyond)}" if beyond else ""
         return {
+            "tiles": _tiles(rise, outside, assumed, tempered=model.damper.temperature_dependent),
             "curve": {
                 "time_s": rise.time.tolist(),
                 "hottest_degC": (rise.hot["gap"] - ZERO_CELSIUS_K).tolist(),
@@ -99,8 +102,6 @@ class QuickHeat:
             else finite_or_none(rise.force_loss_percent),
             "power_W": {"mechanical": float(rise.mechanical_W[0]), "coil": float(rise.coil_W[0])},
             "notes": [*notes, *rise.notes],
-            "beyond": f"extrapolated: {', '.join(beyond)}" if beyond else "",
-            "assumed": "by a fluid, not identified" if model.damper.assumed else "",
             "computed_ms": round(1e3 * (time.perf_counter() - begin), 2),
         }
 
@@ -111,6 +112,26 @@ class QuickHeat:
         while len(self._kept) > 64:
             self._kept.popitem(last=False)
         return self._kept[key]  # type: ignore[return-value]  # result of make
+
+
+def _tiles(rise: Rise, outside: str, assumed: str, *, tempered: bool) -> list[Json]:
+    """Return the main values of a curve as tiles: label, value and caveat."""
+    minutes, left, loss = f"{rise.time[-1] / 60:.0f} min", rise.time_to_limit_s, rise.force_loss_percent
+    reached = (
+        f"not in {minutes}" if left is None else f"{left / 60:.3g} min" if left > 120 else f"{left:.0f} s"
+    )
+    known = loss is not None and math.isfinite(loss)
+    caveats = "; ".join(filter(None, (assumed and f"assumed: {assumed}", outside)))
+    rows = (
+        ("time to the limit", reached, outside),
+        (f"fluid after {minutes}", f"{rise.fluid_degC[-1]:.0f} °C", outside),
+        ("coil", f"{rise.coil_degC[-1]:.0f} °C", outside),
+        ("force lost by heating", f"{loss:.0f} %" if known else "–", caveats)
+        if tempered
+        else ("force lost by heating", "unknown", "the card has no temperature model"),
+        ("heat at the start", f"{rise.mechanical_W[0] + rise.coil_W[0]:.3g} W", outside),
+    )
+    return [dict(zip(("label", "value", "mark"), row, strict=True)) for row in rows]
 
 
 def damper_facts(damper: str, shown: str) -> Json:
@@ -154,6 +175,7 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
         "name": shown,
         "ambient_degC": around.ambient - ZERO_CELSIUS_K,
         "air_m_s": around.air_speed,
+        "calibration": _calibration(drawing, shown),
         "limit_degC": drawing.filling.valid_K[1] - ZERO_CELSIUS_K,
         "coil_resistance_ohm": drawing.coil.resistance,
         "outer_diameter_mm": 1e3 * drawing.body.outer_diameter,
@@ -174,6 +196,18 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
             "material": sink.material.name,
         },
     }
+
+
+def _calibration(drawing: DamperDrawing, shown: str) -> str:
+    """Return a sentence with the factors that were fitted to a measured damper; empty if there are none."""
+    factors = {
+        "heat capacity": drawing.calibration.heat_capacity,
+        "convection of the body": drawing.calibration.film,
+        "convection of the fins": 1.0 if drawing.sink is None else drawing.sink.film_multiplier,
+    }
+    known = ", ".join(f"{words} × {factor:.4g}" for words, factor in factors.items() if factor != 1.0)
+    valid = "They hold for the damper on which they were measured."
+    return known and f"{shown} contains calibration factors: {known}. {valid}"
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:

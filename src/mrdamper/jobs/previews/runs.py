@@ -6,6 +6,7 @@ with the reason. No file is written.
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -215,11 +216,28 @@ def run_row(read: RigFile, recording: Recording) -> tuple[Json, PreparedRun | No
         if prepared is None
         else 1e3 * float(np.abs(prepared.trajectory.velocity).max()),
         "force_range_N": _ends(recording.force),
+        "cycle": None if prepared is None else _last_cycle(prepared),
         "inferred": [each.in_words() for each in read.inferred if each.run == recording.name],
         "usable": error is None,
         "error": error,
     }
     return row, prepared
+
+
+def _last_cycle(prepared: PreparedRun) -> Json | None:
+    """Return forces, energy and equivalent damping of the last complete cycle; None if there is none."""
+    from mrdamper.data.cycles import cycles
+
+    found = cycles(prepared)
+    if not len(found):
+        return None
+    period, amplitude, energy = found.period_s[-1], found.amplitude_m[-1], float(found.energy_J[-1])
+    return {
+        "highest_force_N": float(found.highest_force_N[-1]),
+        "lowest_force_N": float(found.lowest_force_N[-1]),
+        "energy_J": energy,
+        "damping_Ns_m": energy / (math.pi * (2.0 * math.pi / period) * amplitude**2),
+    }
 
 
 def _document_beside(path: Path) -> dict[str, Any] | None:
@@ -245,7 +263,6 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
             "first": cells,
             "least": None,
             "most": None,
-            "thumbnail": None,
             "sample": None,
         }
     values = table.columns[name]
@@ -255,7 +272,6 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
         "first": [finite_or_none(value) for value in values[:value_count].tolist()],
         "least": low_high[0],
         "most": low_high[1],
-        "thumbnail": _thumbnail(values),
         "sample": _sample(values),
     }
 
@@ -267,16 +283,6 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
     except MrdamperError:
         return ""
     return unit
-
-
-def _thumbnail(values: FloatArray) -> list[float | None] | None:
-    """Divide a column into equal intervals; return the extremes of each as [min 1, max 1, min 2, ...]."""
-    thumbnail_interval_count = 32  # number of intervals of the small plot of a column
-    if len(values) < 2:
-        return None
-    edges = np.unique(np.linspace(0, len(values), thumbnail_interval_count + 1).astype(int)[:-1])
-    least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
-    return [finite_or_none(float(value)) for pair in zip(least, most, strict=True) for value in pair]
 
 
 def _sample(values: FloatArray) -> list[float | None]:

@@ -22,7 +22,7 @@ from urllib.parse import quote
 from mrdamper.errors import InputError
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.schema import Json, unknown_name
+from mrdamper.schema import unknown_name
 
 MAPS = Path(__file__).parent
 
@@ -252,20 +252,3 @@ def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
     on_progress(ProgressUpdate(total=1, text=f"fetching {name}"))
     folder = fetch(name)
     return FetchedData(next(each for each in list_sets() if each.name == name), folder)
-
-
-def catalogue() -> list[Json]:
-    """Return the public data sets with the names of their files, as JSON objects."""
-    return [
-        {
-            "name": each.name,
-            "title": each.title,
-            "notes": each.notes,
-            "licence": each.licence,
-            "doi": each.doi or None,
-            "repository": each.repository,
-            "commit": each.commit,
-            "files": [file.name for file in each.files],
-        }
-        for each in list_sets()
-    ]

@@ -25,8 +25,6 @@ _CARD_MAX_BYTES = 8_000_000
 
 routes = APIRouter()
 
-# -------------------------------------------------------------------------------------------- measured files
-
 
 @routes.put("/api/files/{name}")
 async def _put_file(name: str, request: Request, context: Context) -> Response:
@@ -86,9 +84,6 @@ async def _save_map(context: AppContext, paths: list[Path], document: Mapping[st
     context.index.files()
 
 
-# ------------------------------------------------------------------------------------ inputs and geometries
-
-
 @routes.put("/api/inputs/{name}")
 async def _put_input(name: str, request: Request, context: Context) -> Response:
     path = context.folder.new(context.folder.inputs, name, INPUT_SUFFIXES)
@@ -136,9 +131,6 @@ def geometry_of(context: AppContext, name: str) -> str:
     return name if name in context.choices["dampers"] else str(context.folder.input(name))  # type: ignore[operator]  # a list
 
 
-# ----------------------------------------------------------------------------------------------------- cards
-
-
 @routes.get("/api/cards/{name}")
 async def _card(name: str, context: Context) -> Response:
     return send_file(context.folder.card(name))
@@ -172,9 +164,6 @@ async def _put_card(name: str, request: Request, context: Context) -> Response:
 @routes.delete("/api/cards/{name}")
 async def _delete_card(name: str, context: Context) -> Response:
     return JsonAnswer({"trash": context.folder.discard(context.folder.card(name).parent)})
-
-
-# ------------------------------------------------------------------------------------------ trash and dampers
 
 
 @routes.get("/api/trash")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import platform
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from importlib.metadata import version
@@ -39,15 +38,10 @@ async def _start_job(request: Request, context: Context) -> Response:
     return JsonAnswer({"id": context.queue.submit(order)}, 201)
 
 
-@routes.get("/api/jobs")
-def _jobs(context: Context) -> Response:
-    return JsonAnswer({"jobs": list(_job_rows(context))})
-
-
 @routes.get("/api/jobs/{job_id}")
 def _job(job_id: str, context: Context) -> Response:
     record = context.queue.record(job_id)
-    return JsonAnswer({**record.shown(), "answer": record.answer()})
+    return JsonAnswer({**record.shown(), "answer": record.content("answer.json")})
 
 
 @routes.post("/api/jobs/{job_id}/cancel")
@@ -83,11 +77,6 @@ async def _state(context: Context) -> Response:
 @routes.get("/api/forms")
 def _forms(context: Context) -> Response:
     return JsonAnswer(all_forms(context.choices))
-
-
-@routes.get("/api/data")
-async def _public_data(context: Context) -> Response:
-    return JsonAnswer({"sets": await context.reader.ask("catalogue", {})})
 
 
 @routes.get("/api/changes")
@@ -135,7 +124,7 @@ def _read_state(context: AppContext) -> Json:
         }
 
     return {
-        "versions": {"mrdamper": version("mrdamper"), "python": platform.python_version()},
+        "version": version("mrdamper"),
         "folder": str(folder.root) if context.local else None,
         "folder_name": folder.root.name,
         "most_upload_bytes": context.most_upload,

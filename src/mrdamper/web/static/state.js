@@ -1,10 +1,9 @@
-// One state for all pages: the folder as the server reports it, and the choices of the user, which the address contains.
+// One state for all pages: the folder as the server reports it, and the choices of the user.
 //
 // A choice has a key such as `card` or `fit.law`. `choose` changes choices, writes the address and draws the page again. The
-// address of a page contains the choices of its prefixes; shared choices (card, drawing, duty, controller) hold for all pages.
-// The session storage of the browser keeps all choices. A page therefore reappears in the state in which it was left.
+// address of a page contains the choices of its prefixes. The session storage keeps all choices.
 
-import * as api from "./api.js";
+import { at, DAMPER, get } from "./api.js";
 
 const SHARED = ["card", "drawing", "duty", "controller"];
 
@@ -12,174 +11,169 @@ const page = (title, keys) => ({ title, letter: title[0].toLowerCase(), keys: ke
 
 /** Pages: title, letter of the keyboard shortcut, and prefixes of the choices in their addresses. */
 export const PAGES = {
-  data: page("Data", "view list file rig check fetch"),
-  model: page("Model", "card fit choose loops fits"),
-  thermal: page("Thermal", "card drawing duty heat heatsink design"),
-  controller: page("Controller", "card drawing controller track export"),
-  jobs: page("Jobs", "card drawing duty show"),
+	data: page("Data", "view list file rig"),
+	model: page("Model", "card fit choose loops fits"),
+	thermal: page("Thermal", "card drawing duty heat heatsink design"),
+	controller: page("Controller", "card drawing controller track export"),
+	jobs: page("Jobs", "card drawing duty show"),
 };
 
 export const app = {
-  state: null,
-  forms: null,
-  runs: null,
-  reading: 0,
-  page: "data",
-  choice: decode(sessionStorage.getItem(`mrdamper${api.DAMPER}`)) ?? {},
-  toasts: [],
-  faults: {}, // Errors of jobs that did not start, by kind.
-  draw: () => {},
+	state: null,
+	forms: null,
+	runs: null,
+	reading: 0,
+	page: "data",
+	choice: decode(sessionStorage.getItem(`mrdamper${DAMPER}`)) ?? {},
+	toasts: [],
+	faults: {}, // Errors of jobs that did not start, by kind.
+	draw: () => {},
 };
 
 const encode = (value) =>
-  typeof value === "string" && decode(value) === value ? value : JSON.stringify(value);
+	typeof value === "string" && decode(value) === value ? value : JSON.stringify(value);
 
 function decode(text) {
-  try {
-    return JSON.parse(text);
-  } catch {
-    return text;
-  }
+	try {
+		return JSON.parse(text);
+	} catch {
+		return text;
+	}
 }
 
 const belongs = (key) => {
-  const [prefix] = key.split(/[.-]/);
-  const isJob = app.page === "jobs" && prefix in (app.forms ?? {});
-  return PAGES[app.page].keys.includes(prefix) || isJob;
+	const [prefix] = key.split(/[.-]/);
+	const isJob = app.page === "jobs" && prefix in (app.forms ?? {});
+	return PAGES[app.page].keys.includes(prefix) || isJob;
 };
 
 export function address(name, choices = {}) {
-  const pairs = Object.entries(choices).map(([key, value]) => [key, encode(value)]);
-  return `#/${name}${pairs.length ? `?${new URLSearchParams(pairs)}` : ""}`;
+	const pairs = Object.entries(choices).map(([key, value]) => [key, encode(value)]);
+	return `#/${name}${pairs.length ? `?${new URLSearchParams(pairs)}` : ""}`;
 }
 
-/** Return a choice, or `otherwise` if there is none. */
 export const chosen = (key, otherwise = null) => app.choice[key] ?? otherwise;
 
 function remove(isWanted) {
-  for (const key of Object.keys(app.choice)) if (isWanted(key)) delete app.choice[key];
+	for (const key of Object.keys(app.choice)) if (isWanted(key)) delete app.choice[key];
 }
 
 /** Set choices, null for the default; with `step` the Back button undoes the change. */
 export function choose(values, step = false) {
-  // The entries of the geometry form belong to the previous geometry.
-  if ("drawing" in values && values.drawing !== app.choice.drawing)
-    remove((key) => key.startsWith("drawing-"));
-  Object.assign(app.choice, values);
-  remove((key) => (app.choice[key] ?? null) === null);
-  write(step);
-  app.draw();
+	// The entries of the geometry form belong to the previous geometry.
+	if ("drawing" in values && values.drawing !== app.choice.drawing)
+		remove((key) => key.startsWith("drawing-"));
+	Object.assign(app.choice, values);
+	remove((key) => (app.choice[key] ?? null) === null);
+	write(step);
+	app.draw();
 }
 
-/** Go to another page and set choices. */
 export function go(name, values = {}) {
-  choose(values);
-  window.location.hash = address(name);
+	choose(values);
+	window.location.hash = address(name);
 }
 
 function write(step) {
-  sessionStorage.setItem(`mrdamper${api.DAMPER}`, JSON.stringify(app.choice));
-  const own = Object.entries(app.choice).filter(([key]) => belongs(key));
-  const next = address(app.page, Object.fromEntries(own));
-  if (next === window.location.hash) return;
-  const depth = window.history.state?.depth ?? 0;
-  if (step) window.history.pushState({ depth: depth + 1 }, "", next);
-  else window.history.replaceState({ depth }, "", next);
+	sessionStorage.setItem(`mrdamper${DAMPER}`, JSON.stringify(app.choice));
+	const own = Object.entries(app.choice).filter(([key]) => belongs(key));
+	const next = address(app.page, Object.fromEntries(own));
+	if (next === window.location.hash) return;
+	const depth = window.history.state?.depth ?? 0;
+	if (step) window.history.pushState({ depth: depth + 1 }, "", next);
+	else window.history.replaceState({ depth }, "", next);
 }
 
-/** Read page and choices from the address. If it has no choices, show the page in the state in which it was left. */
+/** Read page and choices from the address. Without choices, the page is shown as it was left. */
 export function route() {
-  const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
-  app.page = path in PAGES ? path : "data";
-  document.title = `${PAGES[app.page].title} · mrdamper`;
-  if (query) remove((key) => belongs(key) && !SHARED.includes(key));
-  for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
-  if (app.forms) write(false); // The forms decide which choices belong to a page.
-  app.draw();
+	const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
+	app.page = path in PAGES ? path : "data";
+	document.title = `${PAGES[app.page].title} · mrdamper`;
+	if (query) remove((key) => belongs(key) && !SHARED.includes(key));
+	for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
+	if (app.forms) write(false); // The forms decide which choices belong to a page.
+	app.draw();
 }
 
-/** Fetch the state of the folder, and its runs if files have changed. */
 export async function refresh(files = true) {
-  const [state, found] = await Promise.all([api.getState(), (files || !app.runs) && api.getRuns()]);
-  app.state = state;
-  if (found) Object.assign(app, { runs: found.runs, reading: found.reading });
-  app.draw();
+	const [state, found] = await Promise.all([get(at`state`), (files || !app.runs) && get(at`runs`)]);
+	app.state = state;
+	if (found) Object.assign(app, { runs: found.runs, reading: found.reading });
+	app.draw();
 }
 
 const WATCH_MS = 1000;
 let before = null;
 
-/** Ask the server for changes every second. Fetch the state after a change, and always during a job. */
+/** Ask for changes every second. Fetch the state after a change, and during a job. */
 export async function watch() {
-  try {
-    if (document.visibilityState === "visible") {
-      const now = await api.getChanges();
-      const isNew = JSON.stringify(now) !== JSON.stringify(before);
-      if (isNew || app.lost || app.state?.jobs.some(isRunning))
-        await refresh(now.files !== before?.files || app.lost);
-      before = now;
-      if (app.lost) Object.assign(app, { lost: false }).draw();
-    }
-  } catch {
-    Object.assign(app, { lost: true }).draw();
-  }
-  setTimeout(watch, WATCH_MS);
+	try {
+		if (document.visibilityState === "visible") {
+			const now = await get(at`changes`);
+			const isNew = JSON.stringify(now) !== JSON.stringify(before);
+			if (isNew || app.lost || app.state?.jobs.some(isRunning))
+				await refresh(now.files !== before?.files || app.lost);
+			before = now;
+			if (app.lost) Object.assign(app, { lost: false }).draw();
+		}
+	} catch {
+		Object.assign(app, { lost: true }).draw();
+	}
+	setTimeout(watch, WATCH_MS);
 }
 
 export const isRunning = ({ state }) => state === "queued" || state === "running";
 
 /** Show a message for some seconds; `actions` are buttons. */
 export function toast(kind, text, ...actions) {
-  const one = { kind, text, actions };
-  app.toasts = [...app.toasts, one];
-  setTimeout(() => dismiss(one), kind === "fault" ? 15000 : 6000);
-  app.draw();
+	const one = { kind, text, actions };
+	app.toasts = [...app.toasts, one];
+	setTimeout(() => dismiss(one), kind === "fault" ? 15000 : 6000);
+	app.draw();
 }
 
 export function dismiss(one) {
-  app.toasts = app.toasts.filter((other) => other !== one);
-  app.draw();
+	app.toasts = app.toasts.filter((other) => other !== one);
+	app.draw();
 }
 
-/** Run an action, fetch the state, and show an error. */
 export async function attempt(action) {
-  try {
-    const result = await action();
-    await refresh();
-    return result;
-  } catch (fault) {
-    if (fault.name !== "AbortError") toast("fault", fault.message);
-    return undefined;
-  }
+	try {
+		const result = await action();
+		await refresh();
+		return result;
+	} catch (fault) {
+		if (fault.name !== "AbortError") toast("fault", fault.message);
+		return undefined;
+	}
 }
 
 const fetched = new Map();
 
-/** Return the answer to a request; null until the answer arrives and the page is drawn again. `key` identifies the request. */
+/** Return the answer to the request `key`; null until the answer arrives and the page is drawn again. */
 export function once(key, ask) {
-  if (!fetched.has(key)) {
-    const keep = (value) => fetched.set(key, value);
-    keep(null);
-    ask()
-      .then(keep, (fault) => keep({ fault: fault.message }))
-      .then(() => app.draw());
-  }
-  return fetched.get(key);
+	if (!fetched.has(key)) {
+		const keep = (value) => fetched.set(key, value);
+		keep(null);
+		ask()
+			.then(keep, (fault) => keep({ fault: fault.message }))
+			.then(() => app.draw());
+	}
+	return fetched.get(key);
 }
 
-/** Return the cards that can be read. */
 export const cards = () => app.state.cards.filter((card) => !card.error);
 
-/** Return the card in use: the chosen card, or else the newest card; undefined if there is no card. */
+/** Return the chosen card, or else the newest; undefined if there is no card. */
 export function cardInUse() {
-  const newest = cards().reduce(
-    (one, other) => (one && String(one.modified) >= String(other.modified) ? one : other),
-    undefined,
-  );
-  return cards().find(({ name }) => name === chosen("card")) ?? newest;
+	const newest = cards().reduce(
+		(one, other) => (one && String(one.modified) >= String(other.modified) ? one : other),
+		undefined,
+	);
+	return cards().find(({ name }) => name === chosen("card")) ?? newest;
 }
 
 export function cardDetails(name) {
-  const card = app.state.cards.find((one) => one.name === name);
-  return once(`card ${name} ${card?.modified}`, () => api.getCard(name));
+	const card = app.state.cards.find((one) => one.name === name);
+	return once(`card ${name} ${card?.modified}`, () => get(at`cards/${name}`));
 }

@@ -4,112 +4,103 @@ import { choose, chosen } from "./state.js";
 import { h } from "./vendor/preact.js";
 
 const isProps = (value) =>
-  value !== null && typeof value === "object" && value.constructor === Object;
+	value !== null && typeof value === "object" && value.constructor === Object;
 
 const element =
-  (name, look) =>
-  (first, ...rest) => {
-    const props = isProps(first) ? first : null;
-    const all = look ? { class: look, ...props } : props;
-    return props ? h(name, all, ...rest) : h(name, all, first, ...rest);
-  };
+	(name, look) =>
+	(first, ...rest) => {
+		const props = isProps(first) ? first : null;
+		const all = look ? { class: look, ...props } : props;
+		return props ? h(name, all, ...rest) : h(name, all, first, ...rest);
+	};
 
-/** Functions of HTML and SVG elements, with a class if wanted: `p("text")`, `p.small("text")`, `p({id: "words"}, "text")`. */
+/** Functions of elements, with a class if wanted: `p("text")`, `p.small("text")`, `p({id: "words"}, "text")`. */
 export const tags = new Proxy(
-  {},
-  { get: (_, name) => new Proxy(element(name), { get: (_tag, look) => element(name, look) }) },
+	{},
+	{ get: (_, name) => new Proxy(element(name), { get: (_tag, look) => element(name, look) }) },
 );
 const { a, div, input, label, option, span } = tags;
 
-/** Return a button; `about` is its name for a screen reader, or its properties. */
+/** Return a button; `about`: its name for a screen reader, or its properties. */
 export const button = (text, onclick, look = "", about = {}) => {
-  const props = typeof about === "string" ? { "aria-label": about } : about;
-  return tags.button({ type: "button", class: look, onclick, ...props }, text);
+	const props = typeof about === "string" ? { "aria-label": about } : about;
+	return tags.button({ type: "button", class: look, onclick, ...props }, text);
 };
 
 export const opening = (href, text, props = {}) =>
-  a({ href, target: "_blank", rel: "noopener", ...props }, text);
+	a({ href, target: "_blank", rel: "noopener", ...props }, text);
 
-/** Return a labelled control, which has an id; the label contains the unit. */
 export const field = (words, control, unit = "") =>
-  div.field(label({ for: control.props.id }, unit ? `${words}, ${unit}` : words), control);
+	div.field(label({ for: control.props.id }, unit ? `${words}, ${unit}` : words), control);
 
-/** Return a drop-down list of `[value, text]` pairs (or plain texts); `change` receives the value. */
+/** Return a drop-down list of texts or `[value, text]` pairs. */
 export const select = (options, value, change, props = {}) =>
-  tags.select(
-    { ...props, value, onchange: (event) => change(event.target.value) },
-    options
-      .map((one) => (Array.isArray(one) ? one : [one, one]))
-      .map(([key, text]) => option({ value: key, key, selected: key === value }, text)),
-  );
+	tags.select(
+		{ ...props, value, onchange: (event) => change(event.target.value) },
+		options
+			.map((one) => (Array.isArray(one) ? one : [one, one]))
+			.map(([key, text]) => option({ value: key, key, selected: key === value }, text)),
+	);
 
-/** Return a labelled drop-down list of a choice, whose first option is the default; with `step` Back undoes a change. */
+/** Return a drop-down list of a choice, whose first option is the default; with `step` Back undoes it. */
 export const choice = (words, key, options, step = false) => {
-  const change = (value) => choose({ [key]: value || null }, step);
-  return field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }));
+	const change = (value) => choose({ [key]: value || null }, step);
+	return field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }));
 };
 
 export const textField = (words, value, change, props) =>
-  field(
-    words,
-    input({ type: "text", value, oninput: (event) => change(event.target.value), ...props }),
-  );
+	field(
+		words,
+		input({ type: "text", value, oninput: (event) => change(event.target.value), ...props }),
+	);
 
-/** Return a labelled search field of a choice. */
 export const search = (words, key, placeholder) => {
-  const change = (text) => choose({ [key]: text || null });
-  return textField(words, chosen(key, ""), change, {
-    type: "search",
-    id: key.replace(".", "-"),
-    placeholder,
-  });
+	const change = (text) => choose({ [key]: text || null });
+	return textField(words, chosen(key, ""), change, {
+		type: "search",
+		id: key.replace(".", "-"),
+		placeholder,
+	});
 };
 
 export const check = (text, checked, change, props = {}) =>
-  label(
-    { class: "check", key: text },
-    input({
-      type: "checkbox",
-      checked,
-      onchange: (event) => change(event.target.checked),
-      ...props,
-    }),
-    span(text),
-  );
+	label(
+		{ class: "check", key: text },
+		input({
+			type: "checkbox",
+			checked,
+			onchange: (event) => change(event.target.checked),
+			...props,
+		}),
+		span(text),
+	);
 
-/** Return a button that opens a file dialog; `taken` receives the list of files. */
 export function filePicker(words, accept, taken, look = "quiet", props = {}) {
-  const onchange = (event) => {
-    const files = [...event.target.files];
-    event.target.value = ""; // The same file can be chosen again.
-    taken(files);
-  };
-  const open = (event) => event.target.nextElementSibling.click();
-  const about = { type: "file", accept, hidden: true, onchange, "aria-label": words, ...props };
-  return span(button(words, open, look), input(about));
+	const onchange = (event) => {
+		const files = [...event.target.files];
+		event.target.value = ""; // The same file can be chosen again.
+		taken(files);
+	};
+	const open = (event) => event.target.nextElementSibling.click();
+	const about = { type: "file", accept, hidden: true, onchange, "aria-label": words, ...props };
+	return span(button(words, open, look), input(about));
 }
 
-/** Let the Tab key stop only once in a list. Arrow keys, Home and End move through the controls of the list. */
+/** Let the Tab key stop only once in a list; arrow keys, Home and End move in it. */
 export function rove(place) {
-  if (!place) return;
-  const all = () =>
-    [...place.querySelectorAll("button, a[href], input")].filter((one) => !one.disabled);
-  const settle = (at) => all().forEach((one) => (one.tabIndex = one === at ? 0 : -1));
-  settle(place.contains(document.activeElement) ? document.activeElement : all()[0]);
-  place.onkeydown = (event) => {
-    const items = all();
-    const at = items.indexOf(event.target);
-    const next = {
-      ArrowRight: items[at + 1],
-      ArrowDown: items[at + 1],
-      ArrowLeft: items[at - 1],
-      ArrowUp: items[at - 1],
-      Home: items[0],
-      End: items.at(-1),
-    }[event.key];
-    if (!next) return;
-    event.preventDefault();
-    settle(next);
-    next.focus();
-  };
+	if (!place) return;
+	const all = () =>
+		[...place.querySelectorAll("button, a[href], input")].filter((one) => !one.disabled);
+	const settle = (at) => all().forEach((one) => (one.tabIndex = one === at ? 0 : -1));
+	settle(place.contains(document.activeElement) ? document.activeElement : all()[0]);
+	place.onkeydown = (event) => {
+		const items = all();
+		const at = items.indexOf(event.target);
+		const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+		const next = { Home: items[0], End: items.at(-1) }[event.key] ?? (step && items[at + step]);
+		if (!next) return;
+		event.preventDefault();
+		settle(next);
+		next.focus();
+	};
 }

@@ -1,13 +1,13 @@
 // Linked view: measured and modelled forces of runs as loops and versus time, with one cursor and one time span.
 //
-// The choices of a view have its prefix: `t` (time span), `d` and `v` (ranges of the loops), `colour`, `hide`, `centre` and
-// `cycles`. Each zoom is a step of the browser's history, so that Back undoes it.
+// Choices: `t` (time span), `d` and `v` (ranges of the loops), `hide`, `centre`, `cycles`. Each zoom is a step of the
+// browser's history, so that Back undoes it.
 
 import { samples } from "./api.js";
 import { note, table } from "./layout.js";
 import { createLink, extent, legendOf, nearest, nth, plot } from "./plot.js";
 import { commandOf, temperatureOf } from "./runs.js";
-import { app, cardDetails, choose, chosen, once } from "./state.js";
+import { app, cardDetails, choose, chosen } from "./state.js";
 import { rampColour } from "./theme.js";
 import { counted, fixed, has, several, toggled } from "./text.js";
 import { button, tags } from "./ui.js";
@@ -16,289 +16,249 @@ import { h, useEffect, useMemo, useState } from "./vendor/preact.js";
 const { div, p } = tags;
 
 const LOOPS = ["d", "v"];
-/** Plots by the keys of their choices: columns of x and y, and height. */
+/** Plots by key: columns of x and y, and height. */
 const PANES = {
-  d: ["displacement_mm", "force_N", 290],
-  v: ["velocity_mm_s", "force_N", 290],
-  f: ["time_s", "force_N", 160],
-  r: ["time_s", "residual_N", 130],
-  x: ["time_s", "displacement_mm", 110],
-  A: ["time_s", "command_A", 100],
-  V: ["time_s", "command_V", 100],
-  T: ["time_s", "temperature_degC", 100],
+	d: ["displacement_mm", "force_N", 290],
+	v: ["velocity_mm_s", "force_N", 290],
+	f: ["time_s", "force_N", 160],
+	r: ["time_s", "residual_N", 130],
+	x: ["time_s", "displacement_mm", 110],
+	A: ["time_s", "command_A", 100],
+	V: ["time_s", "command_V", 100],
+	T: ["time_s", "temperature_degC", 100],
 };
 const MODELLED = "dvfr"; // keys of the plots that also show the forces of cards
-/** Quantities of the columns: word, unit, and decimals at the cursor. */
+/** Columns: word, unit, and decimals at the cursor. */
 const QUANTITIES = {
-  time_s: ["time", "s"],
-  force_N: ["force", "N", 0],
-  residual_N: ["residual", "N", 0],
-  displacement_mm: ["displacement", "mm", 2],
-  velocity_mm_s: ["velocity", "mm/s", 1],
-  command_A: ["current", "A", 2],
-  command_V: ["voltage", "V", 2],
-  temperature_degC: ["temperature", "°C", 1],
+	time_s: ["time", "s"],
+	force_N: ["force", "N", 0],
+	residual_N: ["residual", "N", 0],
+	displacement_mm: ["displacement", "mm", 2],
+	velocity_mm_s: ["velocity", "mm/s", 1],
+	command_A: ["current", "A", 2],
+	command_V: ["voltage", "V", 2],
+	temperature_degC: ["temperature", "°C", 1],
 };
 const SAMPLES_MAX = 2_200_000; // max number of samples in all curves together
 const CURSOR_ROWS_MAX = 8;
-const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
-/** Return how a fit used the runs, by name: `training` or `held_out`. Empty until the card has been fetched. */
+/** Return how a fit used the runs, by name: `training` or `held_out`. */
 export const splitsOf = (name) =>
-  new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
+	new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
 
 /** Return the runs of the most frequent motion with constant command at the lowest temperature. */
 export function usualRuns(runs) {
-  const counts = Map.groupBy(runs, ({ motion }) => motion);
-  const constant = ([, group]) => group.filter(({ command }) => has(command)).length;
-  const [[, similar] = [null, []]] = [...counts].sort((x, y) => constant(y) - constant(x));
-  const coldest = Math.min(...similar.map((run) => run.temperature_degC ?? Infinity));
-  return similar.filter((run) => coldest === Infinity || run.temperature_degC < coldest + 5);
+	const counts = Map.groupBy(runs, ({ motion }) => motion);
+	const constant = ([, group]) => group.filter(({ command }) => has(command)).length;
+	const [[, similar] = [null, []]] = [...counts].sort((x, y) => constant(y) - constant(x));
+	const coldest = Math.min(...similar.map((run) => run.temperature_degC ?? Infinity));
+	return similar.filter((run) => coldest === Infinity || run.temperature_degC < coldest + 5);
 }
 
-/** Fetch the samples of a run, or of the force of a card and its residual. */
 async function fetchOne(run, card, limits) {
-  const failed = (fault) => {
-    if (fault.name === "AbortError") throw fault;
-    return { fault: fault.message, columns: {} };
-  };
-  const answer = await samples(run, card, limits).catch(failed);
-  const { force_N: force, measured_N: measured } = answer.columns;
-  if (measured) answer.columns.residual_N = force.map((value, k) => value - measured[k]);
-  return { run, card, ...answer };
+	const failed = (fault) => {
+		if (fault.name === "AbortError") throw fault;
+		return { fault: fault.message, columns: {} };
+	};
+	const answer = await samples(run, card, limits).catch(failed);
+	const { force_N: force, measured_N: measured } = answer.columns;
+	if (measured) answer.columns.residual_N = force.map((value, k) => value - measured[k]);
+	return { run, card, ...answer };
 }
 
-/** Fetch the samples of runs and of the forces of cards: `{shown, ms}`; `shown` is null during a request. */
+/** Fetch samples of runs and forces of cards: `{shown, ms}`; `shown` is null during a request. */
 function useSamples(picked, cards, part) {
-  const [found, set] = useState({ shown: null });
-  const fraction = SAMPLES_MAX / Math.max(1, picked.length * (1 + cards.length));
-  const isThinned = picked.some((run) => run.samples > fraction);
-  const limits = isThinned ? { max: 2 ** Math.floor(Math.log2(Math.max(64, fraction))) } : {};
-  if (isThinned && part) [limits.from_s, limits.to_s] = part;
-  const wanted = picked.flatMap((run) => [null, ...cards].map((card) => [run, card]));
-  const versions = app.state.cards.filter(({ name }) => cards.includes(name));
-  const key = [wanted.map(([run, card]) => [run.file, run.name, card]), versions, limits];
-  useEffect(() => {
-    const asked = new AbortController();
-    const began = performance.now();
-    const all = wanted.map(([run, card]) =>
-      fetchOne(run, card, { ...limits, signal: asked.signal }),
-    );
-    set({ shown: null });
-    Promise.all(all).then(
-      (shown) => set({ shown, ms: Math.round(performance.now() - began) }),
-      () => {}, // This happens only if the request was aborted.
-    );
-    return () => asked.abort();
-  }, [JSON.stringify(key)]);
-  return found;
+	const [found, set] = useState({ shown: null });
+	const fraction = SAMPLES_MAX / Math.max(1, picked.length * (1 + cards.length));
+	const isThinned = picked.some((run) => run.samples > fraction);
+	const limits = isThinned ? { max: 2 ** Math.floor(Math.log2(Math.max(64, fraction))) } : {};
+	if (isThinned && part) [limits.from_s, limits.to_s] = part;
+	const wanted = picked.flatMap((run) => [null, ...cards].map((card) => [run, card]));
+	const versions = app.state.cards.filter(({ name }) => cards.includes(name));
+	const key = [wanted.map(([run, card]) => [run.file, run.name, card]), versions, limits];
+	useEffect(() => {
+		const asked = new AbortController();
+		const began = performance.now();
+		const all = wanted.map(([run, card]) =>
+			fetchOne(run, card, { ...limits, signal: asked.signal }),
+		);
+		set({ shown: null });
+		Promise.all(all).then(
+			(shown) => set({ shown, ms: Math.round(performance.now() - began) }),
+			() => {}, // This happens only if the request was aborted.
+		);
+		return () => asked.abort();
+	}, [JSON.stringify(key)]);
+	return found;
 }
 
-/** Return the columns, limited to the last complete cycles and with centred displacement if these are chosen. */
+/** Return the columns of the last complete cycles, with centred displacement, if these are chosen. */
 function prepared(columns, count, isCentred) {
-  const { displacement_mm: x } = columns;
-  if (!x || (!count && !isCentred)) return columns;
-  const middle = extent(x).reduce((low, high) => (low + high) / 2);
-  const rises = [];
-  if (count)
-    for (let k = 1; k < x.length; k += 1) if (x[k - 1] < middle && x[k] >= middle) rises.push(k);
-  const isCut = rises.length > count && count;
-  const [from, to] = isCut ? [rises.at(-1 - count), rises.at(-1) + 1] : [0, x.length];
-  const all = Object.entries(columns).map(([name, values]) => [name, values?.subarray(from, to)]);
-  const cut = Object.fromEntries(all);
-  if (isCentred) cut.displacement_mm = cut.displacement_mm.map((value) => value - middle);
-  return cut;
+	const { displacement_mm: x } = columns;
+	if (!x || (!count && !isCentred)) return columns;
+	const middle = extent(x).reduce((low, high) => (low + high) / 2);
+	const rises = [];
+	if (count)
+		for (let k = 1; k < x.length; k += 1) if (x[k - 1] < middle && x[k] >= middle) rises.push(k);
+	const isCut = rises.length > count && count;
+	const [from, to] = isCut ? [rises.at(-1 - count), rises.at(-1) + 1] : [0, x.length];
+	const all = Object.entries(columns).map(([name, values]) => [name, values?.subarray(from, to)]);
+	const cut = Object.fromEntries(all);
+	if (isCentred) cut.displacement_mm = cut.displacement_mm.map((value) => value - middle);
+	return cut;
 }
 
-/** Return key and colour of a run by its command, temperature or name; each unit has its own ramp. */
+/** Return the property in which runs differ: command, else temperature, else the run itself. */
+function differenceOf(runs) {
+	const differ = (property) => new Set(runs.map(property)).size > 1;
+	if (differ((run) => run.command_unit)) return "name";
+	return (
+		(differ(commandOf) && "command") || (differ(temperatureOf) && "temperature_degC") || "name"
+	);
+}
+
+/** Return key and colour of a run by its command, temperature or name. */
 function colourOf(run, by, runs) {
-  if (by === "run") return { key: run.name, colour: nth(runs.indexOf(run)) };
-  const isWarm = by === "temperature";
-  const valueOf = (one) => (isWarm ? one.temperature_degC : one.command);
-  const key = isWarm ? temperatureOf(run) : commandOf(run);
-  const similar = runs.filter((other) => isWarm || other.command_unit === run.command_unit);
-  const range = extent(similar.map(valueOf).filter(has));
-  if (!has(valueOf(run)) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
-  const fraction = (valueOf(run) - range[0]) / (range[1] - range[0] || 1);
-  const isVolts = !isWarm && run.command_unit === "V";
-  return { key, colour: (colours) => rampColour(fraction, colours, isVolts) };
+	if (by === "name") return { key: run.name, colour: nth(runs.indexOf(run)) };
+	const key = by === "command" ? commandOf(run) : temperatureOf(run);
+	const range = extent(runs.map((one) => one[by]).filter(has));
+	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
+	const fraction = (run[by] - range[0]) / (range[1] - range[0] || 1);
+	return { key, colour: (colours) => rampColour(fraction, colours) };
 }
 
 /** Return the curves of samples. Measured curves are grey and wide, below the modelled curves. */
 function curvesOf(shown, { runs, cards, by, cycles, isCentred }) {
-  const drawn = [...new Set(shown.map(({ run }) => run))];
-  const isHeld = (run) => cards.some((card) => splitsOf(card).get(run.name) === "held_out");
-  const words = (run) => `${commandOf(run)}, ${temperatureOf(run)}`.replace(", unknown", "");
-  const isUnique = (run) => drawn.filter((other) => words(other) === words(run)).length === 1;
-  const curve = (one) => {
-    const { run, card } = one;
-    const columns = prepared(one.columns, cycles, isCentred);
-    const isCard = by === "card" && card;
-    const look = isCard ? { key: card, colour: nth(cards.indexOf(card)) } : colourOf(run, by, runs);
-    const name = (isUnique(run) ? words(run) : run.name) + (isHeld(run) ? ", held out" : "");
-    const base = { ...one, columns, name, width: 1.3, ...look };
-    if (!cards.length) return base;
-    if (!card) {
-      const measured = { key: "measured", colour: (colours) => colours.measured, width: 2.4 };
-      return { ...base, name: `${name}, measured`, ...measured };
-    }
-    const dash = isCard ? [] : DASHES[cards.indexOf(card) % DASHES.length];
-    return { ...base, name: `${name}, ${card}`, key: cards.length > 1 ? card : look.key, dash };
-  };
-  return shown.filter(({ head }) => head).map(curve);
+	const drawn = [...new Set(shown.map(({ run }) => run))];
+	const isHeld = (run) => cards.some((card) => splitsOf(card).get(run.name) === "held_out");
+	const words = (run) => `${commandOf(run)}, ${temperatureOf(run)}`.replace(", unknown", "");
+	const isUnique = (run) => drawn.filter((other) => words(other) === words(run)).length === 1;
+	const curve = (one) => {
+		const { run, card } = one;
+		const columns = prepared(one.columns, cycles, isCentred);
+		const ofCard = { key: card, colour: nth(cards.indexOf(card)) };
+		const look = by === "card" && card ? ofCard : colourOf(run, by, runs);
+		const name = (isUnique(run) ? words(run) : run.name) + (isHeld(run) ? ", held out" : "");
+		const base = { ...one, columns, name, width: 1.3, isHeld: isHeld(run), ...look };
+		if (!cards.length) return base;
+		if (!card) {
+			const measured = { key: "measured", colour: (colours) => colours.measured, width: 2.4 };
+			return { ...base, name: `${name}, measured`, ...measured };
+		}
+		return { ...base, name: `${name}, ${card}` };
+	};
+	return shown.filter(({ head }) => head).map(curve);
 }
 
-/** Return the plot of a pane: its axes and its data. */
 function paneOf(id, curves) {
-  const [x, y, height] = PANES[id];
-  const isLoop = LOOPS.includes(id);
-  const isDrawn = ({ columns, card }) =>
-    columns[x] && columns[y] && (!card || MODELLED.includes(id));
-  const series = curves.filter(isDrawn).map(({ columns, head, ...one }) => {
-    const samplesOf = { ...one, x: columns[x], y: columns[y] };
-    if (isLoop) return { ...samplesOf, kind: "loop", t: columns.time_s };
-    return { ...samplesOf, since: id === "r" ? (head.scored_from_s ?? 0) : 0 };
-  });
-  const start = Math.max(0, ...series.map(({ since }) => since ?? 0));
-  const band = { from: 0, to: start, name: "start, not scored", colour: (colours) => colours.band };
-  const label = (name) => QUANTITIES[name].slice(0, 2).join(", ");
-  const word = QUANTITIES[isLoop ? x : y][0];
-  const title = `${word[0].toUpperCase()}${word.slice(1)} ${isLoop ? "loops" : "over time"}`;
-  const axes = { x: label(x), y: label(y), height, isLoop, fromZero: y.startsWith("command") };
-  const name = title.toLowerCase().replaceAll(" ", "-");
-  return { id, title, name, ...axes, data: { series, spans: start > 0 ? [band] : [] } };
+	const [x, y, height] = PANES[id];
+	const isLoop = LOOPS.includes(id);
+	const isDrawn = ({ columns, card }) =>
+		columns[x] && columns[y] && (!card || MODELLED.includes(id));
+	const series = curves.filter(isDrawn).map(({ columns, head, ...one }) => {
+		const samplesOf = { ...one, x: columns[x], y: columns[y] };
+		if (isLoop) return { ...samplesOf, kind: "loop", t: columns.time_s };
+		return { ...samplesOf, since: id === "r" ? (head.scored_from_s ?? 0) : 0 };
+	});
+	const start = Math.max(0, ...series.map(({ since }) => since ?? 0));
+	const band = { from: 0, to: start, name: "start, not scored", colour: (colours) => colours.band };
+	const label = (name) => QUANTITIES[name].slice(0, 2).join(", ");
+	const word = QUANTITIES[isLoop ? x : y][0];
+	const title = `${word[0].toUpperCase()}${word.slice(1)} ${isLoop ? "loops" : "over time"}`;
+	const axes = { x: label(x), y: label(y), height, isLoop, fromZero: y.startsWith("command") };
+	const name = title.toLowerCase().replaceAll(" ", "-");
+	return { id, title, name, ...axes, data: { series, spans: start > 0 ? [band] : [] } };
 }
 
-/**
- * Linked view of runs and cards.
- *
- * @param {{runs: object[], picked: object[], cards: string[], prefix: string, panes?: string}} props
- *   runs: all runs, which determine the colours; picked: drawn runs; panes: keys of the plots
- */
+/** Linked view: all `runs` determine the colours, the `picked` ones are drawn; `panes`: keys of the plots. */
 function LinkedView({ runs, picked, cards, prefix, panes = "dvfrxAVT" }) {
-  const [t, point] = useState(null);
-  const link = useMemo(() => createLink(point), []);
-  const get = (name, otherwise = null) => chosen(`${prefix}.${name}`, otherwise);
-  const set = (values) => {
-    const entries = Object.entries(values).map(([name, value]) => [`${prefix}.${name}`, value]);
-    choose(Object.fromEntries(entries), true);
-  };
-  const part = get("t");
-  const { shown, ms } = useSamples(picked, cards, part);
-  const isOne = (property) => new Set(picked.map(property)).size === 1;
-  const differs = isOne(commandOf) && !isOne(temperatureOf) ? "temperature" : "command";
-  const by = get("colour", cards.length > 1 ? "card" : differs);
-  const how = { by, cycles: Number(get("cycles", 0)), isCentred: get("centre", false) };
-  const splits = cards.map((card) => splitsOf(card).size);
-  const drawn = useMemo(() => {
-    const curves = curvesOf(shown ?? [], { runs, cards, ...how });
-    return { curves, panes: [...panes].map((id) => paneOf(id, curves)) };
-  }, [shown, JSON.stringify([how, splits])]);
-  const hide = get("hide", []);
-  const draw = ({ id, ...pane }) => {
-    const range = pane.isLoop ? get(id) : part;
-    const view = range && { x: range.slice(0, 2), y: pane.isLoop ? range.slice(2) : null };
-    const onRange = (next) =>
-      set(pane.isLoop ? { [id]: next && [...next.x, ...next.y] } : { t: next && next.x });
-    return plot({ ...pane, key: id, view, onRange, span: part, hidden: hide, link });
-  };
-  const visible = drawn.panes.filter(({ data }) => data.series.length);
-  const loops = visible.filter(({ isLoop }) => isLoop);
-  const count = (shown ?? []).reduce((sum, { head }) => sum + (head?.n ?? 0), 0);
-  const faults = [...new Set((shown ?? []).map(({ fault }) => fault).filter(Boolean))];
-  const drawnWords = `${several(picked.length, "run")}, ${counted(count)} samples drawn.`;
-  const words = picked.length
-    ? shown
-      ? drawnWords
-      : "Fetching …"
-    : "No run is chosen: tick some.";
-  const status = shown ? { "data-ms": ms, "data-samples": count } : {};
-  const press = ({ ctrlKey, metaKey, key }) => {
-    if ((ctrlKey || metaKey) && key === "z") window.history.back();
-    if ((ctrlKey || metaKey) && key === "y") window.history.forward();
-  };
-  const undo = { disabled: !window.history.state?.depth, title: "Ctrl+Z, or the browser's Back" };
-  return div.linked(
-    { onkeydown: press },
-    div.row(
-      button("Undo zoom", () => window.history.back(), "", undo),
-      button("Whole", () => set({ t: null, d: null, v: null }), "", { title: "All of every plot" }),
-      p.small({ "aria-live": "polite", id: "view-status", ...status }, words),
-    ),
-    faults.slice(0, 2).map((fault) => note("warning", fault)),
-    legendOf(drawn.panes[0].data, hide, (key) => set({ hide: toggled(hide, key) })),
-    div.pair(loops.map(draw)),
-    visible.filter((pane) => !loops.includes(pane)).map(draw),
-    drawn.curves.length > 0 && readout(drawn.curves, hide, t),
-  );
+	const [t, point] = useState(null);
+	const link = useMemo(() => createLink(point), []);
+	const get = (name, otherwise = null) => chosen(`${prefix}.${name}`, otherwise);
+	const set = (values) => {
+		const entries = Object.entries(values).map(([name, value]) => [`${prefix}.${name}`, value]);
+		choose(Object.fromEntries(entries), true);
+	};
+	const part = get("t");
+	const { shown, ms } = useSamples(picked, cards, part);
+	const by = cards.length > 1 ? "card" : differenceOf(picked);
+	const how = { by, cycles: Number(get("cycles", 0)), isCentred: get("centre", false) };
+	const splits = cards.map((card) => splitsOf(card).size);
+	const drawn = useMemo(() => {
+		const curves = curvesOf(shown ?? [], { runs, cards, ...how });
+		return { curves, panes: [...panes].map((id) => paneOf(id, curves)) };
+	}, [shown, JSON.stringify([how, splits])]);
+	const hide = get("hide", []);
+	const draw = ({ id, ...pane }) => {
+		const range = pane.isLoop ? get(id) : part;
+		const view = range && { x: range.slice(0, 2), y: pane.isLoop ? range.slice(2) : null };
+		const onRange = (next) =>
+			set(pane.isLoop ? { [id]: next && [...next.x, ...next.y] } : { t: next && next.x });
+		return plot({ ...pane, key: id, view, onRange, span: part, hidden: hide, link });
+	};
+	const visible = drawn.panes.filter(({ data }) => data.series.length);
+	const loops = visible.filter(({ isLoop }) => isLoop);
+	const count = (shown ?? []).reduce((sum, { head }) => sum + (head?.n ?? 0), 0);
+	const faults = [...new Set((shown ?? []).map(({ fault }) => fault).filter(Boolean))];
+	const drawnWords = `${several(picked.length, "run")}, ${counted(count)} samples drawn.`;
+	const words = shown ? drawnWords : "Fetching …";
+	const status = shown ? { "data-ms": ms, "data-samples": count } : {};
+	const press = ({ ctrlKey, metaKey, key }) => {
+		if ((ctrlKey || metaKey) && key === "z") window.history.back();
+		if ((ctrlKey || metaKey) && key === "y") window.history.forward();
+	};
+	const undo = { disabled: !window.history.state?.depth, title: "Ctrl+Z, or the browser's Back" };
+	return div.linked(
+		{ onkeydown: press },
+		div.row(
+			button("Undo zoom", () => window.history.back(), "", undo),
+			button("Whole", () => set({ t: null, d: null, v: null }), "", { title: "All of every plot" }),
+			p.small({ "aria-live": "polite", id: "view-status", ...status }, words),
+		),
+		faults.slice(0, 2).map((fault) => note("warning", fault)),
+		legendOf(drawn.panes[0].data, hide, (key) => set({ hide: toggled(hide, key) })),
+		div.pair(loops.map(draw)),
+		visible.filter((pane) => !loops.includes(pane)).map(draw),
+		drawn.curves.length > 0 && readout(drawn.curves, hide, t),
+	);
 }
 
-/** Return the values at the cursor, one row for each curve. */
 function readout(all, hide, t) {
-  const curves = all.filter(({ key }) => !hide.includes(key)).slice(0, CURSOR_ROWS_MAX);
-  const known = Object.entries(QUANTITIES).filter(
-    ([name, [, , digits]]) => has(digits) && curves.some(({ columns }) => columns[name]),
-  );
-  const columnOf = ([name, [word, unit, digits]]) => {
-    const value = ({ columns }) =>
-      t !== null && columns[name] ? fixed(columns[name][nearest(columns.time_s, t)], digits) : "";
-    return [word, value, "n", unit];
-  };
-  const title = t === null ? "point at a plot over time" : `${t.toFixed(3)} s`;
-  const first = [title, ({ name }) => name, "name"];
-  const columns = [first, ...known.map(columnOf)];
-  return div["readout-table"](table("Values at the cursor", columns, curves));
+	const curves = all.filter(({ key }) => !hide.includes(key)).slice(0, CURSOR_ROWS_MAX);
+	const known = Object.entries(QUANTITIES).filter(
+		([name, [, , digits]]) => has(digits) && curves.some(({ columns }) => columns[name]),
+	);
+	const columnOf = ([name, [word, unit, digits]]) => {
+		const value = ({ columns }) =>
+			t !== null && columns[name] ? fixed(columns[name][nearest(columns.time_s, t)], digits) : "";
+		return [word, value, "n", unit];
+	};
+	const title = t === null ? "point at a plot over time" : `${t.toFixed(3)} s`;
+	const first = [title, ({ name }) => name, "name"];
+	const error = ({ head }) => fixed(head.nrmse_percent, 2);
+	const hasCard = curves.some(({ card }) => card);
+	const last = hasCard && ["error of the run", error, "n", "% of spread"];
+	const columns = [first, ...known.map(columnOf), last].filter(Boolean);
+	const rowClass = ({ isHeld }) => (isHeld ? "held" : "");
+	return div["readout-table"](table("Values at the cursor", columns, curves, { rowClass }));
 }
 
-export function errorTable(picked, cards, link) {
-  const rows = picked.flatMap((run) => cards.map((card) => ({ run, card })));
-  const splitOf = ({ run, card }) => splitsOf(card).get(run.name);
-  const value = (name, digits) => (row) => {
-    const { run, card } = row;
-    const ask = () => samples(run, card, { max: 64 });
-    return fixed(once(`error ${run.file} ${run.name} ${card}`, ask)?.head?.[name], digits);
-  };
-  const columns = [
-    ["run", ({ run }) => link(run), "name"],
-    ["card", ({ card }) => card, "whole"],
-    ["in the fit", (row) => splitOf(row)?.replace("_", " ") ?? "not used", "whole"],
-    ["RMS error", value("rmse_N", 1), "n", "N"],
-    ["error", value("nrmse_percent", 2), "n", "% of spread"],
-  ];
-  const rowClass = (row) => (splitOf(row) === "held_out" ? "held" : "");
-  return table("Errors of the whole run", columns, rows, { rowClass });
-}
-
-/** Return peak forces, energy and damping of the last complete cycle of the drawn runs. */
 export function characteristics(picked) {
-  const valuesOf = (run) =>
-    once(`samples ${run.file} ${run.name}`, () => samples(run, null, { max: 65536 }))?.columns;
-  const rows = picked.map((run) => ({ run, ...measuresOf(valuesOf(run)) }));
-  rows.sort((x, y) => x.run.command - y.run.command);
-  const show = (name, digits) => (row) => fixed(row[name], digits);
-  const columns = [
-    ["run", ({ run }) => run.name, "name"],
-    ["command", ({ run }) => commandOf(run), "whole"],
-    ["peak speed", show("speed", 0), "n", "mm/s"],
-    ["highest force", show("high", 0), "n", "N"],
-    ["lowest force", show("low", 0), "n", "N"],
-    ["energy per cycle", show("energy", 2), "n", "J"],
-    ["equivalent damping", show("damping", 2), "n", "kN s/m"],
-  ];
-  return table("Characteristic of the last complete cycle", columns, rows);
-}
-
-function measuresOf(columns) {
-  if (!columns?.force_N) return {};
-  const { displacement_mm: x, force_N: force, time_s: time } = prepared(columns, 1, true);
-  let energy = 0;
-  for (let k = 1; k < x.length; k += 1)
-    energy += ((force[k] + force[k - 1]) / 2) * (x[k] - x[k - 1]) * 1e-3;
-  const [low, high] = extent(force);
-  const amplitude = extent(x)[1] * 1e-3;
-  const omega = (2 * Math.PI) / (time.at(-1) - time[0]);
-  const speed = Math.max(...extent(columns.velocity_mm_s).map(Math.abs));
-  return { speed, low, high, energy, damping: energy / (Math.PI * omega * amplitude ** 2) / 1e3 };
+	const runs = picked.toSorted((x, y) => x.command - y.command);
+	const show =
+		(name, digits, scale = 1) =>
+		({ cycle }) =>
+			cycle && fixed(scale * cycle[name], digits);
+	const columns = [
+		["run", ({ name }) => name, "name"],
+		["command", commandOf, "whole"],
+		["peak speed", (run) => fixed(run.peak_velocity_mm_s, 0), "n", "mm/s"],
+		["highest force", show("highest_force_N", 0), "n", "N"],
+		["lowest force", show("lowest_force_N", 0), "n", "N"],
+		["energy per cycle", show("energy_J", 2), "n", "J"],
+		["equivalent damping", show("damping_Ns_m", 2, 1e-3), "n", "kN s/m"],
+	];
+	return table("Characteristic of the last complete cycle", columns, runs);
 }
 
 export const linkedView = (props) => h(LinkedView, props);
