@@ -6,8 +6,10 @@ samples.
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from statistics import median_high
 
 from mrdamper.schema import Json
@@ -21,54 +23,63 @@ _MEASURED = (
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    """Values of a row by which runs are compared. They have the names of the row."""
+
+    name: str
+    error: str | None
+    motion: str | None
+    command: float | None
+    command_unit: str | None
+    temperature_degC: float | None
+    peak_velocity_mm_s: float | None
+    force_range_N: tuple[float, float] | None
+
+    @property
+    def force_span_N(self) -> float:
+        """Return the difference of largest and smallest force, NaN for a run that was not read."""
+        if self.error or self.force_range_N is None:
+            return math.nan
+        return self.force_range_N[1] - self.force_range_N[0]
+
+
 def compare_rows(rows: Sequence[Json]) -> list[Json]:
     """Return the rows of runs with ``copy_of`` (the name of another run) and ``foreign`` (the reason)."""
+    values = [_Row(**{each.name: row[each.name] for each in fields(_Row)}) for row in rows]
     first: dict[str, str] = {}
-    foreign = dict(_foreign(rows))
+    foreign = dict(_foreign(values))
     compared = []
-    for k, row in enumerate(rows):
+    for k, (row, value) in enumerate(zip(rows, values, strict=True)):
         key = str([row[name] for name in _MEASURED])
         compared.append({**row, "copy_of": first.get(key), "foreign": foreign.get(k)})
-        if _is_read(row):
-            first.setdefault(key, row["name"])
+        if not math.isnan(value.force_span_N):
+            first.setdefault(key, value.name)
     return compared
 
 
-def _foreign(rows: Sequence[Json]) -> Iterator[tuple[int, str]]:
+def _foreign(rows: Sequence[_Row]) -> Iterator[tuple[int, str]]:
     """Generate index and reason of each run that probably belongs to another damper."""
-    units = Counter(row["command_unit"] for row in rows if row["command_unit"])
+    units = Counter(row.command_unit for row in rows if row.command_unit)
     usual = max(units, key=units.__getitem__, default=None)
-    groups: dict[tuple[object, ...], list[tuple[int, Json]]] = defaultdict(list)
+    groups: dict[tuple[object, ...], list[tuple[int, float, float]]] = defaultdict(list)
     for k, row in enumerate(rows):
-        if row["command_unit"] not in {None, "", usual}:
-            yield k, f"commanded in {row['command_unit']}, most runs are in {usual}"
-        elif _is_read(row) and row["peak_velocity_mm_s"]:
-            command, warm = row["command"], row["temperature_degC"]
+        if row.command_unit not in {None, "", usual}:
+            yield k, f"commanded in {row.command_unit}, most runs are in {usual}"
+        elif row.peak_velocity_mm_s and not math.isnan(row.force_span_N):
             key = (
-                row["motion"],
-                None if command is None else round(command, 2),
-                None if warm is None else round(warm / 5.0),
+                row.motion,
+                None if row.command is None else round(row.command, 2),
+                None if row.temperature_degC is None else round(row.temperature_degC / 5.0),
             )
-            groups[key].append((k, row))
+            groups[key].append((k, row.peak_velocity_mm_s, row.force_span_N))
     for group in groups.values():
-        for k, row in group:
-            speed = row["peak_velocity_mm_s"]
-            forces = [
-                _force_span(other)
-                for j, other in group
-                if j != k and abs(other["peak_velocity_mm_s"] / speed - 1.0) <= _SPEED_DIFFERENCE_MAX
+        for k, speed, span_N in group:
+            others_N = [
+                other_N
+                for j, other_speed, other_N in group
+                if j != k and abs(other_speed / speed - 1.0) <= _SPEED_DIFFERENCE_MAX
             ]
-            ratio = (
-                _force_span(row) / (median_high(forces) or 1.0) if len(forces) >= _SIMILAR_COUNT_MIN else 1.0
-            )
+            ratio = span_N / (median_high(others_N) or 1.0) if len(others_N) >= _SIMILAR_COUNT_MIN else 1.0
             if not 1.0 / _FORCE_RATIO_MAX <= ratio <= _FORCE_RATIO_MAX:
                 yield k, f"its force is {ratio:.2g} times the force of similar runs"
-
-
-def _is_read(row: Json) -> bool:
-    return not row["error"] and row["force_range_N"] is not None
-
-
-def _force_span(row: Json) -> float:
-    low, high = row["force_range_N"]
-    return float(high - low)
