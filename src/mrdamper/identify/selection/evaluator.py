@@ -145,7 +145,7 @@ class CandidateEvaluator:
         starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
         best = best_different(Objective(problem, self.windows), starts)[0]
         starts += self._with_restarted_terms(candidate, best)
-        return thorough_starts(problem, starts, self.windows, self.screening_windows, self.pool)
+        return thorough_starts(problem, starts, self.windows, self.windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a candidate from many starts; return the fit with the smallest training error."""
