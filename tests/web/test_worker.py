@@ -122,7 +122,7 @@ def test_third_job_waits(folder):
         assert client.get(f"/api/jobs/{fourth}")["state"] == "cancelled"  # A waiting job ends immediately.
         client.ask("POST", f"/api/jobs/{first}/cancel")
         assert client.ended(third)["state"] == "done"
-        assert client.get(f"/api/jobs/{second}")["state"] == "running"
+        assert client.get(f"/api/jobs/{second}")["state"] in {"running", "done"}
         assert [job["id"] for job in client.get("/api/state")["jobs"]] == [fourth, third, second, first]
     assert python_processes_of(folder) == []
 
