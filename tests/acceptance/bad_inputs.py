@@ -364,7 +364,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "two forces",
         spoilt(
-            lambda given: given.update(second=500.0 * given[next(each for each in given if "force" in each)]),
+            lambda given: given.update(second=given[next(each for each in given if "force" in each)]),
             HEADER + ",force_N",
         ),
         r"'force_kN', 'force_N' all hold force",

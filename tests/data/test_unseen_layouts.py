@@ -28,6 +28,11 @@ def columns(run: RigRun) -> tuple[np.ndarray, ...]:
     return run.time, 1e3 * run.displacement, run.force, run.command
 
 
+def noise_N(count: int) -> np.ndarray:
+    """Return the signal of a force sensor that is not loaded."""
+    return np.random.default_rng(0).normal(0.0, 0.3, count)
+
+
 def table(*values: np.ndarray, sign: str = ",", form: str = "%.6f") -> str:
     return "".join(sign.join(form % v for v in row) + "\n" for row in zip(*values, strict=True))
 
@@ -259,7 +264,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "disconnected_cell": each(
         lambda run: (
             FULL.replace("force_N", "force cell 1 [N],force cell 2 [N]")
-            + table(run.time, 1e3 * run.displacement, 1e-3 * run.force, run.force, run.command)
+            + table(run.time, 1e3 * run.displacement, noise_N(len(run.time)), run.force, run.command)
         )
     ),
     "step_in_a_row_of_the_channel": each(

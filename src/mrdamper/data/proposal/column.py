@@ -113,12 +113,15 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         columns = {numbered[k]: table.columns[name] for k, name in names.items() if name in table.columns}
         table = replace(table, names=tuple(numbered[k] for k in names), columns=columns)
     units: dict[str, str] = {}
-    for header in (header_of(table, name, "") for name in table.columns):
+    headers = [header_of(table, name, "") for name in table.columns]
+    for header in headers:
         own = [unit for _, word, unit in legend if _means_same(word, header)]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
     rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
     remarks = (f"units from a document: {', '.join(units)}",) if units else ()
+    if rates and table.step_s is None and not any(each.of_word == "time" for each in headers):
+        remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
     layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
     return replace(table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates))
 

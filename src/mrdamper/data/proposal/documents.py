@@ -63,9 +63,9 @@ class Document:
             kind="index",
             severity="note",
             run=self.path.name,
-            found=f"{self.path.name} states current, voltage or temperature of {len(self.lines)} files",
+            found=f"states current, voltage or temperature of {len(self.lines)} files",
             effect="The values are used if a file does not state its own",
-            remedy="Nothing, if the values are right",
+            remedy="Check these values",
         )
 
 

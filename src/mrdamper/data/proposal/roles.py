@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
 from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
@@ -180,10 +181,26 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
         left = kept or left
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name)] or left
-    if role in {*_NEEDED, "velocity"} and len(left) > 1:  # A disconnected sensor has only noise.
-        ranges = [float(np.ptp(to_si(table.columns[each.name], each.unit, role))) for each in left]
-        left = [each for each, size in zip(left, ranges, strict=True) if not size <= 0.01 * max(ranges)]
-    return left
+    return _connected(left, role, table) if role in {*_NEEDED, "velocity"} and len(left) > 1 else left
+
+
+def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Header]:
+    """Return the columns without those of disconnected sensors, which have only noise.
+
+    A column of the same signal in a wrong unit can have a small range, too. It is kept because it is
+    correlated with the column of the largest range.
+    """
+    signals = [to_si(table.columns[each.name], each.unit, role) for each in headers]
+    widest = max(signals, key=np.ptp)
+    kept = []
+    for header, signal in zip(headers, signals, strict=True):
+        is_small = np.ptp(signal) <= SETTINGS.noise_range_ratio_max * np.ptp(widest)
+        is_noise = np.ptp(signal) == 0.0 or (
+            abs(np.corrcoef(signal, widest)[0, 1]) < SETTINGS.noise_correlation_max
+        )
+        if not (is_small and is_noise):
+            kept.append(header)
+    return kept
 
 
 def _column_without_unit(
