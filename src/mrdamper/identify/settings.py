@@ -58,7 +58,7 @@ class FitSettings:
     # Max iterations of a descent from a minimum that was perturbed or combined with a second minimum
     hop_iterations_max: int = 20
     failed_hop_count_max: int = 3  # The search ends after this number of rounds that do not reduce the cost.
-    minimum_count: int = 6  # number of minima on the screening windows from which all windows are fitted
+    minimum_count: int = 6  # number of minima of the search from which descents on all windows start
 
     # Final fit to all runs
     start_count: int = 4  # number of descents, which start at the parameter sets with the smallest costs
@@ -89,7 +89,7 @@ class NumericalSettings:
     fold_motion_ratio: float = 1.3
     # Limits in the fit of the actuation. Long runs are resampled, but not below 200 Hz, which is necessary to
     # resolve time constants of 5 ms.
-    actuation_samples_max: int = 60_000
+    actuation_samples_max: int = 100_000
     actuation_rate_min_Hz: float = 200.0
     acceleration_quantile: float = 1e-3  # This fraction of extreme accelerations is ignored as an artefact.
 
@@ -106,8 +106,7 @@ class NumericalSettings:
     predicted_gain_min: float = 1e-9  # predicted decrease in the next step / cost
     gain_min: float = 5e-5  # decrease in the last ``gain_step_count`` steps / cost
     gain_step_count: int = 10
-    # Several descents of one candidate: one with a larger cost, divided by the smallest cost, is abandoned.
-    round_cost_ratio_max: float = 2.0
+    round_cost_ratio_max: float = 2.0  # cost / smallest cost of the descents that the next round continues
 
     # Search: linear parameters
     regularisation_cost: float = 1e-6  # cost [%^2] of a parameter at a bound; unused parameters stay near 0

@@ -170,20 +170,22 @@ def thorough_starts(
     problem: FitProblem,
     dampers: Sequence[Damper],
     windows: Sequence[FitWindow],
-    screening_windows: Sequence[FitWindow],
+    search_windows: Sequence[FitWindow],
     pool: Pool = ONE_CORE,
 ) -> list[Damper]:
     """Search for local minima of the cost on ``windows``; return the different minima, best first.
 
-    Many minima are found on the few screening windows. Descents on all windows start from the best of them.
-    First, descents start from given dampers and random points. Then rounds of further descents follow. Some
-    start from the best minimum after some of its coefficients are replaced by values from a different minimum
+    The minima are found on ``search_windows``, which can be a part of ``windows``. Descents on ``windows``
+    then start from the best of them.
+
+    The search begins with descents from given dampers and random points. Rounds of further descents follow.
+    Some start from the best minimum after some coefficients are replaced by values from a different minimum
     (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One starts from a random
     perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997) 5111-5116). The
     replacement helps because a minimum with a wrong friction can have the right free play. The random numbers
     are always the same, so that a fit does not depend on a seed.
     """
-    objective, rng = Objective(problem, screening_windows), np.random.default_rng(0)
+    objective, rng = Objective(problem, search_windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
     random_dampers = _random_dampers(problem, 0)
     dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]

@@ -126,16 +126,12 @@ class CandidateEvaluator:
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
     def initial_starts(self, law: str, archetype: Archetype | None) -> CandidateStarts:
-        """Return start dampers for the first candidate of a law, where the selection of terms begins.
-
-        The error of an alternative archetype, which starts near the fit of another archetype, is set to 0.
-        """
+        """Return start dampers for the first candidate of a law, where the selection of terms begins."""
         candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
         starts = self.starts(candidate) if archetype is None else self._archetype_starts(candidate, archetype)
-        if archetype is not None and archetype.is_alternative:
-            return CandidateStarts(candidate, starts, 0.0)
-        objective = Objective(self.problem(candidate), self.windows)
-        return CandidateStarts(candidate, starts, float(np.sqrt(objective.costs_of(starts).min())))
+        cost = Objective(self.problem(candidate), self.windows).costs_of(starts).min()
+        is_alternative = archetype is not None and archetype.is_alternative
+        return CandidateStarts(candidate, starts, float(np.sqrt(cost)), is_alternative)
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several start dampers for a fit of a candidate, best first."""
