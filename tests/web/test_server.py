@@ -267,6 +267,18 @@ def test_unusable_address_ends_server_with_message(site, tmp_path):
         assert "Traceback" not in run.stderr
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_ends_server_without_traceback(tmp_path, number):
+    """Ctrl-C and the stop of a service end the server without a traceback."""
+    with served(tmp_path / "work") as client:
+        client.get("/api/state")
+        client.process.send_signal(number)
+        assert client.process.wait(timeout=10.0) == 0
+        assert client.process.stderr is not None
+        assert client.process.stderr.read() == ""
+
+
 def test_missing_extra_names_install_command(tmp_path):
     code = f"import sys; sys.modules['fastapi'] = None; {command()[2]}"
     run = subprocess.run(

@@ -216,7 +216,7 @@ def test_open_page_recovers_after_power_cut(browser, tmp_path):
             expect(page.locator("#lost")).to_be_visible()
         with served(root, "--port", port) as client:
             # The page is not reloaded.
-            page.get_by_text("the server was stopped before it was done").first.wait_for()
+            page.get_by_text("the server was stopped before the job was done").first.wait_for()
             shoot(page, "fit-interrupted")
             expect(page.locator("#lost")).to_be_hidden()
             expect(page.locator("#busy")).to_be_hidden()

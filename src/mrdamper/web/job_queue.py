@@ -15,14 +15,13 @@ from dataclasses import dataclass, field, replace
 
 from mrdamper.errors import InputError
 from mrdamper.runtime.outputs import recover_staging
-from mrdamper.web.job_record import GRACE_S, JobRecord, job_ids, new_id
+from mrdamper.web.job_record import GRACE_S, SERVER_STOPPED, JobRecord, job_ids, new_id
 from mrdamper.web.schemas import ORDER_JOBS, Order
 from mrdamper.web.workspace import ConflictError, WorkFolder
 
 JOBS_AT_ONCE_MAX = 2
 # Time from cancelling a job to killing its process [s], if the job (such as a fit) first saves a result.
 _KEEPING_S = 20.0
-_STOPPED = "the server was stopped before it was done"
 
 
 @dataclass(slots=True)
@@ -67,7 +66,7 @@ class JobQueue:
             record = self.record(job_id)
             with suppress(InputError):
                 if not record.read().has_ended:
-                    record.end("interrupted", f"{_STOPPED}; {_next_step(record)}")
+                    record.end("interrupted", f"{SERVER_STOPPED}; {_next_step(record)}")
             _clear(record)
         self._folder.clear()
 
@@ -136,7 +135,7 @@ class JobQueue:
         self._closing = True
         for job_id, work in self._jobs.items():
             if work.waiting:
-                self.record(job_id).end("interrupted", "the server stopped before the job; ask for it again")
+                self.record(job_id).end("interrupted", f"{SERVER_STOPPED}; ask for it again")
                 work.task.cancel()
             elif work.process is not None and work.process.stdin is not None:
                 work.process.stdin.close()  # The process then interrupts the job and, later, kills itself.
@@ -172,7 +171,7 @@ class JobQueue:
             if not record.read().has_ended:
                 next_step = _next_step(record)
                 if self._closing:
-                    record.end("interrupted", f"{_STOPPED}; {next_step}")
+                    record.end("interrupted", f"{SERVER_STOPPED}; {next_step}")
                 elif cancelled:
                     record.end("cancelled", f"cancelled; it was ended by force; {next_step}")
                 else:

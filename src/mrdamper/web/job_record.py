@@ -29,6 +29,8 @@ from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 GRACE_S = 3.0
 """Time from interrupting a job to killing its processes [s]."""
 
+SERVER_STOPPED = "the server was stopped before the job was done"
+
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")

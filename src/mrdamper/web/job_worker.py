@@ -24,7 +24,7 @@ from mrdamper.errors import MrdamperError
 from mrdamper.interrupts import Interrupted
 from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.web.adapters import do
-from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
+from mrdamper.web.job_record import GRACE_S, SERVER_STOPPED, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
 _NICENESS = 10  # Jobs run at low priority so that the pages stay responsive.
@@ -111,7 +111,7 @@ def _fail(record: JobRecord, fault: BaseException) -> None:
 
 def _stopped(kept: str) -> tuple[EndState, str]:
     if _server_is_gone.is_set():
-        return "interrupted", f"the server stopped during the job; {kept}"
+        return "interrupted", f"{SERVER_STOPPED}; {kept}"
     return "cancelled", f"cancelled; {kept}"
 
 
