@@ -395,12 +395,12 @@ def heatsink(
     card : Read this model card.
     drawing : Read the dimensions of the damper from this geometry file (TOML). Default: paper.
     duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
-    span_mm : Limit the length of the finned body, in mm [mm], above 0 and below 1e+06. Default: the drawing's
-        sink's.
-    width_mm : Limit the radial width of the fins, in mm [mm], above 0 and below 1e+06. Default: the drawing's
-        sink's.
-    mass_g : Limit the total mass of the fins, in g [g], above 0 and below 1e+06. Default: the drawing's
-        sink's.
+    span_mm : Limit the length of the finned body, in mm [mm], above 0 and below 1e+06. Default: as in the
+        geometry file.
+    width_mm : Limit the radial width of the fins, in mm [mm], above 0 and below 1e+06. Default: as in the
+        geometry file.
+    mass_g : Limit the total mass of the fins, in g [g], above 0 and below 1e+06. Default: as in the geometry
+        file.
     materials : Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable. Default: the
         material of the geometry file.
     members : Show this number of designs of the Pareto front, and verify them with finite elements.

@@ -18,7 +18,7 @@ from mrdamper.thermal.drawing import AIR_MAX_M_S
 
 _DUTY = "sine:15mm:1Hz:2A:1800s"
 _DESIGN = "Limits of the design"
-_LIMIT = Option(group=_DESIGN, above=0.0, below=1e6, default_help="the drawing's sink's")
+_LIMIT = Option(group=_DESIGN, above=0.0, below=1e6, default_help="as in the geometry file")
 _NETWORK_ONLY = Option(flag="--network-only", begins=False, group=_DESIGN)
 _GIVEN = Option(default_help="the value of the geometry file")
 _EXPORTS = (
