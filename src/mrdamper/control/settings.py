@@ -57,9 +57,7 @@ class ControlSettings:
     temperature_extrapolated_s: float = 1800.0
 
     # Tables of the coefficients
-    current_count_max: int = (
-        41  # All multiples of 1/8 of the largest current are included for the model bank.
-    )
+    current_count_max: int = 41  # includes all multiples of 1/8 of the largest current, for the model bank
     current_tolerance: float = 8e-4  # interpolation error / largest yield force
     temperature_tolerance: float = 1e-4
     temperature_count: int = 193  # temperatures at which coefficients are sampled: ends and middle of pieces

@@ -26,8 +26,10 @@ from mrdamper.thermal.materials import MATERIALS
 from mrdamper.virtual_rig.campaign import CAMPAIGNS
 from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 
+__all__ = ["WRITTEN", "HeatSink", "choices", "kind_of_input", "run_formats"]
+
 _HEAD_SIZE_BYTES = 1 << 14
-# The first pattern that matches the beginning of a line decides the kind.
+# Patterns of the beginning of a line; the first one that matches decides the kind.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
     ("drawing", r"\[body\]"),
@@ -56,9 +58,6 @@ def kind_of_input(path: Path, _size: int, _time: int) -> str | None:
         return next((kind for kind, pattern in _CSV if re.search(pattern, head)), None)
     text = "\n".join(line.strip() for line in lines)
     return next((kind for kind, pattern in _TOML if re.search(f"^({pattern})", text, re.MULTILINE)), None)
-
-
-__all__ = ["WRITTEN", "HeatSink", "choices", "run_formats"]
 
 
 def choices() -> dict[str, object]:
