@@ -6,8 +6,8 @@ labels the motions.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mrdamper.arrays import DEVIATION_PER_MAD, FloatArray
 _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))
 
 _SPLINE_DEGREE = 5
-_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
 
 # First derivative by sixth-order differences: centred, and for the three samples nearest to an end.
 _CENTRED = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0
@@ -84,12 +84,14 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     at least the rounding error if all displacements are on a grid. Up to 2 % of the record are ignored at its
     end, because the transform of the shorter length is faster.
     """
-    from scipy.fft import prev_fast_len  # Imported here because SciPy takes a quarter of a second to load.
+    from scipy.fft import (
+        dst,
+        prev_fast_len,
+    )  # Imported here because SciPy takes 0.25 s to load.
 
     n = prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
-    odd = np.concatenate([kept[:-1], -kept[:0:-1]])  # An odd function has sine terms only.
-    coefficient = -np.fft.rfft(odd).imag[1:-1] * np.sqrt(0.5 / (n - 1))
+    coefficient = np.asarray(dst(kept[1:-1], type=1)) * np.sqrt(0.5 / (n - 1))
     frequency = np.arange(1, n - 1) / (2.0 * (n - 1) * step)
     noise = DEVIATION_PER_MAD * float(np.median(np.abs(coefficient[-(n // 4) :])))
     return Spectrum(step, frequency, coefficient**2, max(noise, _rounding(displacement)))
@@ -116,38 +118,27 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     If the spacing is one sample, the derivatives are sixth-order differences.
     """
-    from scipy.linalg import solveh_banded  # Imported here because SciPy takes 0.25 s to load.
+    from scipy.interpolate import BSpline  # Imported here because SciPy takes 0.25 s to load.
+    from scipy.linalg import solveh_banded
+    from scipy.sparse import diags_array
 
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
     if spacing == 1:
         velocity = differentiate(displacement, step)
         return Kinematics(displacement, velocity, differentiate(velocity, step))
-    basis = _spline_basis(spacing)
-    blocks = -(-n // spacing)
-    count = blocks + _SPLINE_DEGREE
-    last = basis[0][:, : n - (blocks - 1) * spacing]
-    inside, at_end = basis[0] @ basis[0].T, last @ last.T
-    normal = np.zeros((_SPLINE_DEGREE + 1, count))  # lower band storage
-    for d in range(_SPLINE_DEGREE + 1):
-        for j in range(_SPLINE_DEGREE + 1 - d):
-            normal[d, j : j + blocks - 1] += inside[j + d, j]
-            normal[d, j + blocks - 1] += at_end[j + d, j]
-    for d in range(len(_FOURTH_DIFFERENCE)):
-        for j in range(len(_FOURTH_DIFFERENCE) - d):
-            # weight of the fourth differences of the spline coefficients in the fit
-            weight = 1e-4 * spacing * _FOURTH_DIFFERENCE[j] * _FOURTH_DIFFERENCE[j + d]
-            normal[d, j : j + count - len(_FOURTH_DIFFERENCE) + 1] += weight
-    padded = np.zeros(blocks * spacing)
-    padded[:n] = displacement
-    moments = padded.reshape(blocks, spacing) @ basis[0].T
-    right = np.zeros(count)
-    for j in range(_SPLINE_DEGREE + 1):
-        right[j : j + blocks] += moments[:, j]
-    coefficients = solveh_banded(normal, right, overwrite_ab=True, overwrite_b=True, lower=True)
-    active = np.lib.stride_tricks.sliding_window_view(coefficients, _SPLINE_DEGREE + 1)
-    x, v, a = ((active @ weights).ravel()[:n] for weights in basis)
-    return Kinematics(x, v / step, a / step**2)
+    position = np.arange(n) / spacing
+    knots = np.arange(-_SPLINE_DEGREE, math.ceil(n / spacing) + _SPLINE_DEGREE + 1.0)
+    basis = BSpline.design_matrix(position, knots, _SPLINE_DEGREE)
+    count = basis.shape[1]
+    fourth = diags_array(_FOURTH_DIFFERENCE, offsets=range(5), shape=(count - 4, count))
+    # The factor is the weight of the fourth differences of the spline coefficients in the fit.
+    normal = basis.T @ basis + 1e-4 * spacing * (fourth.T @ fourth)
+    bands = [np.pad(normal.diagonal(-k), (0, k)) for k in range(_SPLINE_DEGREE + 1)]
+    coefficients = solveh_banded(bands, np.asarray(basis.T @ displacement), lower=True)
+    spline = BSpline(knots, coefficients, _SPLINE_DEGREE)
+    x, v, a = (spline(position, order) / (spacing * step) ** order for order in range(3))
+    return Kinematics(x, v, a)
 
 
 def differentiate(values: FloatArray, step: float) -> FloatArray:
@@ -170,31 +161,6 @@ def smallest_step(displacement: FloatArray) -> float:
     steps = np.abs(np.diff(displacement))
     steps = steps[steps > 1e-9 * np.ptp(displacement)]
     return float(steps.min()) if len(steps) else 0.0
-
-
-@lru_cache(maxsize=64)
-def _spline_basis(spacing: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the six B-splines that are not zero between two knots, and their first two derivatives.
-
-    Each array has the shape (6, spacing): one row per spline, one column per sample after a knot. The
-    derivatives are per sample and per sample^2.
-    """
-    position = np.arange(spacing) / spacing
-
-    def active(degree: int) -> FloatArray:
-        """Return the uniform B-splines of a degree that are not zero after a knot (Cox-de Boor recursion)."""
-        values = np.ones((1, spacing))
-        for d in range(1, degree + 1):
-            older, newer = np.pad(values, ((1, 0), (0, 0))), np.pad(values, ((0, 1), (0, 0)))
-            j = np.arange(d + 1)[:, None]
-            values = ((position + d - j) * older + (j + 1 - position) * newer) / d
-        return values
-
-    def slope(values: FloatArray) -> FloatArray:
-        """Return the derivatives of the B-splines of the next higher degree, per sample."""
-        return -np.diff(values, axis=0, prepend=0.0, append=0.0) / spacing
-
-    return active(_SPLINE_DEGREE), slope(active(_SPLINE_DEGREE - 1)), slope(slope(active(_SPLINE_DEGREE - 2)))
 
 
 def _rounding(displacement: FloatArray) -> float:
