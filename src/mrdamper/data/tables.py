@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,34 +11,39 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from mrdamper.data.formats.excel import is_workbook, read_workbook
-from mrdamper.data.formats.hdf5 import is_hdf5, read_hdf5
-from mrdamper.data.formats.lvm import is_lvm, read_lvm
+from mrdamper.data.formats.excel import ZIP_SIGNATURE, read_workbook
+from mrdamper.data.formats.hdf5 import read_hdf5
+from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mat import is_mat, read_mat
-from mrdamper.data.formats.mdf import is_mdf, read_mdf
-from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
-from mrdamper.data.formats.octave import is_octave, read_octave
-from mrdamper.data.formats.parquet import is_parquet, read_parquet
+from mrdamper.data.formats.mdf import read_mdf
+from mrdamper.data.formats.objects import read_json, read_npz
+from mrdamper.data.formats.octave import read_octave
+from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Format, NoTableError, OnUse, Table
-from mrdamper.data.formats.tdms import is_tdms, read_tdms
+from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import is_text, read_text
-from mrdamper.data.formats.uff import is_uff, read_uff
+from mrdamper.data.formats.uff import read_uff
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import require_file
 
-# The first format that recognises a file reads it.
+# A text may begin with a mark of UTF-8.
+_LABVIEW = re.compile(rb"(?:\xef\xbb\xbf)?LabVIEW Measurement")
+_JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" is not JSON.
+_OCTAVE = re.compile(rb"# Created by Octave|# name: \w+\r?\n# type: ")
+
+# The first format that recognises the first bytes of a file reads it.
 FORMATS: tuple[Format, ...] = (
-    Format("Parquet", (".parquet", ".pq"), is_parquet, read_parquet),
+    Format("Parquet", (".parquet", ".pq"), re.compile(rb"PAR1").match, read_parquet),
     Format("MAT", (".mat",), is_mat, read_mat),
-    Format("HDF5", (".h5", ".hdf5", ".hdf"), is_hdf5, read_hdf5),
-    Format("TDMS", (".tdms",), is_tdms, read_tdms),
-    Format("MDF", (".mf4", ".mdf"), is_mdf, read_mdf),
-    Format("NumPy archive", (".npz",), is_npz, read_npz),
-    Format("Excel", (".xlsx", ".xlsm"), is_workbook, read_workbook),
-    Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
-    Format("universal", (".unv", ".uff"), is_uff, read_uff),
-    Format("JSON", (".json", ".jsonl"), is_json, read_json),
-    Format("Octave text", (".txt", ".mat"), is_octave, read_octave),
+    Format("HDF5", (".h5", ".hdf5", ".hdf"), re.compile(rb"\x89HDF|MATLAB 7\.3").match, read_hdf5),
+    Format("TDMS", (".tdms",), re.compile(rb"TDSm").match, read_tdms),
+    Format("MDF", (".mf4", ".mdf"), re.compile(rb"MDF     |UnFinMF ").match, read_mdf),
+    Format("NumPy archive", (".npz",), re.compile(rb"(?s)PK\x03\x04.*\.npy").match, read_npz),
+    Format("Excel", (".xlsx", ".xlsm"), re.compile(ZIP_SIGNATURE).match, read_workbook),
+    Format("LabVIEW text", (".lvm",), _LABVIEW.match, read_lvm),
+    Format("universal", (".unv", ".uff"), re.compile(rb"\s*-1\s*\r?\n\s*\d+").match, read_uff),
+    Format("JSON", (".json", ".jsonl"), _JSON.match, read_json),
+    Format("Octave text", (".txt", ".mat"), _OCTAVE.match, read_octave),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 

@@ -22,15 +22,11 @@ from mrdamper.data.formats.table import FileOptions, NoTableError, Table, load_e
 from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
+ZIP_SIGNATURE = b"PK\x03\x04"  # A workbook is a zip archive.
 _PIECE_BYTES = 1 << 20
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
 Row = list[Any]
-
-
-def is_workbook(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of a zip archive, the container of a workbook."""
-    return head.startswith(b"PK\x03\x04")
 
 
 def read_workbook(path: Path, options: FileOptions) -> Table:

@@ -21,11 +21,6 @@ from mrdamper.data.formats.variables import OF_COLUMNS, table_of_variables, word
 _MATLAB = b"MATLAB 7.3"
 
 
-def is_hdf5(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of an HDF5 file or a MAT file of version 7.3."""
-    return head.startswith((b"\x89HDF", _MATLAB))
-
-
 def read_hdf5(path: Path, options: FileOptions) -> Table:
     """Return the columns of an HDF5 file, which are read on use."""
     h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")

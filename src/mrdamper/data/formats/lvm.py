@@ -25,7 +25,6 @@ from mrdamper.data.words.headers import unit_in_brackets
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
 
-_FIRST = "LabVIEW Measurement"
 _END = re.compile(rb"(?m)^\*\*\*End_of_Header\*\*\*.*\n?")
 # Notes are optional and precede the channel count.
 _SEGMENT = re.compile(rb"(?ms)^((?:Notes|Channels)[\t,].*?)^\*\*\*End_of_Header\*\*\*[^\n]*\n([^\n]*)\n?")
@@ -33,11 +32,6 @@ _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
 
 Tags = Mapping[str, list[str]]
-
-
-def is_lvm(head: bytes) -> bool:
-    """Return True if the first bytes are the start of a LabVIEW measurement text."""
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(_FIRST.encode())
 
 
 def read_lvm(path: Path, _options: FileOptions) -> Table:

@@ -36,11 +36,6 @@ _CLOCK_INDEX = -1  # This channel index means the clock of the group.
 Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
 
 
-def is_mdf(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of an MDF file."""
-    return head.startswith((b"MDF     ", b"UnFinMF "))
-
-
 def read_mdf(path: Path, options: FileOptions) -> Table:
     """Return the channels of an MDF file. The file stays open while the table exists."""
     asammdf = _asammdf()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +18,6 @@ from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, Table, require_held, require_room
 from mrdamper.data.formats.variables import table_of_variables
 from mrdamper.errors import InputError
-
-_OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins another kind of text
-
-
-def is_json(head: bytes) -> bool:
-    """Return True if the first bytes are the start of a JSON object or list."""
-    return _OBJECT.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
-
-
-def is_npz(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of an archive of NumPy arrays."""
-    return head.startswith(b"PK\x03\x04") and b".npy" in head
 
 
 def read_npz(path: Path, options: FileOptions) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,6 @@ import numpy as np
 
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.data.formats.variables import table_of_variables
-
-_BEGINS = re.compile(rb"# Created by Octave|# name: \w+\r?\n# type: ")
-
-
-def is_octave(head: bytes) -> bool:
-    """Return True if the first bytes are the start of a text file of Octave."""
-    return _BEGINS.match(head) is not None
 
 
 def read_octave(path: Path, options: FileOptions) -> Table:

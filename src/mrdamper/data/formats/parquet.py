@@ -18,11 +18,6 @@ from mrdamper.data.formats.table import (
 )
 
 
-def is_parquet(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of a Parquet file."""
-    return head.startswith(b"PAR1")
-
-
 def read_parquet(path: Path, _options: FileOptions) -> Table:
     """Return the columns of a Parquet file. Times are in seconds from the first time."""
     pl = load_extra("polars", "polars", "Parquet files")

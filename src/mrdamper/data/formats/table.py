@@ -139,7 +139,7 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    recognises: Callable[[bytes], bool]
+    recognises: Callable[[bytes], object]
     read: Callable[[Path, FileOptions], Table]
 
 

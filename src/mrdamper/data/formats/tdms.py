@@ -28,11 +28,6 @@ from mrdamper.errors import InputError
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 
 
-def is_tdms(head: bytes) -> bool:
-    """Return True if the first bytes are the signature of a TDMS file."""
-    return head.startswith(b"TDSm")
-
-
 def read_tdms(path: Path, options: FileOptions) -> Table:
     """Return the channels of a TDMS file, each with its start time and time step."""
     with _opened(path) as file:

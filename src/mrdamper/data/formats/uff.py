@@ -6,7 +6,6 @@ ignored.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,6 @@ from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra
 from mrdamper.errors import InputError
 from mrdamper.quantities import to_si
 
-_BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
 _DATA_SET = 58
 _TIME_RESPONSE = 1
 _REAL = (2, 4)  # Data types of real numbers in single and double precision.
@@ -36,11 +34,6 @@ class _Channel:
     time: FloatArray  # [s]
     values: FloatArray  # [unit]
     said: tuple[str, ...]  # texts of the header
-
-
-def is_uff(head: bytes) -> bool:
-    """Return True if the first bytes are the start of a universal file."""
-    return _BEGINS.match(head) is not None
 
 
 def read_uff(path: Path, _options: FileOptions) -> Table:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.excel import is_workbook, sheet_lines
+from mrdamper.data.formats.excel import ZIP_SIGNATURE, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, split_line, with_unit
@@ -141,7 +141,7 @@ def _lines_of(path: Path) -> list[str]:
         return []
     with path.open("rb") as stream:
         head = stream.read(512)
-    if is_workbook(head):
+    if head.startswith(ZIP_SIGNATURE):
         with decoding(path, "Excel"):
             return sheet_lines(path)[: SETTINGS.document_lines_max]
     if not is_text(head):

@@ -20,6 +20,7 @@ from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import IO, Any
 
+from mrdamper.data.formats.excel import ZIP_SIGNATURE
 from mrdamper.data.formats.lines.encodings import open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
 from mrdamper.data.formats.settings import SETTINGS
@@ -42,7 +43,7 @@ _NO_RUNS = frozenset(
     )
 )
 _COMPRESSIONS: Mapping[bytes, Any] = MappingProxyType({b"\x1f\x8b": gzip, b"BZh": bz2, b"\xfd7zXZ": lzma})
-_ARCHIVES = (b"PK\x03\x04", *_COMPRESSIONS)
+_ARCHIVES = (ZIP_SIGNATURE, *_COMPRESSIONS)
 _DAMAGES = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, tarfile.TarError),
     *(EOFError, OSError, RuntimeError, NotImplementedError),
