@@ -10,10 +10,7 @@ import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import zip_longest
-from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
@@ -218,17 +215,6 @@ def read_head(path: TextSource) -> Head:
     lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
     notes = ("read from UTF-16",) if wide else READ_AS.get(encoding, ())
     return Head(lines, tuple(edges), notes, encoding)
-
-
-def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
-    """Generate (number, line) from the current position of a text; the first number is ``first``.
-
-    Raise InputError if a line does not end.
-    """
-    for number, line in enumerate(iter(partial(stream.readline, _HEAD_BYTES), b""), first):
-        if len(line) == _HEAD_BYTES:
-            raise InputError(place=f"{path}, line {number}", found="does not end", expected="rows of numbers")
-        yield number, line
 
 
 def parse_rows(

@@ -10,8 +10,7 @@ from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.words.headers import (
     begins_with_symbol,
-    is_set_point,
-    is_statistic,
+    has_word,
     legend_in,
     parse_header,
     speaks_of,
@@ -96,7 +95,7 @@ def headers_of(table: Table, place: str) -> list[Header]:
     Times of day are omitted. Statistics, such as a maximum, are omitted if a role has several of them.
     """
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
-    results = [each for each in headers if is_statistic(each.word)]
+    results = [each for each in headers if has_word(each.word, "statistic")]
     roles = [(*each.of_unit, each.of_word) for each in results]
     return [each for each in headers if each not in results or roles.count((*each.of_unit, each.of_word)) < 2]
 
@@ -141,5 +140,5 @@ def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
         and each.of_word in {"", role}
         and (begins_with_symbol(each.word, role) or speaks_of(each.word, role))
     ]
-    found = [each for each in found if not is_set_point(each.word)] or found
+    found = [each for each in found if not has_word(each.word, "set point")] or found
     return found[0] if len(found) == 1 else None

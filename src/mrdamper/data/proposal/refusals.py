@@ -14,9 +14,8 @@ from mrdamper.data.proposal.questions import ask
 from mrdamper.data.words.headers import (
     begins_with_symbol,
     candidates,
+    has_word,
     is_command_share,
-    is_monitor,
-    is_set_point,
     parse_header,
     says_command,
     speaks_of,
@@ -99,7 +98,11 @@ def no_command(
         require_no_text(role, table, place)
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     volts = [name for name in volts if parse_header(name) is None and not _has_companion(name, table)]
-    monitors = [name for name in volts if is_monitor(name) or speaks_of(word_and_unit(name)[0], "current")]
+    monitors = [
+        name
+        for name in volts
+        if has_word(name, "sensor output") or speaks_of(word_and_unit(name)[0], "current")
+    ]
     if monitors and not values:
         return no_scale("current", monitors, place)
     shares = command_shares(table)
@@ -141,7 +144,7 @@ def _may_be_command(header: Header) -> bool:
     if any(speaks_of(header.word, role) for role in QUANTITIES if role not in _COMMANDS):
         return False
     named = _names_current(header) or speaks_of(header.word, "voltage")
-    return named or says_command(header.word) or is_set_point(header.word)
+    return named or says_command(header.word) or has_word(header.word, "set point")
 
 
 def _names_current(header: Header) -> bool:

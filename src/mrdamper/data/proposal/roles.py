@@ -23,12 +23,8 @@ from mrdamper.data.proposal.column import Column, Header, header_of, headers_of,
 from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
-    is_ambient,
-    is_filtered,
-    is_monitor,
-    is_of_fluid,
+    has_word,
     is_per_cent,
-    is_set_point,
     names_by_symbol,
     says_command,
     speaks_of,
@@ -166,16 +162,16 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
     sieves = [
-        [each for each in left if not is_set_point(each.word)],
+        [each for each in left if not has_word(each.word, "set point")],
         [each for each in left if each.of_word == role],
         [each for each in left if each.of_word == role and not names_by_symbol(each.name)],
         [each for each in left if speaks_of(each.word, role)],
     ]
     if role == "temperature":
-        sieves.insert(0, [each for each in left if is_of_fluid(each.word)])
-        sieves.insert(0, [each for each in left if not is_ambient(each.word)])
+        sieves.insert(0, [each for each in left if has_word(each.word, "fluid")])
+        sieves.insert(0, [each for each in left if not has_word(each.word, "ambient")])
     if role in {*_NEEDED, "velocity"}:
-        sieves.append([each for each in left if not is_filtered(each.word)])
+        sieves.append([each for each in left if not has_word(each.word, "filtered")])
     for sieve in sieves:
         kept = [each for each in left if each in sieve]
         left = kept or left
@@ -223,7 +219,7 @@ def _column_without_unit(
             for each in headers
             if each.name in shares
             or ("voltage" in each.of_unit and speaks_of(each.word, role))
-            or ("voltage" in each.of_unit and role == "current" and is_monitor(each.word))
+            or ("voltage" in each.of_unit and role == "current" and has_word(each.word, "sensor output"))
         ]
     meant = meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
@@ -233,7 +229,7 @@ def _column_without_unit(
             found = f"neither channel.{role} nor a header names a column; the columns are: "
             raise InputError(place=place, found=found + column_list(table.names))
         return None
-    left = [each for each in worded if not is_set_point(each.word)] or worded
+    left = [each for each in worded if not has_word(each.word, "set point")] or worded
     left = [each for each in left if not names_by_symbol(each.name)] or left
     if len(left) > 1 and not _is_needed(role, headers):
         return None

@@ -26,7 +26,7 @@ from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.data.proposal.roles import column_of
 from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.data.tables import read_tables
-from mrdamper.data.words.headers import is_ambient
+from mrdamper.data.words.headers import has_word
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
@@ -113,7 +113,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     if not start.has_date:
         raise InputError(found="it states no date")
     column = column_of("temperature", table, headers, chosen, place)
-    if column is None or is_ambient(column.name) or is_ambient(path.stem):
+    if column is None or has_word(column.name, "ambient") or has_word(path.stem, "ambient"):
         raise InputError(found="it has no temperature of the damper with a unit")
     kelvin = column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
     valid = (

@@ -7,7 +7,9 @@ determine the column. They also distinguish a measured quantity from its set poi
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
@@ -29,26 +31,35 @@ _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
 _NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
-_SET_POINT = re.compile(
-    r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
-    r"|目标|設定|设定|指令|给定|목표|지령"
+Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid"]
+# A statistic is a result of a cycle or a run. The volts of a sensor output represent another quantity.
+_KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
+    {
+        "set point": re.compile(
+            r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
+            r"|目标|設定|设定|指令|给定|목표|지령"
+        ),
+        "sensor output": re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor"),
+        "statistic": re.compile(
+            r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b"
+        ),
+        "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
+        "ambient": re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境"),
+        "fluid": re.compile(
+            r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일"
+        ),
+    }
 )
 _COMMAND = re.compile(
     r"\b(c(o|ó)m(m)?and\w*|cmd|drive\w*|control\w*|steuer\w*|consign\w*)\b|volt|spannung|tens[iã]|ten[cs]i[oó]n|nap[ie]"
     r"|电压|電圧|전압|指令"
 )
-_MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
 _PER_CENT = re.compile(
     r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
     r"(?:\s*(?:of|v\.|vom|du)?\s*(?:fso?|f\.s\.|range|full scale|endwert|messbereich|rated))?[\s\])}]*$",
     re.IGNORECASE,
 )
-_STATISTIC = re.compile(r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b")
-_FILTERED = re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b")
-_AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
-
-_FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일")
 
 
 def word_and_unit(header: str) -> tuple[str, str]:
@@ -120,51 +131,26 @@ def begins_with_symbol(word: str, role: str) -> bool:
     return alone and (first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"}))
 
 
-def is_set_point(word: str) -> bool:
-    """Return True if a header names a set point instead of a measured value."""
-    return _SET_POINT.search(_split_words(word)) is not None
+def has_word(header: str, kind: Kind) -> bool:
+    """Return True if a header has a word for columns of a kind, such as set points."""
+    return _KINDS[kind].search(_split_words(header)) is not None
 
 
 def says_command(word: str) -> bool:
     """Return True if the header of a column in volts names a command. Otherwise it may be a sensor output."""
-    return _COMMAND.search(_split_words(word)) is not None and not is_monitor(word)
-
-
-def is_monitor(word: str) -> bool:
-    """Return True if a header names a sensor output, whose volts represent a different quantity."""
-    return _MONITOR.search(_split_words(word)) is not None
+    return _COMMAND.search(_split_words(word)) is not None and not has_word(word, "sensor output")
 
 
 def is_command_share(name: str, unit: str) -> bool:
     """Return True if a header names a command relative to its maximum, such as a duty cycle in per cent."""
     if not (is_per_cent(name) or is_per_cent(unit)):
         return False
-    return bool(_DUTY.search(_split_words(name))) or is_set_point(name) or speaks_of(name, "current")
-
-
-def is_statistic(word: str) -> bool:
-    """Return True if a header names a result of a cycle or a run, such as a maximum."""
-    return _STATISTIC.search(_split_words(word)) is not None
+    return bool(_DUTY.search(_split_words(name))) or has_word(name, "set point") or speaks_of(name, "current")
 
 
 def is_per_cent(text: str) -> bool:
     """Return True if a name ends with per cent, or a unit is per cent."""
     return _PER_CENT.search(text) is not None
-
-
-def is_ambient(word: str) -> bool:
-    """Return True if a header names the ambient temperature."""
-    return _AMBIENT.search(_split_words(word)) is not None
-
-
-def is_filtered(word: str) -> bool:
-    """Return True if a header names a filtered signal."""
-    return _FILTERED.search(_split_words(word)) is not None
-
-
-def is_of_fluid(word: str) -> bool:
-    """Return True if a header names the fluid temperature."""
-    return _FLUID.search(_split_words(word)) is not None
 
 
 def _split_words(word: str) -> str:
