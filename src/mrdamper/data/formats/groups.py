@@ -31,6 +31,7 @@ class StoredArray:
     read: Callable[[], FloatArray]
     unit: str = ""
     settings: Mapping[str, object] = field(default_factory=dict)
+    is_clock: bool = False  # True: the times that the format itself states for a group
 
     @property
     def name(self) -> str:
@@ -43,9 +44,11 @@ class StoredArray:
 
     @property
     def is_time(self) -> bool:
-        """True if the name is a name of a time column."""
+        """True if the array is a clock, or its name is a name of a time column."""
         header = parse_header(self.name)
-        return self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
+        return self.is_clock or (
+            self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
+        )
 
 
 def table_of_arrays(
@@ -58,7 +61,7 @@ def table_of_arrays(
     units : path -> text, of the texts in a structure called ``units``
     """
     inside = [each for each in rename_by_structures(arrays) if is_in_part(each.path, layout.part)]
-    others = recordings_in([each.path for each in inside if each.size > 1])
+    others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
     part = others[0] if others else layout.part
     inside = [each for each in inside if is_in_part(each.path, part)]
     names = shortest_names([each.path for each in inside])
@@ -84,10 +87,14 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     If the file has several columns of times, a column uses the times of the nearest enclosing group.
     Otherwise the clock is the stated start and step.
     """
-    times = {each.path[:-1]: name for name, each in arrays.items() if each.is_time}
+    times: dict[tuple[str, ...], str] = {}
+    for name, each in arrays.items():
+        if each.is_time:
+            times.setdefault(each.path[:-1], name)
     if len(times) < 2:
         stated = {name: stated_sampling(each.settings) for name, each in arrays.items()}
         return with_samplings(table, stated, {name: each.size for name, each in arrays.items()})
+    values_of = {time: table.columns[time] for time in times.values()}
     clocks: dict[str, FloatArray] = {}
     own: dict[str, str] = {}  # column -> the column of its times
     for name, each in arrays.items():
@@ -95,7 +102,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
         time = next((times[group] for group in groups if group in times), name)
         if time == name or each.size < 2 or arrays[time].size != each.size:
             continue
-        values = table.columns[time]
+        values = values_of[time]
         own[name] = next((other for other, same in clocks.items() if np.array_equal(values, same)), time)
         clocks.setdefault(own[name], values)
     number_of = {name: number for number, name in enumerate(clocks)}
@@ -104,6 +111,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
         table,
         names=tuple(name for name in table.names if name not in again),
         columns=OnUse({name: each.read for name, each in arrays.items() if name not in again}),
+        units={name: unit for name, unit in table.units.items() if name not in again},
         clocks=number_of | {name: number_of[time] for name, time in own.items()},
         recorded_apart=bool(clocks),
     )

@@ -6,7 +6,9 @@ asammdf would run the formula as code.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -16,24 +18,20 @@ from weakref import finalize
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.groups import recordings_in
+from mrdamper.data.formats.groups import StoredArray, table_of_arrays
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
-    OnUse,
     Table,
     as_column,
     load_extra,
     require_held,
     require_room,
-    shortest_names,
 )
 from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.errors import InputError
 
 _CLOCK_INDEX = -1  # This channel index means the clock of the group.
-
-Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
 
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
@@ -47,22 +45,11 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         raise
     finalize(file, stream.close)
     _require_no_formula(file, path)
-    found = _find_columns(file, path, options.part)
-    others = recordings_in([where for where, *_ in found if where[-1] != "time"])
-    if others:
-        found = [each for each in found if each[0][0] == others[0]]
-    names = shortest_names([where for where, *_ in found])
-    named = dict(zip(names, found, strict=True))
-    return Table(
-        names=tuple(names),
-        columns=OnUse({name: partial(_samples, file, each[1], each[2]) for name, each in named.items()}),
-        texts={},
-        layout=Layout("MDF file", part=options.part),
-        rows=max((each[4] for each in found), default=0),
-        units={name: each[3] for name, each in named.items() if each[3]},
-        title=others[0] if others else options.part,
-        more=others[1:],
-        clocks={name: each[5] for name, each in named.items()},
+    table = table_of_arrays(_arrays(file, path), path, Layout("MDF file", part=options.part), {})
+    return replace(
+        table,
+        clocks=table.clocks or dict.fromkeys(table.names, 0),
+        recorded_apart=False,
         start=moment_of(file.header.start_time.isoformat()),
     )
 
@@ -99,27 +86,24 @@ def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion
     return own or next((said for each in others.values() if (said := _formula(each))), "")
 
 
-def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN401 - asammdf's file
-    found: list[Found] = []
-    clocks: list[FloatArray] = []
+def _arrays(file: Any, path: Path) -> Iterator[StoredArray]:  # noqa: ANN401 - asammdf's file
+    """Generate the times and the channels of each group with samples."""
+    titles: set[str] = set()
     for g, group in enumerate(file.groups):
         title = str(getattr(group.channel_group, "acq_name", "") or "") or f"group {g + 1}"
+        title = f"{title} ({g + 1})" if title in titles else title
+        titles.add(title)
         samples = int(group.channel_group.cycles_nr)
-        if part not in {"", title} or samples < 1:
+        if samples < 1:
             continue
         require_room(samples, path, title)
         require_held(samples, int(group.channel_group.samples_byte_nr), path, title)
-        clock = _samples(file, g, _CLOCK_INDEX)
-        number = next((k for k, other in enumerate(clocks) if np.array_equal(clock, other)), len(clocks))
-        if number == len(clocks):
-            clocks.append(clock)
-            found.append(((title, "time"), g, _CLOCK_INDEX, "s", samples, number))
-        master = file.masters_db.get(g)
+        clock = partial(_samples, file, g, _CLOCK_INDEX)
+        yield StoredArray((title, "time"), samples, clock, "s", is_clock=True)
         for k, channel in enumerate(group.channels):
-            if k != master:
+            if k != file.masters_db.get(g):
                 unit = str(file.get_channel_unit(group=g, index=k) or "")
-                found.append(((title, str(channel.name)), g, k, unit, samples, number))
-    return found
+                yield StoredArray((title, str(channel.name)), samples, partial(_samples, file, g, k), unit)
 
 
 def _samples(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file

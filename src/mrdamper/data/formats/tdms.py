@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,22 +26,23 @@ from mrdamper.data.formats.table import (
 from mrdamper.errors import InputError
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
+_NUMBERS, _WORDS = "fiubmM", "OSU"  # kinds of NumPy types
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
     """Return the channels of a TDMS file, each with its start time and time step."""
     with _opened(path) as file:
         every = [
-            _Channel(group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
+            (_stored_array(path, channel, {**file.properties, **group.properties}), channel.dtype.kind)
             for group in file.groups()
             for channel in group.channels()
             if options.part in {"", group.name}
         ]
         attributes = {group.name: {**file.properties, **group.properties} for group in file.groups()}
         cut = bool(file.file_status.incomplete_final_segment)
-    found = [each for each in every if each.size]
+    found = [pair for pair in every if pair[0].size]
     if cut and (len(found) < len(every) or not every):
-        empty = ", ".join([each.name for each in every if not each.size][:5])
+        empty = ", ".join([each.name for each, _ in every if not each.size][:5])
         raise InputError(
             place=path.name,
             found=f"the TDMS file is cut off before the first sample of {empty or 'its first channel'}",
@@ -53,44 +54,35 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
             found="the TDMS file holds no sample: it is empty, or cut off",
             remedy="Copy it again, or record again",
         )
-    numbers = [each for each in found if each.kind in "fiubmM"]
+    arrays = [each for each, kind in found if kind in _NUMBERS]
     layout = Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ())
-    arrays = [
-        StoredArray(
-            (each.group, each.name),
-            each.size,
-            partial(_numbers, path, each.group, each.name),
-            _unit(each.kind, each.properties),
-            {**attributes[each.group], **each.properties},
-        )
-        for each in numbers
-    ]
     table = table_of_arrays(arrays, path, layout, {})
-    groups = {each.group for each in numbers}
+    groups = {each.path[0] for each in arrays}
     title = table.title or (groups.pop() if len(groups) == 1 else "")
-    inside = [each for each in found if title in {"", each.group}]
-    words = [each for each in inside if each.kind in "OSU"]
-    texts = dict(zip(shortest_names([(each.group, each.name) for each in words]), words, strict=True))
+    inside = [(each, kind) for each, kind in found if title in {"", each.path[0]}]
+    words = [each.path for each, kind in inside if kind in _WORDS]
+    texts = dict(zip(shortest_names(words), words, strict=True))
     columns, names = iter(table.names), iter(texts)
-    order = [next(names if each.kind in "OSU" else columns) for each in inside if each in numbers + words]
+    order = [next(names if kind in _WORDS else columns) for _, kind in inside if kind in _NUMBERS + _WORDS]
     return replace(
         table,
         names=(*order, *columns),
-        texts=OnUse({name: partial(_words, path, each.group, each.name) for name, each in texts.items()}),
+        texts=OnUse({name: partial(_words, path, *where) for name, where in texts.items()}),
         title=title,
         said=attribute_lines(attributes.get(title, {})),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Channel:
-    """A channel of a TDMS file without its samples."""
-
-    group: str
-    name: str
-    size: int
-    kind: str  # The dtype kind of its numbers in NumPy.
-    properties: Mapping[str, object]
+def _stored_array(path: Path, channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401
+    """Return a channel of npTDMS; ``outer`` are the properties of its file and group."""
+    named = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
+    return StoredArray(
+        (channel.group_name, channel.name),
+        len(channel),
+        partial(_numbers, path, channel.group_name, channel.name),
+        "s" if channel.dtype.kind in "mM" else named,
+        {**outer, **channel.properties},
+    )
 
 
 @contextmanager
@@ -113,9 +105,3 @@ def _numbers(path: Path, group: str, channel: str) -> FloatArray:
 def _words(path: Path, group: str, channel: str) -> Texts:
     with _opened(path) as file:
         return [None if cell is None else str(cell) for cell in file[group][channel][:]]
-
-
-def _unit(kind: str, properties: Mapping[str, object]) -> str:
-    if kind in "mM":
-        return "s"
-    return next((str(properties[key]) for key in _UNITS if properties.get(key)), "")

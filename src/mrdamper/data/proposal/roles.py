@@ -161,20 +161,15 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
-    sieves = [
-        [each for each in left if not has_word(each.word, "set point")],
-        [each for each in left if each.of_word == role],
-        [each for each in left if each.of_word == role and not names_by_symbol(each.name)],
-        [each for each in left if speaks_of(each.word, role)],
-    ]
     if role == "temperature":
-        sieves.insert(0, [each for each in left if has_word(each.word, "fluid")])
-        sieves.insert(0, [each for each in left if not has_word(each.word, "ambient")])
+        left = [each for each in left if not has_word(each.word, "ambient")] or left
+        left = [each for each in left if has_word(each.word, "fluid")] or left
+    left = [each for each in left if not has_word(each.word, "set point")] or left
+    left = [each for each in left if each.of_word == role] or left
+    left = [each for each in left if each.of_word == role and not names_by_symbol(each.name)] or left
+    left = [each for each in left if speaks_of(each.word, role)] or left
     if role in {*_NEEDED, "velocity"}:
-        sieves.append([each for each in left if not has_word(each.word, "filtered")])
-    for sieve in sieves:
-        kept = [each for each in left if each in sieve]
-        left = kept or left
+        left = [each for each in left if not has_word(each.word, "filtered")] or left
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name)] or left
     return _connected(left, role, table) if role in {*_NEEDED, "velocity"} and len(left) > 1 else left
