@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stated_sampling, with_samplings
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_room, shortest_names
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
@@ -103,7 +101,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
         if time == name or each.size < 2 or arrays[time].size != each.size:
             continue
         values = values_of[time]
-        own[name] = next((other for other, same in clocks.items() if np.array_equal(values, same)), time)
+        own[name] = next((other for other, same in clocks.items() if is_same_clock(values, same)), time)
         clocks.setdefault(own[name], values)
     number_of = {name: number for number, name in enumerate(clocks)}
     again = {*times.values()} - {*clocks} if clocks else set()
