@@ -87,6 +87,8 @@ def test_deviating_run_of_motion_is_found(kind, quantity, least, sign):
         (size - 2e-3, size, size + 2e-3), abs=2e-4
     )
     assert list(find_odd_siblings([*others[:2], run])) == []
+    named = replace(run, name="sine_2.1Hz_11mm")  # The name declares that this motion is meant.
+    assert list(find_odd_siblings([*others, named])) == []
 
 
 @pytest.mark.parametrize(("role", "factor"), [("force", 0.1), ("displacement", 1 / 25.4), ("command", 100.0)])
@@ -127,6 +129,20 @@ def test_two_dampers_are_found_by_force_range(alike):
     assert (finding.run, finding.size) == ("first", pytest.approx(20.0, abs=1.5))
     assert told(0.9, 1.0 / 1.12) == []
     assert told(1.1, 1.0 / 1.2) == []
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda run: {"displacement": 0.02 / np.pi * np.arcsin(run.displacement / 0.010)},
+        lambda run: {"command": np.where(np.sin(9.0 * run.time) > 0.4, 1.0, run.command)},
+    ],
+    ids=["triangle", "switched current"],
+)
+def test_different_motion_or_current_is_no_second_damper(change):
+    first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
+    assert [found.kind for found in compare([first, other])] == ["two_dampers"]
+    assert list(compare([first, replace(other, **change(other))])) == []
 
 
 def test_held_out_second_damper_is_reported():

@@ -82,13 +82,26 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Generate findings on runs that differ slightly in frequency or stroke from runs of the same motion."""
+    """Generate findings on runs that differ slightly in frequency or stroke from runs of the same motion.
+
+    Runs whose names declare different frequencies or strokes are not of the same motion.
+    """
     seen = [(run, _values_of(run)) for run in runs]
-    sines = [(run, values) for run, values in seen if "frequency" in values]
-    for run, mine in sines:
-        others = [values for other, values in sines if other is not run and all(
-            abs(values[name] / mine[name] - 1.0) < known.ratio_max for name, known in _SIBLINGS.items()
-        )]  # fmt: skip
+    sines = [
+        (values, [_number_in_names(run, name) for name in _SIBLINGS], run)
+        for run, values in seen
+        if "frequency" in values
+    ]
+    for mine, declared, run in sines:
+        others = [
+            values
+            for values, other_declared, other in sines
+            if other is not run
+            and other_declared == declared
+            and all(
+                abs(values[name] / mine[name] - 1.0) < known.ratio_max for name, known in _SIBLINGS.items()
+            )
+        ]
         if len(others) < SETTINGS.sibling_run_count_min:
             continue
         for quantity, known in _SIBLINGS.items():
