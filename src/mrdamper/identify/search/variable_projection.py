@@ -163,7 +163,7 @@ def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) 
     """
     if not problem.nonlinear:
         return [problem.template]
-    return screened_starts(problem, _random_dampers(problem, index), windows)
+    return screened_starts(problem, random_dampers(problem, index), windows)
 
 
 def thorough_starts(
@@ -187,8 +187,8 @@ def thorough_starts(
     """
     objective, rng = Objective(problem, search_windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
-    random_dampers = _random_dampers(problem, 0)
-    dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
+    drawn = random_dampers(problem, 0)
+    dampers = [*dampers, *best_different(objective, drawn, settings.thorough_count)]
     points, linear = objective.points_of(dampers)
     points, linear, costs = _ends(objective, points, linear, settings.thorough_iterations_max, len(dampers))
     width = np.where(box.log, 1.0, NUMERICS.perturbation_range_ratio * (box.high - box.low))
@@ -225,7 +225,7 @@ def thorough_starts(
     return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 
-def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
+def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
     """Return copies of the template whose nonlinear parameters are the points of a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
@@ -241,21 +241,40 @@ def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
 def screened_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
-    """Descend from the dampers with the smallest costs; return the ends that differ, best first.
+    """Descend from the dampers with the smallest costs; return the ends that differ, best first."""
+    return continued_starts(problem, first_starts(problem, dampers, windows), windows)
 
-    If parameters end at bounds, a further descent starts with these parameters in the middle of their ranges.
-    The reason is that parameters of a term without effect stay at bounds, although the term could improve the
-    fit with other values.
+
+def first_starts(
+    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
+) -> list[Damper]:
+    """Make short descents from the best dampers; return the ends that differ, best first."""
+    objective, settings = Objective(problem, windows), problem.settings
+    points, linear = objective.points_of(dampers)
+    found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
+    order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
+    points, linear, _ = _ends(
+        objective,
+        points[order],
+        found.linear[order],
+        settings.screening_iterations_max,
+        settings.finalist_count,
+    )
+    return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
+
+
+def continued_starts(
+    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
+) -> list[Damper]:
+    """Continue the descents from the results of ``first_starts``; return the ends that differ, best first.
+
+    If parameters of a damper are at bounds, a further descent starts with these parameters in the middle of
+    their ranges. The reason is that parameters of a term without effect stay at bounds, although the term
+    could improve the fit with other values.
     """
     objective, settings = Objective(problem, windows), problem.settings
     box = objective.box
     points, linear = objective.points_of(dampers)
-    found = objective.eliminate(box.to_physical(points), linear, tangents=False)
-    order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
-    points, linear = points[order], found.linear[order]
-    points, linear, _ = _ends(
-        objective, points, linear, settings.screening_iterations_max, settings.finalist_count
-    )
     at_bound = (points <= box.low) | (points >= box.high)
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)

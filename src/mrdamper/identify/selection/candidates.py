@@ -31,16 +31,11 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateStarts:
-    """Start dampers for the fit of a candidate, and the smallest of their errors [%] on the windows.
-
-    The start of an alternative archetype is a changed fit of another archetype. Its error is therefore not
-    compared with the errors of other starts.
-    """
+    """Start dampers of a candidate, and the smallest of their errors [%] on the screening windows."""
 
     candidate: Candidate
     dampers: list[Damper]
     error_percent: float
-    is_alternative: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,7 +23,10 @@ from mrdamper.identify.scores import score_run
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import (
     best_different,
+    continued_starts,
     descend,
+    first_starts,
+    random_dampers,
     random_start,
     screened_starts,
     thorough_starts,
@@ -126,12 +129,38 @@ class CandidateEvaluator:
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
     def initial_starts(self, law: str, archetype: Archetype | None) -> CandidateStarts:
-        """Return start dampers for the first candidate of a law, where the selection of terms begins."""
+        """Return the ends of short descents for the first candidate of a law.
+
+        The selection of terms begins with this candidate.
+        """
         candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
-        starts = self.starts(candidate) if archetype is None else self._archetype_starts(candidate, archetype)
-        cost = Objective(self.problem(candidate), self.windows).costs_of(starts).min()
-        is_alternative = archetype is not None and archetype.is_alternative
-        return CandidateStarts(candidate, starts, float(np.sqrt(cost)), is_alternative)
+        problem, windows = self.problem(candidate), self.screening_windows
+        if archetype is not None:
+            starts = first_starts(problem, self._archetype_points(candidate, archetype), windows)
+        elif archetypes_of(LAWS[law]) or not problem.nonlinear:
+            starts = self.starts(candidate)
+        else:
+            starts = first_starts(problem, random_dampers(problem, 0), windows)
+        cost = Objective(problem, windows).costs_of(starts).min()
+        return CandidateStarts(candidate, starts, float(np.sqrt(cost)))
+
+    def fit_starts(self, starts: CandidateStarts, *, with_descent: bool = True) -> FittedCandidate:
+        """Continue the short descents of a candidate's starts, and fit the candidate from their ends.
+
+        If ``with_descent`` is False, the best of the starts is returned without a fit.
+        """
+        start_s, candidate, problem = cpu_seconds(), starts.candidate, self.problem(starts.candidate)
+        if not with_descent:
+            best = best_different(Objective(problem, self.windows), starts.dampers)[0]
+            return self._fitted(candidate, best, start_s)
+        return self.fit(candidate, continued_starts(problem, starts.dampers, self.screening_windows))
+
+    def fit_alternative(self, archetype: Archetype, fitted: FittedCandidate) -> FittedCandidate:
+        """Fit an alternative archetype, which starts at the fit of the archetype before it.
+
+        Only the coefficients that differ have separate start values.
+        """
+        return self.fit(fitted.candidate, [self._alternative_start(archetype, fitted)])
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several start dampers for a fit of a candidate, best first."""
@@ -182,19 +211,22 @@ class CandidateEvaluator:
         return candidate
 
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Descend from the start values of an archetype; return the resulting dampers, best first.
-
-        An alternative archetype starts at the fit of the previous archetype. Only the
-        coefficients that differ have separate start values.
-        """
+        """Descend from the start values of an archetype; return the resulting dampers, best first."""
         if archetype.is_alternative:
             kinds = self._archetypes(candidate.law)
-            first = self.fit(
-                candidate, self._archetype_starts(candidate, kinds[kinds.index(archetype) - 1])[:1]
-            )
-            other = self.problem(candidate, archetype.start).template.parameters
-            own = [name for name in other if name.partition(".")[0] in archetype.start]
-            return [first.damper.with_parameters({name: other[name] for name in own})]
+            previous = self._archetype_starts(candidate, kinds[kinds.index(archetype) - 1])
+            return [self._alternative_start(archetype, self.fit(candidate, previous[:1]))]
+        points = self._archetype_points(candidate, archetype)
+        return screened_starts(self.problem(candidate), points, self.screening_windows)
+
+    def _alternative_start(self, archetype: Archetype, fitted: FittedCandidate) -> Damper:
+        """Return a fitted damper with the start values of an alternative archetype."""
+        template = self.problem(fitted.candidate, archetype.start).template.parameters
+        own = [name for name in template if name.partition(".")[0] in archetype.start]
+        return fitted.damper.with_parameters({name: template[name] for name in own})
+
+    def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
+        """Return dampers with the start values of an archetype, combined with the start values of its law."""
         starts = [
             archetype.start,
             *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
@@ -203,7 +235,7 @@ class CandidateEvaluator:
         if self._level is not None and GAS_TERM in candidate.terms:
             level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
             dampers = [damper.with_parameters(level) for damper in dampers]
-        return screened_starts(self.problem(candidate), dampers, self.screening_windows)
+        return dampers
 
     def addable_terms(self, candidate: Candidate) -> list[str]:
         """Return the names of the terms that can be added to a candidate and add at least one parameter."""
@@ -228,27 +260,23 @@ class CandidateEvaluator:
         before, after = (self.problem(each).free for each in (candidate, candidate.with_term(name)))
         return {free.name for free in after} != {free.name for free in before}
 
-    def fit(
-        self, candidate: Candidate, dampers: Sequence[Damper], *, with_descent: bool = True
-    ) -> FittedCandidate:
-        """Fit a candidate to the windows, starting from ``dampers``.
+    def fit(self, candidate: Candidate, dampers: Sequence[Damper]) -> FittedCandidate:
+        """Fit a candidate to the windows, starting from ``dampers``."""
+        start_s, settings = cpu_seconds(), self.settings
+        damper, _ = descend(
+            Objective(self.problem(candidate), self.windows),
+            dampers,
+            settings.fit_iterations,
+            settings.fit_round_count_max,
+            settings.round_gain_min,
+        )
+        return self._fitted(candidate, damper, start_s)
 
-        If ``with_descent`` is False, the best of the dampers is returned without a fit.
-        """
-        start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
-        objective = Objective(problem, self.windows)
-        damper = best_different(objective, dampers)[0]
-        if with_descent:
-            damper, _ = descend(
-                objective,
-                dampers,
-                settings.fit_iterations,
-                settings.fit_round_count_max,
-                settings.round_gain_min,
-            )
+    def _fitted(self, candidate: Candidate, damper: Damper, start_s: float) -> FittedCandidate:
         squares = _squared_errors(damper, self.windows)
         percent = float(np.sqrt([window.fraction for window in self.windows] @ squares))
-        return FittedCandidate(candidate, damper, len(problem.free), percent, cpu_seconds() - start_s)
+        count = len(self.problem(candidate).free)
+        return FittedCandidate(candidate, damper, count, percent, cpu_seconds() - start_s)
 
     def refit(
         self, candidate: Candidate, previous_dampers: Sequence[Damper], screened_damper: Damper | None = None
