@@ -25,7 +25,7 @@ PYTEST_ARGS ?= -n 2 --dist loadscope
 SEED ?= $(shell date -u +%Y%m%d)
 override PYTEST_ARGS += --hypothesis-seed=$(SEED)
 # Changes of the data that must not change the model selection.
-SELECTED := test_file_order_does_not_change_parameters test_time_offset_hardly_changes_model
+SELECTED := test_file_order_does_not_change_parameters test_time_offset_hardly_changes_fitted_model
 # Packages whose nightly tests decide accuracy, and jobs that a page starts.
 NIGHTLY ?= $(addprefix tests/,control models rig thermal test_examples.py) \
   $(patsubst %,tests/acceptance/test_%.py,tempered_rig public_rigs tracking asymmetry) \
