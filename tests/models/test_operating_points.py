@@ -1,4 +1,4 @@
-"""One call for several parameter sets gives the same coefficients as separate dampers."""
+"""Coefficients computed in one call for several parameter sets equal those computed one by one."""
 
 from __future__ import annotations
 
