@@ -79,7 +79,7 @@ def names_in(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_invalid_input_ends_with_message_and_no_files(case: Case, folder, monkeypatch, capfd):
+def test_invalid_input_gives_message_without_files(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)
     before = names_in(folder)
     code, out, err, spent = run(monkeypatch, capfd, *arguments, "--json")
@@ -129,7 +129,7 @@ def test_check_reports_unreadable_file(case: Case, folder, monkeypatch, capfd):
 
 
 @pytest.mark.parametrize("case", cases(FAULTY), ids=lambda case: case.name)
-def test_check_reports_run_that_cannot_be_fitted(case: Case, folder, monkeypatch, capfd):
+def test_check_reports_unfittable_run(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments))
     assert code == 5, err

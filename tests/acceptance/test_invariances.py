@@ -188,7 +188,7 @@ def test_worker_count_does_not_change_parameters(case: Case, fitted: FitResult) 
     assert_equal(fitted, case.fit(jobs=2))
 
 
-def test_run_split_into_two_files_gives_same_parameters(case: Case, fitted: FitResult) -> None:
+def test_split_run_gives_same_parameters(case: Case, fitted: FitResult) -> None:
     """A logger may write one run into two files whose times continue on one clock."""
     first, *others = case.runs
     assert_equal(fitted, case.fit(Dataset((*halves(first), *others))))
@@ -203,7 +203,7 @@ def test_time_offset_hardly_changes_fitted_model(case: Case, fitted: FitResult) 
     assert_close(fitted, case.fit(shifted), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_units_of_files_hardly_change_fitted_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
+def test_file_units_hardly_change_fitted_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
     """Files in mm and kN give the same model as SI units."""
     runs = written(case.runs, tmp_path, in_millimetres=True)
     assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)

@@ -32,7 +32,7 @@ def judged(series_valve: Identification) -> Assessment:
 
 
 @pytest.mark.data
-def test_series_valve_law_reproduces_twenty_sines(judged: Assessment) -> None:
+def test_series_valve_reproduces_twenty_sines(judged: Assessment) -> None:
     errors = summary(judged.runs)
     assert len(judged.runs) == 20
     assert errors["median"] <= 5.5
@@ -44,7 +44,7 @@ def test_series_valve_law_reproduces_twenty_sines(judged: Assessment) -> None:
 
 
 @pytest.mark.data
-def test_series_valve_law_predicts_held_out_motions(sines: mrdamper.Dataset) -> None:
+def test_series_valve_predicts_held_out_motions(sines: mrdamper.Dataset) -> None:
     """Each motion, with all of its currents, is held out once."""
     errors = []
     for motion in ("10mm2Hz", "25mm0p25Hz", "25mm0p5Hz", "5mm3Hz"):
@@ -56,7 +56,7 @@ def test_series_valve_law_predicts_held_out_motions(sines: mrdamper.Dataset) -> 
 
 
 @pytest.mark.data
-def test_series_valve_law_predicts_held_out_chirp(series_valve: Identification, real_data: Path) -> None:
+def test_series_valve_predicts_held_out_chirp(series_valve: Identification, real_data: Path) -> None:
     """The chirp reaches ten times the lowest training frequency. Its run at 0 A has a force offset."""
     chirps = mrdamper.read_runs([str(real_data / "dev" / "utfsm_chirp_*.csv")])
     errors = {error.command: error for error in mrdamper.evaluate(series_valve.damper, chirps)}
@@ -73,14 +73,14 @@ def test_energy_per_cycle_matches_measured_loops(judged: Assessment) -> None:
 
 
 @pytest.mark.data
-def test_plain_bouc_wen_law_has_larger_errors(sines: mrdamper.Dataset) -> None:
+def test_plain_bouc_wen_has_larger_errors(sines: mrdamper.Dataset) -> None:
     fitted = mrdamper.fit(sines, "bouc-wen")
     errors = summary(mrdamper.assess(fitted).runs)
     assert 10.0 < errors["median"] <= 13.5
 
 
 @pytest.mark.data
-def test_saturating_law_reproduces_rig_with_voltage_command(real_data: Path) -> None:
+def test_saturating_law_reproduces_rig_in_volts(real_data: Path) -> None:
     runs = mrdamper.read_runs([str(real_data / "dev" / "utfpr_*.csv")])
     errors = summary(mrdamper.assess(mrdamper.fit(runs, "bouc-wen-saturating")).runs)
     assert len(runs) == 26

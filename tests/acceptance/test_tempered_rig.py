@@ -87,7 +87,7 @@ def test_error_of_trained_sine_is_limited(preset, law, bar_N):
 
 
 @pytest.mark.parametrize(("preset", "bar_N"), [("nominal", 35.0), ("hard", 55.0)])
-def test_errors_of_all_trained_motions_are_limited(preset, bar_N):
+def test_errors_of_trained_motions_are_limited(preset, bar_N):
     errors = errors_of(preset, SELECTED)
     beyond = {
         (m, t): round(errors[m, t], 1) for m in TRAINED_MOTIONS for t in TRAINED if errors[m, t] > bar_N
@@ -96,7 +96,7 @@ def test_errors_of_all_trained_motions_are_limited(preset, bar_N):
 
 
 @pytest.mark.parametrize(("preset", "law"), DAMPERS_AND_LAWS)
-def test_error_grows_little_at_held_out_temperatures(preset, law):
+def test_held_out_temperatures_increase_error_little(preset, law):
     """The error is at most 1.15 times the error of the same motion at the training temperatures."""
     errors = errors_of(preset, law)
     for motion in TRAINED_MOTIONS:
@@ -106,7 +106,7 @@ def test_error_grows_little_at_held_out_temperatures(preset, law):
 
 
 @pytest.mark.parametrize("law", [SELECTED, PLAIN])
-def test_error_grows_little_for_held_out_chirp(law):
+def test_held_out_chirp_increases_error_little(law):
     """The chirp reaches 8 Hz and 150 mm/s, four times the largest speed of the training motions.
 
     The error of the chirp is at most 1.5 times the training error. At 20 degC, the lowest temperature, the
@@ -148,7 +148,7 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
 
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_model_without_temperature_has_large_errors_when_hot(preset, known, times):
+def test_model_without_temperature_is_inaccurate_when_hot(preset, known, times):
     """At 123 degC, errors are 4 times (fitted at 20 degC) or 2 times (fitted to all runs) as large."""
     aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
@@ -163,7 +163,7 @@ def test_model_without_temperature_is_accurate_when_cold(preset):
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_fit_method_of_paper_has_larger_errors(preset):
+def test_paper_fit_method_has_larger_errors(preset):
     """The paper fits a Bouc-Wen model with polynomials of temperature to one sine by a genetic algorithm."""
     training, _ = default_campaign(preset).split(Campaign().hold_out)
     sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]
@@ -233,7 +233,7 @@ def bias_of_n(preparation: Preparation | None, terms: tuple[()] | None) -> float
 
 
 @pytest.mark.parametrize("terms", [None, ()], ids=["with friction", "plain"])
-def test_displacement_noise_does_not_bias_fitted_exponent(terms):
+def test_displacement_noise_keeps_fitted_exponent_unbiased(terms):
     """The bias is below 5 % with the terms of the default model and without terms."""
     assert abs(bias_of_n(None, terms)) < 0.05
 
@@ -248,7 +248,7 @@ def peak_of(damper: Damper, degrees: float) -> float:
 
 
 @pytest.mark.parametrize("thermal_motion_run", [True, False], ids=["motion trained", "motion not seen"])
-def test_fitted_card_loses_force_as_paper_states(thermal_motion_run):
+def test_card_loses_force_as_paper_states(thermal_motion_run):
     """The loss of force at 15 mm and 1 Hz agrees with the paper within one percentage point.
 
     The campaign includes 130 degC. If it does not contain this motion, the card extrapolates: the motion has

@@ -92,7 +92,7 @@ def greatest(score: Score) -> float:
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
-def test_width_of_magnetic_hysteresis_is_identified(preset):
+def test_magnetic_hysteresis_width_is_identified(preset):
     """The fitted width is within 15 % of the damper's known width, although the coil driver overshoots."""
     actuation, damper = card_of(preset).damper.actuation, LUMPED[preset]
     assert actuation is not None
@@ -104,23 +104,23 @@ def test_width_of_magnetic_hysteresis_is_identified(preset):
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_force_error_is_within_limit(preset, target):
+def test_largest_force_error_is_limited(preset, target):
     assert score_of(preset, target).max_N <= MUST[preset, target][0]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_error_on_feasible_samples_is_limited(preset, target):
+def test_largest_feasible_error_is_limited(preset, target):
     """The paper reports a largest error of 62.5 N at 900 N for its own damper."""
     assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_rms_error_on_feasible_samples_is_limited(preset, target):
+def test_feasible_rms_error_is_limited(preset, target):
     assert rmse(score_of(preset, target)) <= MUST[preset, target][2]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_most_samples_of_targets_are_feasible(preset, target):
+def test_targets_are_mostly_feasible(preset, target):
     """Errors on feasible samples are meaningful only if most samples are feasible."""
     assert score_of(preset, target).feasible_share > 0.5
 
@@ -137,12 +137,12 @@ def test_unknown_temperature_multiplies_tracking_error(known, times):
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_causal_controller_adds_at_most_30_percent_error(preset, target):
+def test_causal_controller_adds_little_tracking_error(preset, target):
     assert rmse(score_of(preset, target, "recommended-causal")) <= 1.3 * rmse(score_of(preset, target))
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_rms_error_is_smaller_than_paper_controller(preset, target):
+def test_rms_error_is_below_paper_controller(preset, target):
     paper = rmse(score_of(preset, target, "paper"))
     assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
 
@@ -156,7 +156,7 @@ CHATTER = {"nominal": 1.2, "stiff": 1.2, "hard": 1.35}
 @pytest.mark.parametrize(
     ("preset", "target"), [*PLANTS_AND_TARGETS, *(("stiff", target) for target in TARGETS)]
 )
-def test_coil_power_and_current_chatter_are_limited(preset, target):
+def test_coil_power_and_chatter_are_limited(preset, target):
     ours, paper = score_of(preset, target), score_of(preset, target, "paper")
     assert ours.coil_power_W is not None
     assert paper.coil_power_W is not None
@@ -164,14 +164,14 @@ def test_coil_power_and_current_chatter_are_limited(preset, target):
     assert ours.chatter_A_per_s <= CHATTER[preset] * paper.chatter_A_per_s
 
 
-def test_paper_controller_reproduces_errors_of_paper():
+def test_paper_controller_reproduces_paper_errors():
     """The paper reports a largest error of 62.5 N with temperature input and 289.7 N without."""
     assert score_of("stiff", SLOW, "paper").max_N <= 85.0
     assert score_of("stiff", SLOW, "paper-unaware").max_N >= 270.0
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_errors_on_stiff_damper_are_below_paper_controller(target):
+def test_stiff_damper_errors_are_below_paper(target):
     ours, paper = score_of("stiff", target), score_of("stiff", target, "paper")
     assert ours.max_N <= paper.max_N
     assert greatest(ours) <= greatest(paper)
@@ -265,7 +265,7 @@ def drawn_damper(rng: np.random.Generator) -> LumpedDamper:
 
 
 @pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.release)])
-def test_tracking_errors_of_random_dampers_are_limited(count):
+def test_random_dampers_have_limited_tracking_errors(count):
     """Each damper is fitted at the training temperatures. Median and worst RMS error are limited."""
     rng, usual = np.random.default_rng(5), Campaign()
     held = usual.held_out_temperatures_degC
