@@ -92,7 +92,7 @@ def test_command_without_output_folder_prints_hint(folder, identified):
 
 
 @pytest.mark.nightly
-def test_linear_algebra_uses_one_thread_by_default():
+def test_linear_algebra_uses_one_thread():
     said = {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"}
     bare = {name: value for name, value in os.environ.items() if name not in said}
     code = """if True:
@@ -111,7 +111,7 @@ def test_linear_algebra_uses_one_thread_by_default():
         assert int(told.split()[-1]) == threads
 
 
-def test_commands_run_with_closed_stream_or_invalid_utf8(folder, tmp_path):
+def test_commands_accept_closed_streams_and_invalid_utf8(folder, tmp_path):
     place = tmp_path / "odd"
     place.mkdir()
     source = next((folder / "runs").glob("*.csv"))
@@ -160,7 +160,7 @@ def test_same_seed_gives_identical_output_files(identified, repeated, folder):
         assert (folder / "again" / name).read_bytes() == (folder / "out" / name).read_bytes()
 
 
-def test_terminal_shows_verdict_and_report_every_run(repeated, folder):
+def test_report_shows_every_run_and_parameter(repeated, folder):
     """The terminal shows the verdict and the table of errors. The report shows all runs and parameters."""
     text, _ = repeated
     assert text.startswith("Held-out runs: median error")
@@ -186,7 +186,7 @@ def test_terminal_shows_verdict_and_report_every_run(repeated, folder):
         ("unknown",),
     ],
 )
-def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
+def test_wrong_usage_gives_exit_code_2(arguments, tmp_path):
     run = mrdamper(*arguments, cwd=tmp_path)
     assert run.returncode == 2
     assert run.stdout == ""
@@ -239,7 +239,7 @@ def test_file_as_output_folder_is_rejected(folder, tmp_path):
     assert "is a file" in run.stderr
 
 
-def test_hold_out_pattern_without_match_is_rejected(folder, tmp_path):
+def test_unmatched_hold_out_pattern_is_rejected(folder, tmp_path):
     run = mrdamper("fit", folder / "runs", "--out", tmp_path / "out", "--hold-out", "chirp*")
     assert run.returncode == 3
     assert "chirp*" in run.stderr
@@ -299,13 +299,13 @@ def test_interrupted_fit_writes_best_card(folder):
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_data_list_names_sets_with_licence_and_commit():
+def test_data_list_shows_licence_and_commit():
     sets = answer_of(mrdamper("data", "list", "--json"))["datasets"]
     assert {"utfsm", "utfpr"} <= {entry["name"] for entry in sets}
     assert all(entry["licence"] and len(entry["commit"]) == 40 for entry in sets)
 
 
-def test_unknown_data_set_is_rejected():
+def test_unknown_dataset_is_rejected():
     run = mrdamper("data", "fetch", "utsfm")
     assert run.returncode == 3
     assert "utfsm" in run.stderr
@@ -315,7 +315,7 @@ def test_unknown_data_set_is_rejected():
 
 
 @pytest.mark.nightly
-def test_fit_of_public_sines_meets_error_limits(real_data, tmp_path):
+def test_public_sines_are_fitted_accurately(real_data, tmp_path):
     """The limits for 20 UTFSM sines are 6.5 % (median), 8.5 % (worst with current) and 17 % (worst)."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))

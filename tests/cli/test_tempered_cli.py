@@ -89,14 +89,14 @@ def without_temperature(row: dict[str, str]) -> None:
 
 
 @pytest.mark.nightly
-def test_fit_holds_out_runs_proposed_by_rig(measured, identified):
+def test_fit_holds_out_proposed_runs(measured, identified):
     held = {run["name"] for run in measured["runs"] if run["held_out"]}
     assert {run["name"] for run in identified["runs"] if run["split"] == "held_out"} == held
     assert held
     assert all("_090C_" in name for name in held)
 
 
-def test_fit_reports_error_and_temperature_of_runs(measured, identified):
+def test_fit_reports_errors_and_temperatures(measured, identified):
     soaked = {run["name"]: run["temperature_degC"] for run in measured["runs"]}
     assert len(identified["runs"]) == len(soaked) == 21
     for run in identified["runs"]:
@@ -123,7 +123,7 @@ def test_card_has_temperature_range_and_dependence(identified):
     assert "assumed" not in card["notes"]
 
 
-def test_card_has_response_time_from_current_steps(identified):
+def test_card_has_response_time_of_current(identified):
     """The coil driver, eddy currents and fluid of the virtual rig need 13.5 ms for 63 % of a force change."""
     card = read_card(Path(identified["card"]))
     actuation = card.damper.actuation
@@ -135,7 +135,7 @@ def test_card_has_response_time_from_current_steps(identified):
 # --------------------------------------------------------------------- assumed temperature dependence
 
 
-def test_card_marks_temperature_dependence_from_fluid_as_assumed(folder, identified, tmp_path):
+def test_card_marks_temperature_dependence_as_assumed(folder, identified, tmp_path):
     place = changed(folder, tmp_path / "plain", without_temperature)
     for path in place.iterdir():
         if "_020C_" not in path.name:
@@ -166,7 +166,7 @@ def refused(ended: CompletedProcess[str], *parts: str) -> None:
         assert part in ended.stderr
 
 
-def test_message_for_single_temperature_names_missing_tests(folder, measured, tmp_path):
+def test_single_temperature_message_names_missing_tests(folder, measured, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
     refused(
         mrdamper("fit", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
