@@ -105,7 +105,7 @@ def test_plant_delays_current_like_causal_simulation(width):
 
 @pytest.mark.system
 @pytest.mark.parametrize("size", [1, 7, 1000])
-def test_block_size_does_not_change_plant_force(size):
+def test_plant_force_ignores_block_size(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     together = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))
@@ -114,7 +114,7 @@ def test_block_size_does_not_change_plant_force(size):
     assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(together, abs=near)
 
 
-def test_copied_plant_is_independent_of_original():
+def test_copied_plant_is_independent():
     plant, whole = CardPlant(damper()), path(swing)
     in_blocks(plant, whole, 500)
     other = plant.copy()

@@ -18,7 +18,7 @@ KERNEL = Path(core.__file__).parent / "kernel"
 RECOMMENDED = controllers_for(DOUBLE)["recommended"]
 
 
-def test_status_flags_are_equal_in_python_and_kernel():
+def test_python_and_kernel_flags_are_equal():
     header = (KERNEL / "controller.h").read_text(encoding="utf-8")
     kernel = {name: int(value) for name, value in re.findall(r"\bMRD_(\w+) = (\d+)", header)}
     assert {name: int(flag) for name, flag in Flag.__members__.items()} == kernel
@@ -62,6 +62,6 @@ def test_compile_options_exclude_unused_controller_parts(damper, name, expected)
         {"faults__frozen_samples": 2**31},
     ],
 )
-def test_configuration_value_out_of_range_is_rejected(values):
+def test_invalid_configuration_value_is_rejected(values):
     with pytest.raises(ValueError, match="configuration or tables are out of their range"):
         changed(RECOMMENDED, **values)

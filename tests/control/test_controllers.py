@@ -127,7 +127,7 @@ def test_single_precision_gives_same_controller_command(name):
     assert (single == single.astype(np.float32)).all()
 
 
-def test_controller_state_is_identical_with_all_instructions():
+def test_instruction_sets_give_identical_controller_states():
     rows, before = told(RECOMMENDED, 1.0), core.level()
     found = set()
     try:
@@ -154,7 +154,7 @@ def test_invalid_controller_state_bytes_are_rejected():
     repeats=st.integers(1, 60),
     single=st.booleans(),
 )
-def test_command_is_valid_for_any_reading(which, rows, repeats, single):
+def test_any_reading_gives_valid_command(which, rows, repeats, single):
     """The command is within its limits, and a flag marks a reading outside the limits of its sensor."""
     law, name = which
     made = replace(OF[law][name], single=single)
@@ -246,7 +246,7 @@ def test_temperature_jump_is_accepted_after_delay(at, accepted):
     assert not (flags[end + 10 :] & Flag.TEMPERATURE_JUMP).any()
 
 
-def test_long_missing_temperature_is_replaced_by_nominal():
+def test_missing_temperature_becomes_nominal_temperature():
     made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
     rows = told(made, 6.0)
     rows[500:, 3] = np.nan
@@ -278,7 +278,7 @@ def test_missing_displacement_gives_fall_back_command(value):
     assert not (flags[750:] & Flag.MOTION_UNKNOWN).any()
 
 
-def test_constant_displacement_reading_is_flagged_in_motion():
+def test_stuck_displacement_is_flagged_in_motion():
     """A constant displacement reading is valid if the damper is at rest."""
     frozen = told(RECOMMENDED, 1.0)[500, 2]
     _, flags, _ = faulted(2, float(frozen))
@@ -340,7 +340,7 @@ def test_scaled_controller_gives_scaled_force():
     ("wanted", "force", "expected"),
     [(800.0, 500.0, 2.0), (800.0, 900.0, 0.0), (-800.0, 900.0, 0.0), (-800.0, -500.0, 2.0)],
 )
-def test_clipped_on_off_returns_zero_or_maximum(wanted, force, expected):
+def test_clipped_controller_returns_zero_or_maximum(wanted, force, expected):
     made = ALL["clipped-on-off"]
     assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 

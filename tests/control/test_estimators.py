@@ -117,7 +117,7 @@ def test_controller_applied_current_matches_python_observer():
 
 @pytest.mark.parametrize("wide_hysteresis_width_A", [0.0, 0.15])
 @pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
-def test_controller_follows_free_wheeling_saturating_current(damper, wide_hysteresis_width_A):
+def test_controller_follows_freewheeling_saturating_current(damper, wide_hysteresis_width_A):
     """The estimate is within 8 mA of the card's actuation on a grid of 10 us. The largest current is 2 A."""
     lags = Actuation(
         0.004,
@@ -148,7 +148,7 @@ def test_controller_follows_free_wheeling_saturating_current(damper, wide_hyster
 # --- Disturbance observer -----------------------------------------------------------------------------------
 
 
-def test_disturbance_estimate_rises_as_first_order_lag():
+def test_disturbance_estimate_has_first_order_lag():
     """The estimate of a constant additional force F rises as F [1 - exp(-t / T)]."""
     made = controllers_for(DOUBLE)["recommended-observer"]
     state, surplus, found = made.start(), 40.0, []

@@ -63,7 +63,7 @@ def first(flags: NDArray[np.int64]) -> float:
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_stuck_thermometer_is_flagged_after_5_kelvin(single):
+def test_stuck_thermometer_is_flagged_at_5_kelvin(single):
     """The flag is raised when the damper should be 5 K warmer, with an assumed heat loss of 0 to maximum."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
@@ -76,7 +76,7 @@ def test_stuck_thermometer_is_flagged_after_5_kelvin(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_and_model_detect_stuck_sensor_equally():
+def test_controller_detects_stuck_sensor_like_model():
     """Both raise the flag at the same time within 5 %, although the controller sums the work term by term."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
@@ -88,7 +88,7 @@ def test_controller_and_model_detect_stuck_sensor_equally():
     assert first(made.run(made.start(), told)[2]) == pytest.approx(reference, rel=0.05)
 
 
-def test_stuck_temperature_is_extrapolated_by_heat_balance():
+def test_heat_balance_extrapolates_stuck_temperature():
     """The estimate rises like a single heat capacity. A recovered sensor is used again after 2 s."""
     made = model(extrapolate_temperature=True)
     state, _, flags = made.run(made.start(), rows(500.0))
@@ -110,7 +110,7 @@ def test_extrapolated_temperature_ends_at_its_limit():
     assert np.isfinite(force).all()
 
 
-def test_stuck_flag_does_not_change_model_force():
+def test_stuck_flag_leaves_force_unchanged():
     told = rows(100.0)
     plain, none = model(), model(NO_HEATING)
     _, force, flags = plain.run(plain.start(), told)
@@ -124,7 +124,7 @@ def test_stuck_flag_does_not_change_model_force():
 
 
 @pytest.mark.parametrize("kelvin", [253.15, ROOM, 353.15])
-def test_constant_temperature_at_rest_raises_no_flag(kelvin):
+def test_constant_temperature_at_rest_is_valid(kelvin):
     told = rows(900.0, current=0.0, kelvin=kelvin)
     told[:, 0] = told[:, 1] = 0.0
     made = model()
@@ -148,7 +148,7 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
 @pytest.mark.nightly
 @pytest.mark.parametrize("fins", [True, False])
 @pytest.mark.parametrize("step_K", [0.1, 1.0, 3.0])
-def test_coarse_temperature_reading_raises_no_flag(fins, step_K):
+def test_coarse_temperature_reading_is_valid(fins, step_K):
     """The damper warms for half an hour until thermal balance. The reading is rounded and has no noise."""
     drawing = PAPER if fins else PAPER.with_sink(None)
     made = model(Heating.from_drawing(drawing))
@@ -157,7 +157,7 @@ def test_coarse_temperature_reading_raises_no_flag(fins, step_K):
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
-def test_wrong_heat_loss_raises_no_false_alarm(wrong):
+def test_wrong_heat_loss_raises_no_alarm(wrong):
     """In thermal balance, the reading is constant for 15 min. The assumed loss is wrong by 30 to 40 %."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))

@@ -27,7 +27,7 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 # --- Hold and delays --------------------------------------------------------------------------------------
 
 
-def test_exact_inverse_has_only_sample_hold_error():
+def test_exact_inverse_has_only_hold_error():
     """Holding a command for a period P causes a force error of at most P times the maximum slope 2 pi f A."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
@@ -35,7 +35,7 @@ def test_exact_inverse_has_only_sample_hold_error():
     assert 0.9 * most < np.abs(run.error[feasible]).max() <= 1.001 * most
 
 
-def test_sample_hold_error_is_proportional_to_period():
+def test_hold_error_is_proportional_to_period():
     errors = []
     for period in (4e-3, 2e-3, 1e-3, 5e-4):
         run = run_loop(Ideal(), Inverse(period_s=period), SHORT)
@@ -44,7 +44,7 @@ def test_sample_hold_error_is_proportional_to_period():
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(2.0, rel=0.1)
 
 
-def test_preview_of_half_period_halves_force_error():
+def test_half_period_preview_halves_error():
     late = run_loop(Ideal(), Inverse(), SHORT)
     centred = run_loop(Ideal(), Inverse(preview_s=5e-4), SHORT)
     inside = attainable_range(Ideal(), late.course, 20.0, 2.0).feasible(late.course.target)
@@ -171,7 +171,7 @@ def test_measured_displacement_is_delayed_and_quantised():
     assert read / 1e-5 == pytest.approx(np.round(read / 1e-5), abs=1e-6)
 
 
-def test_force_gain_scales_force_and_its_reading():
+def test_force_gain_scales_force_and_reading():
     plain = run_loop(Ideal(), Recording(), SHORT)
     strong = run_loop(Ideal(), Recording(), replace(SHORT, disturbance=Disturbance(force_gain=1.1)))
     assert strong.force == pytest.approx(1.1 * plain.force)
@@ -181,7 +181,7 @@ def test_force_gain_scales_force_and_its_reading():
 # --- Plants, and the control loop in C ----------------------------------------------------------------------
 
 
-def test_same_seed_repeats_run_of_same_plant():
+def test_same_seed_repeats_controlled_run():
     """Equal seeds give identical runs, different seeds different runs. The plant object is unchanged."""
     plant = Plant(PRESETS["nominal"])
     before, noisy = plant.state, replace(SHORT, sensors=Sensing())

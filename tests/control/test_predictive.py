@@ -84,7 +84,7 @@ def test_tabulated_chain_force_matches_kernel(model: Damper, rate: int) -> None:
         assert np.abs(error).max() < (0.05 if model.parameters["cavity_length.value"] > 0.0 else 8e-3) * size
 
 
-def test_symmetric_chain_force_is_odd_in_motion() -> None:
+def test_symmetric_chain_is_odd_in_motion() -> None:
     terms = ("asymmetry", "flow_asymmetry", "position_gain", "position_curvature", "offset", "gas_force")
     model = without(**dict.fromkeys(terms, 0.0))
     x, v, _, current, kelvin = driven(1.0, 1000)
@@ -93,7 +93,7 @@ def test_symmetric_chain_force_is_odd_in_motion() -> None:
 
 
 @pytest.mark.parametrize("amperes", [0.0, 2.0])
-def test_real_time_chain_dissipates_work(amperes: float) -> None:
+def test_realtime_chain_dissipates_work(amperes: float) -> None:
     t = 1e-3 * np.arange(2001)
     x, v = 5e-3 * np.sin(2 * np.pi * t), 0.01 * np.pi * np.cos(2 * np.pi * t)
     force = forces(at_once(CHAIN), 1000, x, v, np.array(amperes), np.array(333.15), single=True)
@@ -130,7 +130,7 @@ def test_predictive_controller_beats_recommended_controller(name: str, seconds: 
 
 
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
-def test_free_wheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
+def test_freewheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
     """A controller whose model includes free-wheeling has half the error of one with a first-order fall."""
     wheels = Actuation(
         0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
@@ -172,19 +172,19 @@ def test_target_jump_saturates_command_at_limit(model: Damper) -> None:
 
 
 @pytest.mark.parametrize("model", [CHAIN, SERIES], ids=lambda d: d.law.name)
-def test_implicit_laws_do_not_support_paper_controller(model: Damper) -> None:
+def test_implicit_laws_have_no_paper_controller(model: Damper) -> None:
     assert set(controllers_for(model)) == set(names_for(model.law.name))
     with pytest.raises(InputError, match="'paper' is a bank of Bouc-Wen models"):
         check_name("paper", model.law.name)
 
 
-def test_chain_tables_contain_all_coefficients_of_law() -> None:
+def test_chain_tables_contain_all_coefficients() -> None:
     """Exported code would ignore a coefficient that is missing in the tables."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
     assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 
 
-def test_chain_rejects_gap_that_depends_on_command() -> None:
+def test_chain_rejects_current_dependent_gap() -> None:
     bent = replace(CHAIN, coefficients={**CHAIN.coefficients, "gap": Polynomial((1e-4, 1e-5))})
     with pytest.raises(InputError, match=r"gap of this chain card depends on the command"):
         controllers_for(bent)

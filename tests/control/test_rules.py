@@ -65,7 +65,7 @@ def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, dela
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_equal_and_zero_lags_are_continuous_limits():
+def test_equal_and_zero_lags_are_limits():
     """With two equal lags, the second gap receives the fraction t/T exp(-t/T). A zero lag leaves no gap."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
@@ -101,7 +101,7 @@ def test_prediction_horizon_covers_response_time(wheel, delay, dead):
 
 
 @pytest.mark.parametrize(("period", "dead"), [(1e-3, 2e-3), (2e-3, 2e-3), (5e-3, 0.0)])
-def test_short_dead_time_is_ignored_in_prediction(period, dead):
+def test_short_dead_time_is_not_predicted(period, dead):
     """A dead time of 1.6 ms is ignored at 200 Hz because a delay of a whole period would be too long."""
     quick = Actuation(2e-3, 5e-3, 2e-3, 1.6e-3, largest_command=2.0)
     motion = motion_of(period, period, 1e-5, 30.0, is_harmonic=True)
@@ -132,7 +132,7 @@ def test_safety_times_become_sample_counts():
     assert warm.hold_samples == round(600.0 / 2e-3)  # Heat capacity divided by heat loss
 
 
-def test_slow_displacement_bus_counts_as_stuck_later():
+def test_slow_bus_counts_as_stuck_later():
     """A sensor that repeats its readings for 40 ms by design counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100
@@ -140,12 +140,12 @@ def test_slow_displacement_bus_counts_as_stuck_later():
 
 
 @pytest.mark.parametrize(("noise", "density"), [(0.0, SETTINGS.jerk_density), (1e-5, 0.0), (1e-5, math.nan)])
-def test_motion_filter_rejects_zero_noise_or_jerk(noise, density):
+def test_motion_filter_rejects_zero_noise(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
         motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)
 
 
-def test_sampling_slower_than_current_lag_is_rejected():
+def test_sampling_slower_than_lag_is_rejected():
     actuation = Actuation(0.02, 0.02)
     slowest = actuation.response_time(0.95)
     check_sampling(actuation, slowest)

@@ -34,7 +34,7 @@ def scored(target, force, current=ZERO, reach=EVERYTHING, **more):
     return score_forces(target, force, current, reach, step_s=1e-4, **more)
 
 
-def test_scores_of_sine_error_match_closed_forms():
+def test_sine_error_scores_match_formulas():
     score = scored(900.0 * SINE, 900.0 * SINE + 40.0 * np.roll(SINE, 500))
     assert score.max_N == pytest.approx(40.0, rel=1e-6)
     assert score.rmse_N == pytest.approx(40.0 / np.sqrt(2.0))
@@ -59,7 +59,7 @@ def test_feasible_scores_ignore_infeasible_target_samples():
     assert (nothing.feasible_share, nothing.rmse_feasible_N, nothing.p99_feasible_N) == (0.0, None, None)
 
 
-def test_coil_power_is_mean_square_current_times_resistance():
+def test_coil_power_follows_mean_square_current():
     current = 1.0 + SINE  # The mean of the squared current is 1 + 1/2.
     assert scored(SINE, SINE, current, resistance_ohm=4.0).coil_power_W == pytest.approx(6.0)
     assert scored(SINE, SINE, current).coil_power_W is None
@@ -83,7 +83,7 @@ def test_scores_are_proportional_and_ignore_sign(offset, factor):
     assert plain.rmse_feasible_percent == pytest.approx(100.0 * plain.rmse_N / np.sqrt(0.5))
 
 
-def test_combined_score_has_worst_value_of_runs():
+def test_combined_score_has_worst_values():
     """The combined score has the largest errors and the smallest feasible fraction of several runs."""
     one = Score(
         max_N=5.0, rmse_N=1.0, max_feasible_N=None, rmse_feasible_N=None, p99_feasible_N=None,
@@ -119,13 +119,13 @@ def tolerance(phase_deg: float, degrees: float) -> float:
 
 
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
-def test_only_target_in_phase_with_velocity_is_feasible(degrees):
+def test_target_against_velocity_is_infeasible(degrees):
     """A semi-active damper cannot push, so a target of opposite phase is infeasible."""
     assert tolerance(0.0, degrees) > 0.8
     assert tolerance(180.0, degrees) < 0.1
 
 
-def test_coulomb_damper_has_closed_form_feasible_fraction():
+def test_coulomb_damper_feasibility_matches_formula():
     """A sine of 900 N is feasible while |F*| >= 70 N: a fraction 1 - (2/pi) asin(70/900) of the time.
 
     The damper has 50 to 1650 N, and the margin is 20 N.
@@ -137,7 +137,7 @@ def test_coulomb_damper_has_closed_form_feasible_fraction():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
-def test_most_samples_of_scenarios_are_feasible(name, preset):
+def test_scenarios_are_mostly_feasible(name, preset):
     plant = Plant(PRESETS[preset])
     course = reference_trajectory(SCENARIOS[name], plant.step_s)
     reach = attainable_range(plant, course, 123.0, 2.0)

@@ -91,7 +91,7 @@ def driven(seconds: float, rate: int) -> tuple[FloatArray, ...]:
 @pytest.mark.system
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize(("rate", "soft", "stiff"), [(100, 2.0, 2.0), (1000, 0.15, 0.4), (5000, 0.1, 0.15)])
-def test_real_time_series_valve_follows_law(rate: int, soft: float, stiff: float, single: bool) -> None:
+def test_realtime_series_valve_follows_law(rate: int, soft: float, stiff: float, single: bool) -> None:
     """The reference is the law of the kernel at 20 kHz. The limits are RMS errors in % of the RMS force."""
     seconds, fine = 4.0, 20_000
     x, v, a, current, kelvin = driven(seconds, fine)
@@ -104,7 +104,7 @@ def test_real_time_series_valve_follows_law(rate: int, soft: float, stiff: float
         assert 100.0 * np.sqrt(np.mean(error**2) / np.mean(truth**2)) < bound
 
 
-def test_series_valve_error_falls_with_step_size() -> None:
+def test_series_valve_converges_with_step_size() -> None:
     """The two-stage method converges with order two until the error of the tables dominates."""
     fine = 40_000
     x, v, a, _, _ = driven(2.0, fine)
@@ -120,7 +120,7 @@ def test_series_valve_error_falls_with_step_size() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e9, 1e12])
-def test_series_valve_is_stable_with_any_spring(stiffness: float) -> None:
+def test_any_spring_keeps_series_valve_stable(stiffness: float) -> None:
     """At 1 kHz, without a dashpot and at constant speed, the force reaches the steady force of the valve."""
     model = damper(None, gap_stiffness=Constant(stiffness), leak_damping=Constant(0.0), mass=Constant(0.0))
     t = 1e-3 * np.arange(1200)
@@ -137,7 +137,7 @@ def test_series_valve_is_stable_with_any_spring(stiffness: float) -> None:
 
 
 @pytest.mark.parametrize("amperes", [0.0, 0.7, 2.0])
-def test_real_time_series_valve_dissipates_work(amperes: float) -> None:
+def test_realtime_series_valve_dissipates_work(amperes: float) -> None:
     t = 1e-3 * np.arange(2001)
     motion = MOTIONS["sine5mm1Hz"]
     x, v = motion.displacement(t), motion.velocity(t)

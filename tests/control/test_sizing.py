@@ -30,7 +30,7 @@ def test_target_amplitude_scales_with_damper_force(size):
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_knee_velocity_of_target_scales_with_motion():
+def test_target_knee_velocity_scales_with_motion():
     """If the stroke doubles at the same frequency, the velocity at the knee of the target doubles."""
     one, two = (
         size_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
@@ -39,7 +39,7 @@ def test_knee_velocity_of_target_scales_with_motion():
     assert two.velocity_m_s == pytest.approx(2.0 * one.velocity_m_s, abs=2e-4)  # type: ignore[attr-defined]
 
 
-def test_proposed_motions_use_stroke_and_speed_range():
+def test_proposed_motions_fill_stroke_and_speed():
     """The amplitude is 80 % of the nearer stroke limit. A stroke range without zero gives no motion."""
     slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
     assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")

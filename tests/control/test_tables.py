@@ -93,7 +93,7 @@ def test_interpolated_table_force_is_accurate(law, exponent):
 
 @pytest.mark.system
 @every_law
-def test_controller_tables_need_less_than_8_kilobytes(law):
+def test_controller_tables_need_under_8_kilobytes(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
     numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.lookups)
     assert 4 * numbers < 8192
