@@ -201,7 +201,7 @@ def test_series_valve_converges_with_order_two():
 
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "largest", "finest"), [("lugre", 1e-4, 2e-7), ("spencer", 2e-4, 2e-7)])
-def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
+def test_lugre_and_spencer_have_second_order(name, largest, finest):
     """Halving the step divides the rms error by four, down to the table error of spencer (7e-8 at 1/16 ms).
 
     At 1 ms, the largest error (at reversals) is 5.5e-5 of the peak force for lugre and 9.6e-5 for spencer.
@@ -230,7 +230,7 @@ def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float
 
 @pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 1e-4)])
 @pytest.mark.parametrize(("rho", "kappa", "n"), [(1500.0, -0.4, 1.6), (2000.0, -0.9, 0.3), (1e4, -0.9, 0.8)])
-def test_bouc_wen_force_matches_closed_form(rate, tolerance, rho, kappa, n):
+def test_bouc_wen_force_matches_formula(rate, tolerance, rho, kappa, n):
     """The error is at most 1.7e-7 of the largest force at 1 kHz and 6e-5 at 100 Hz."""
     motion = Sine(0.010, 1.7)
     trajectory = drive(motion, duration=1.5, rate_Hz=rate, command=0.0)
@@ -242,7 +242,7 @@ def test_bouc_wen_force_matches_closed_form(rate, tolerance, rho, kappa, n):
 
 
 @pytest.mark.parametrize("rate", [250.0, 1000.0])
-def test_spencer_without_yield_matches_closed_form(rate):
+def test_spencer_without_yield_matches_formula(rate):
     """The reference solves (c0 + c1) y' + k0 y = c0 x' + k0 x for a sine x, from rest.
 
     The error is 5.6e-5 of the peak force at 250 Hz and 3.5e-6 at 1 kHz.
@@ -269,7 +269,7 @@ def test_sliding_lugre_follows_stribeck_curve(speed):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_yield_force_change_acts_partly_at_rest(share):
+def test_resting_force_follows_yield_force_partly(share):
     """At rest, only a fraction of a yield-force change acts. The rest acts when the damper slides."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
@@ -287,7 +287,7 @@ def test_yield_force_change_acts_partly_at_rest(share):
     assert force[-1] == pytest.approx(600.0, rel=1e-3)
 
 
-def test_chain_creep_is_linear_below_yield_force():
+def test_chain_creeps_linearly_below_yield_force():
     """With a sharp knee, the force is speed divided by creep below the yield force, and constant above.
 
     With a bypass, the force in excess of the valve is the squared speed divided by the bypass coefficient.
@@ -357,7 +357,7 @@ def test_law_force_is_odd_in_motion(name):
     rate=st.sampled_from([13.0, 100.0, 1000.0]),
     seed=st.integers(0, 99),
 )
-def test_hysteresis_force_is_bounded_by_yield_force(
+def test_hysteresis_force_never_exceeds_yield_force(
     name, rho, kappa, n, excess, fade, series, size, rate, seed
 ):
     """Without other terms, |F| <= Fy (1 + static excess) for any stroke, step and shape of the curve."""
@@ -514,13 +514,13 @@ def test_chain_is_passive_while_current_changes(data, size, seed):
 # ------------------------------------------------------------------------------ limits and special cases
 
 
-def test_dahl_is_special_case_of_bouc_wen():
+def test_dahl_is_case_of_bouc_wen():
     trajectory = random_drive(5)
     as_bouc_wen = damper("bouc-wen", kappa=-1.0, n=1.0)
     np.testing.assert_array_equal(simulate(damper("dahl"), trajectory), simulate(as_bouc_wen, trajectory))
 
 
-def test_saturating_law_without_rate_force_is_bouc_wen():
+def test_saturating_law_reduces_to_bouc_wen():
     trajectory = random_drive(6)
     plain = damper("bouc-wen", kappa=-0.8, n=0.7)
     without = damper("bouc-wen-saturating", rate_force=0.0, yield_force=500.0)
@@ -528,14 +528,14 @@ def test_saturating_law_without_rate_force_is_bouc_wen():
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_lugre_without_excess_and_damping_equals_dahl(rate):
+def test_lugre_reduces_to_dahl(rate):
     """Both laws are exact for any step: lugre uses an exponential, dahl a table with an error of 1.5e-7."""
     trajectory = random_drive(5, rate=rate)
     bristles = damper("lugre", static_excess=0.0, bristle_damping=0.0)
     assert relative(simulate(bristles, trajectory), simulate(damper("dahl"), trajectory)) < 5e-7
 
 
-def test_spencer_with_rigid_dashpot_equals_bouc_wen():
+def test_rigid_spencer_damper_equals_bouc_wen():
     """At 1e12 N s/m, reversals between the samples of 1 ms cause an error of 1e-5 of the peak force."""
     trajectory = random_drive(5)
     inner = {"viscosity": 2500.0, "stiffness": 5600.0}
@@ -619,7 +619,7 @@ def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarra
     [{"gap": 0.0, "gap_corner": 1e-9, "gap_stiffness": 1e12}, {"leak_damping": 1e12, "leak_exponent": 1.0}],
     ids=["stiff spring, no gap", "large leak"],
 )
-def test_series_law_with_rigid_spring_equals_valve(rigid):
+def test_rigid_series_law_equals_valve(rigid):
     trajectory = random_drive(8)
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
@@ -812,7 +812,7 @@ def test_instruction_sets_give_identical_forces(name):
 # ------------------------------------------------------------------------------- dead band, mass, friction
 
 
-def test_dead_band_removes_false_reversals_from_noise():
+def test_dead_band_removes_false_reversals():
     """Noise of 0.1 mm divides a sine of 10 mm at 1 kHz into 1800 pieces. The motion itself has seven."""
     clean = drive(Sine(0.010, 1.0), duration=3.0, rate_Hz=1000.0, command=0.0)
     noisy = clean.displacement + np.random.default_rng(0).normal(scale=1e-4, size=len(clean))
@@ -857,7 +857,7 @@ def test_viscous_force_is_power_of_velocity(exponent, viscosity, seed):
 
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
-def test_viscous_force_is_additive_with_known_derivatives(name, varying):
+def test_viscous_force_and_derivatives_are_additive(name, varying):
     """dF/dc0 is the power of velocity. The derivative by the exponent is the force times ln(|v| / v0)."""
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
@@ -879,7 +879,7 @@ def test_viscous_force_is_additive_with_known_derivatives(name, varying):
 
 @examples(30)
 @given(motion=sines, exponent=exponents, viscosity=positive)
-def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
+def test_dashpot_work_matches_formula(motion, exponent, viscosity):
     """The work per cycle of a sine is c0 v0^(1-m) (A w)^m 4 A times the integral of sin^(m+1).
 
     The trapezoidal rule over 400 samples has an error of 3e-4 at m = 0.05 because |v|^m has a corner at
@@ -895,7 +895,7 @@ def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
 # --------------------------------------------------------------------- special cases and rejected inputs
 
 
-def test_double_bouc_wen_reduces_to_single_element():
+def test_double_law_reduces_to_single_element():
     trajectory = random_drive(5)
     one = damper("bouc-wen", **{"kappa": -0.6, "n": 0.9, "rho": 6000.0, "yield_force": 550.0})
     alone = damper("double-bouc-wen", yield_force=550.0, second_force=0.0)
@@ -916,7 +916,7 @@ def test_reused_workspace_does_not_change_force():
                 np.testing.assert_array_equal(one, other)
 
 
-def test_curve_shape_that_varies_with_command_raises():
+def test_varying_curve_shape_raises():
     plain = damper("bouc-wen")
     d = replace(plain, coefficients={**plain.coefficients, "n": Polynomial((1.5, 0.2))})
     with pytest.raises(ValueError, match="kappa and n must be constant over a run"):
