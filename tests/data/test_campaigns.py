@@ -46,7 +46,7 @@ DECLARED = {
 
 @pytest.mark.parametrize("place", ["run", "file", "folder"])
 @pytest.mark.parametrize("quantity", DECLARED)
-def test_run_that_contradicts_its_name_is_reported(place, quantity):
+def test_run_contradicting_its_name_is_reported(place, quantity):
     """The run has 2 Hz, a stroke of 20 mm, 0.5 A and 40 degC. A name states another value."""
     text, channel, size = DECLARED[quantity]
     run = warm(run_of(f"test_{text}_b" if place == "run" else "run"), 40.0)
@@ -70,7 +70,7 @@ def test_frequency_of_noisy_sine_is_found():
     [("time_scale", "frequency", 0.015), ("displacement_scale", "stroke_m", 0.04)],
 )
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_run_with_deviating_stroke_or_frequency_is_found(kind, quantity, least, sign):
+def test_deviating_stroke_or_frequency_is_found(kind, quantity, least, sign):
     usual = {"frequency": 2.0, "stroke_m": 0.020}
     others = [run_of(f"{current:g}", current=current) for current in (0.0, 0.5, 1.0)]
 
@@ -110,7 +110,7 @@ def test_implausible_force_or_command_names_channel(role, factor):
     ],
     ids=["command", "stroke", "frequency", "temperature"],
 )
-def test_second_damper_is_found_by_force_range(alike):
+def test_force_range_reveals_second_damper(alike):
     """The force ranges of similar runs may differ by 15 %. A larger difference indicates a second damper.
 
     Runs are similar if currents differ by at most 20 mA, strokes and frequencies by 3 %, and temperatures by
@@ -129,7 +129,7 @@ def test_second_damper_is_found_by_force_range(alike):
     assert told(1.1, 1.0 / 1.2) == []
 
 
-def test_second_damper_in_held_out_run_is_reported():
+def test_second_held_out_damper_is_reported():
     """The finding states that the fit does not use this run. Differing training runs have priority."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])
@@ -199,7 +199,7 @@ def lag_of(runs):
         ({1.0: 15.0, 2.0: 0.0}, -5.0),  # The force leads the motion in addition to viscous damping.
     ],
 )
-def test_force_delay_is_extrapolated_to_zero_period(delays, told):
+def test_force_delay_is_extrapolated(delays, told):
     runs = [
         delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
         for k, (f, ms) in enumerate(delays.items())

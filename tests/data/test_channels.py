@@ -59,7 +59,7 @@ def test_unit_converts_to_si():
     assert Channel("force", unit="N", offset=1.0).to_si(millimetres, "", "f") == pytest.approx([1.0, 11.0])
 
 
-def test_column_is_selected_by_name_pattern_or_index():
+def test_name_pattern_or_index_selects_column():
     names = ["Time", "Axial Load", "LVDT"]
     assert Channel("force", name="Axial Load").find(names, "f") == 1
     assert Channel("force", pattern="*Load*").find(names, "f") == 1
@@ -67,7 +67,7 @@ def test_column_is_selected_by_name_pattern_or_index():
     assert Channel("force", unit="N").find(names, "f") is None
 
 
-def test_channel_map_with_all_entries_is_read():
+def test_complete_channel_map_is_read():
     text = """
         [channel.force]
         name = "CHANNEL1"

@@ -36,7 +36,7 @@ def count(
     return count_record(Recording("record", time, x, force, command, "A", temperature=temperature))
 
 
-def test_sampled_sine_dissipates_closed_form_energy() -> None:
+def test_energy_of_sampled_sine_matches_formula() -> None:
     time, x, force = sine(20_001)
     record = count(time, x, force, np.asarray(300.0 + 0.01 * np.arange(len(time)), dtype=np.float64))
     found = record.figures

@@ -93,7 +93,7 @@ def test_quantised_noisy_sine_has_no_fault(amplitude, frequency, quantum, grain,
     assert not {"clipped", "stuck_sensor", "spikes", "force_early"} & set(kinds(run))
 
 
-def test_virtual_rig_runs_have_only_known_findings():
+def test_virtual_rig_has_only_known_findings():
     """The virtual rig adds force noise of 5 N and an offset of 6 N. Only these two are reported."""
     from mrdamper.virtual_rig.campaign import Campaign
     from mrdamper.virtual_rig.lumped import LUMPED
@@ -188,7 +188,7 @@ def test_reversed_force_sign_is_fault():
     assert finding.size < -0.8
 
 
-def test_coarse_slow_motion_is_not_stuck_sensor():
+def test_coarse_slow_motion_is_not_stuck():
     def coarse(fields):
         fields["displacement"] = np.round(fields["displacement"] / 4e-4) * 4e-4
 
@@ -200,7 +200,7 @@ def test_coarse_slow_motion_is_not_stuck_sensor():
 
 @given(noise=st.floats(0.5, 200.0), seed=st.integers(0, 99))
 @examples(20)
-def test_white_force_noise_is_separated_from_loop(noise, seed):
+def test_force_noise_is_separated_from_loop(noise, seed):
     run = make_run(rate_Hz=1000.0)
     spoilt = run.force + noise * np.random.default_rng(seed).standard_normal(len(run))
     assert white_noise(spoilt) == pytest.approx(noise, rel=0.15)
@@ -220,7 +220,7 @@ channel_values = st.sampled_from(
     n=st.integers(0, 60),
     data=st.data(),
 )
-def test_diagnosis_reports_fault_if_validation_rejects_run(n, data):
+def test_diagnosis_agrees_with_validation_of_runs(n, data):
     """The diagnosis accepts any array. It reports a fault if and only if the validation rejects the run."""
     seed = data.draw(st.integers(0, 10_000))
     rng = np.random.default_rng(seed)
@@ -272,7 +272,7 @@ def test_repeated_findings_are_listed_once():
 
 @pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],
                          ids=["lost", "doubled"])  # fmt: skip
-def test_lost_samples_are_reported_as_phase_jumps(rows):
+def test_lost_samples_give_phase_jumps(rows):
     """The time stamps remain uniform, but displacement and force jump."""
     sound = recording()
     cut = {

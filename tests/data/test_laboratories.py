@@ -450,7 +450,7 @@ def test_famos_and_catman_message_names_converter(tmp_path, head, package):
         read_runs(file)
 
 
-def test_truncated_tdms_file_is_reported_as_cut(tmp_path):
+def test_truncated_tdms_file_is_reported(tmp_path):
     waveforms(tmp_path)
     file = tmp_path / "rig.tdms"
     content = file.read_bytes()
@@ -584,7 +584,7 @@ def test_constant_that_contradicts_column_is_rejected(tmp_path, name, answers, h
     assert np.allclose(recording.command, ramp, atol=1e-4)
 
 
-def test_current_in_name_that_differs_leads_to_question(tmp_path):
+def test_contradictory_current_in_name_requires_answer(tmp_path):
     with pytest.raises(AskingError, match=r"says 2 A, and the current measured is 0\.75 A") as fault:
         read_file(one(tmp_path, COLUMNS, name="sine_2A.csv"))
     assert fault.value.questions[0].candidates == ("2 A", "0.75 A")
@@ -598,7 +598,7 @@ def test_current_in_name_that_differs_leads_to_question(tmp_path):
         ("t [s];x [mm];CH3 (V);I [A]", "CH3 1 V = 250 N\n", 250.0),
     ],
 )
-def test_stated_sensor_scale_converts_volts_to_force(tmp_path, header, above, gain):
+def test_stated_sensor_scale_converts_volts(tmp_path, header, above, gain):
     (recording,) = read_file(one(tmp_path, header, above)).recordings
     assert np.allclose(recording.force, gain * RUNS[1].force, rtol=1e-5, atol=1e-3)
 

@@ -26,7 +26,7 @@ MARKS = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}
     encoding=st.sampled_from(sorted(MARKS)),
     marked=st.booleans(),
 )
-def test_utf16_is_recognised_without_byte_order_mark(tmp_path_factory, text, encoding, marked):
+def test_utf16_is_recognised_without_mark(tmp_path_factory, text, encoding, marked):
     path = tmp_path_factory.getbasetemp() / "wide.txt"
     path.write_bytes((MARKS[encoding] if marked else b"") + text.encode(encoding))
     assert utf16_of(path.read_bytes()) == ("utf-16" if marked else encoding)

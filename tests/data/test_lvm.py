@@ -81,7 +81,7 @@ def test_later_lvm_segment_is_separate_run(tmp_path, x, forgotten):
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("comma", [False, True])
-def test_lvm_run_is_read_with_its_times(tmp_path, x, comma):
+def test_lvm_run_keeps_its_times(tmp_path, x, comma):
     (tmp_path / "run.lvm").write_text(lvm(x=x, comma=comma), encoding="utf-8", newline="")
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)
@@ -113,7 +113,7 @@ def test_lvm_header_units_complete_column_names(tmp_path, x, force):
         ),
     ],
 )
-def test_unreadable_lvm_text_is_rejected_with_reason(tmp_path, content, said):
+def test_unreadable_lvm_is_rejected_with_reason(tmp_path, content, said):
     (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
     with pytest.raises(InputError, match=said):
         read_run(tmp_path / "run.lvm")

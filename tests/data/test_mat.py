@@ -80,7 +80,7 @@ def table(tmp_path, save):
         {"ScopeData": simulink(["displacement_mm", "force_N", "current_A"]), "tout": TIME[:, None]},
     ],
 )
-def test_mat_signals_with_names_need_no_map(tmp_path, save, variables):
+def test_named_mat_signals_need_no_map(tmp_path, save, variables):
     save(tmp_path / "run.mat", variables)
     (run,) = read_run(tmp_path / "run.mat")
     assert np.array_equal(run.time, TIME)

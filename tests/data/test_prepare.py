@@ -103,7 +103,7 @@ def test_run_with_time_jitter_is_resampled():
     assert prepared.force == pytest.approx(1000.0 * np.tanh(SINE.velocity(at) / 0.01), abs=5.0)
 
 
-def test_rounded_time_stamps_are_not_time_jitter():
+def test_rounded_timestamps_are_not_jitter():
     """With stamps in whole milliseconds at 512 Hz, the samples are uniform although the stamps are not."""
     fields = fields_of_run(SINE, rate_Hz=512.0)
     exact = prepare_run(make_run(changed=fields))
@@ -123,7 +123,7 @@ def test_run_with_reversed_force_is_rejected():
 
 
 @given(preload=st.floats(-500.0, 500.0), stiffness=st.floats(-2e4, 2e4))
-def test_force_sign_check_ignores_preload_and_spring(preload, stiffness):
+def test_force_sign_check_ignores_preload(preload, stiffness):
     run = make_run(SINE, duration=2.0)
     prepare_run(
         make_run(SINE, duration=2.0, changed={"force": run.force + preload + stiffness * run.displacement})

@@ -35,7 +35,7 @@ def _assert_same(run, *, exactly=False):
     assert run.command_unit == "A"
 
 
-def test_file_with_header_names_needs_no_map(tmp_path):
+def test_self_describing_file_needs_no_map(tmp_path):
     run = _read(tmp_path, _text(SELF_DESCRIBING), name="sine_2Hz_0.5A.csv")
     _assert_same(run, exactly=True)
     assert run.name == "sine_2Hz_0.5A"
@@ -156,7 +156,7 @@ def test_map_completes_header(tmp_path):
     _assert_same(_read(tmp_path, text, channels))
 
 
-def test_columns_without_header_are_selected_by_index(tmp_path):
+def test_column_without_header_is_selected_by_index(tmp_path):
     text = _text(SELF_DESCRIBING).split("\n", 1)[1]
     roles = (("time", "s"), ("displacement", "m"), ("force", "N"), ("current", "A"))
     channels = {role: {"index": k, "unit": unit} for k, (role, unit) in enumerate(roles, 1)}
@@ -184,7 +184,7 @@ def test_sensor_volts_are_not_measured_quantity(tmp_path):
         (_text(SELF_DESCRIBING) + "2.005,,3.0,0.5\n", r"displacement is nan at sample 401"),
     ],
 )  # fmt: skip
-def test_unreadable_text_file_is_rejected_with_reason(tmp_path, text, message):
+def test_unreadable_text_is_rejected_with_reason(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         _read(tmp_path, text)
     assert "run" in str(error.value)

@@ -29,7 +29,7 @@ def _position(short, long):
 
 
 @pytest.mark.system
-def test_tests_in_logger_file_match_trimmed_runs(real_data, dev):
+def test_logger_file_matches_trimmed_runs(real_data, dev):
     """The logger file has tests at 0 to 1 A in succession. Trimmed runs begin at zero displacement."""
     runs = read_run(real_data / "raw" / "ME5mm3Hz.txt", EXAMPLES / "utfsm_logger.toml")
     assert [run.constant_command for run in runs] == [0.0, 0.25, 0.5, 0.75, 1.0]
@@ -46,7 +46,7 @@ def test_tests_in_logger_file_match_trimmed_runs(real_data, dev):
 @pytest.mark.parametrize(
     ("raw", "trimmed"), [("ensaio.A.1.mat", "utfpr_3p21V_01"), ("ensaio.A.3.mat", "utfpr_3p21V_03")]
 )
-def test_mat_and_csv_files_of_utfpr_are_equal(real_data, dev, raw, trimmed):
+def test_mat_and_csv_files_are_equal(real_data, dev, raw, trimmed):
     (run,) = read_run(real_data / "raw" / raw, EXAMPLES / "utfpr_mat.toml")
     (other,) = dev.select(trimmed)
     assert run.command_unit == other.command_unit == "V"
@@ -56,7 +56,7 @@ def test_mat_and_csv_files_of_utfpr_are_equal(real_data, dev, raw, trimmed):
     assert run.force == pytest.approx(other.force, abs=0.006)
 
 
-def test_motion_label_is_equal_at_all_currents(dev):
+def test_motion_label_ignores_current(dev):
     labels = {run.name: prepare_run(run).motion for run in dev.select("utfsm_*")}
     sines = {label for name, label in labels.items() if "sine" in name}
     assert sines == {"sine 25 mm 0.25 Hz", "sine 25 mm 0.5 Hz", "sine 9.6 mm 2 Hz", "sine 4.6 mm 3 Hz"}
@@ -64,7 +64,7 @@ def test_motion_label_is_equal_at_all_currents(dev):
     assert chirps == {"chirp 2 mm 0.4-15 Hz"}
 
 
-def test_smoothing_of_displacement_removes_only_sensor_noise(dev):
+def test_smoothing_removes_only_sensor_noise(dev):
     """The removed signal is white: a resolution of 3 um and noise of 1.5 to 2.3 um rms."""
     for run in dev.select("utfsm_*"):
         prepared = prepare_run(run)

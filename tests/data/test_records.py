@@ -62,12 +62,12 @@ def test_valid_run_is_not_changed():
         ("force", lambda f: f[:-1], r"channels differ in length \(time 5001, displacement 5001, force 5000"),
     ],
 )
-def test_invalid_run_message_has_location_and_remedy(field, change, message):
+def test_invalid_run_message_has_remedy(field, change, message):
     with pytest.raises(InputError, match=message):
         RigRun(**_with(field, change))
 
 
-def test_celsius_values_in_kelvin_column_are_rejected():
+def test_celsius_in_kelvin_column_is_rejected():
     told = r"run: temperature is -248.1 degC \(25 K\) .* -50 to 180 degC .* It looks like degC given as K"
     with pytest.raises(InputError, match=told):
         make_run(changed={"temperature": np.full(5001, 25.0)})
@@ -85,7 +85,7 @@ def _set_of(*names):
     return Dataset(tuple(make_run(changed={"name": name}, duration=1.0) for name in names))
 
 
-def test_selected_runs_keep_order_of_data_set():
+def test_selected_runs_keep_dataset_order():
     runs = _set_of("sine_2Hz_1A", "sine_2Hz_0A", "chirp_1A")
     assert runs.select("*1A").names == ("sine_2Hz_1A", "chirp_1A")
     assert runs.select("chirp*", "*0A").names == ("sine_2Hz_0A", "chirp_1A")
@@ -93,7 +93,7 @@ def test_selected_runs_keep_order_of_data_set():
         runs.select("sine_2hz_1A")
 
 
-def test_split_of_data_set_is_complete():
+def test_split_of_dataset_is_complete():
     runs = _set_of("a_0A", "a_1A", "b_0A", "b_1A")
     training, held_out = runs.split(["b_*"])
     assert training.names == ("a_0A", "a_1A")
@@ -103,7 +103,7 @@ def test_split_of_data_set_is_complete():
         runs.split(["*"])
 
 
-def test_fingerprint_of_data_is_independent_of_order():
+def test_dataset_fingerprint_ignores_order():
     runs = _set_of("a", "b")
     assert runs.fingerprint == Dataset(runs.runs[::-1]).fingerprint
     assert len(runs.fingerprint) == 64

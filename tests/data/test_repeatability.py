@@ -20,7 +20,7 @@ def _prepared(force, motion=SINE, duration=10.0, **how):
 
 
 @given(dashpot=st.floats(100.0, 1e4), spring=st.floats(-1e4, 1e4), preload=st.floats(-500.0, 500.0))
-def test_dashpot_dissipates_closed_form_energy(dashpot, spring, preload):
+def test_dashpot_cycle_energy_matches_formula(dashpot, spring, preload):
     """A spring or a preload stores energy and returns all of it."""
     force = lambda t: dashpot * SINE.velocity(t) + spring * SINE.displacement(t) + preload  # noqa: E731
     found = cycles(_prepared(force))
@@ -31,7 +31,7 @@ def test_dashpot_dissipates_closed_form_energy(dashpot, spring, preload):
     np.testing.assert_allclose(found.stroke_m, 0.020, rtol=1e-6)
 
 
-def test_preload_dissipates_no_energy_when_centre_drifts():
+def test_preload_dissipates_no_energy():
     """The centre of the motion moves by up to 2 mm in a cycle."""
     moving = Harmonics((0.010, 0.008), (1.0, 0.04), (0.0, 0.0))
     found = [
@@ -42,7 +42,7 @@ def test_preload_dissipates_no_energy_when_centre_drifts():
     np.testing.assert_allclose(found[1].energy_J, found[0].energy_J, rtol=1e-9)
 
 
-def test_dry_friction_dissipates_closed_form_energy():
+def test_friction_cycle_energy_matches_formula():
     found = cycles(_prepared(lambda t: 300.0 * np.sign(SINE.velocity(t))))
     np.testing.assert_allclose(found.energy_J, 4 * 300.0 * 0.010, rtol=1e-3)
     assert {*found.highest_force_N.tolist(), *(-found.lowest_force_N).tolist()} == {300.0}
@@ -52,7 +52,7 @@ def test_periodic_run_has_zero_repeatability():
     assert repeatability(_prepared(SINE.velocity)) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_repeatability_of_noisy_force_is_its_noise():
+def test_repeatability_equals_force_noise():
     rng = np.random.default_rng(0)
     force = lambda t: 1000.0 * SINE.velocity(t) + 2.0 * rng.standard_normal(len(t))  # noqa: E731
     spread = 1000.0 * 0.010 * 2 * np.pi / np.sqrt(2.0)
@@ -60,7 +60,7 @@ def test_repeatability_of_noisy_force_is_its_noise():
     assert repeatability(_prepared(force, duration=30.0)) == pytest.approx(percent, rel=0.1)
 
 
-def test_drift_is_measured_between_first_and_last_cycle():
+def test_drift_compares_first_and_last_cycle():
     """Each cycle takes one second."""
     force = lambda t: 1000.0 * SINE.velocity(t) * (1.0 + 0.01 * t) + 2.0 * t  # noqa: E731
     prepared = _prepared(force)

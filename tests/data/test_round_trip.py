@@ -151,7 +151,7 @@ def test_units_structure_in_mat_is_used(tmp_path):
     assert_table(table, other, 4)
 
 
-def test_numpy_archive_arrays_and_fields_are_read(tmp_path):
+def test_numpy_arrays_and_fields_are_read(tmp_path):
     record = np.zeros(ROWS, [("t", "<f4"), ("n", ">u2")])
     record["t"], record["n"] = np.arange(ROWS), 65535
     np.savez(tmp_path / "a.npz", **{**TABLE, "record": record, "note": np.array("text")})  # type: ignore[arg-type]
@@ -214,7 +214,7 @@ def test_tdms_types_and_units_are_read(tmp_path):
     assert write(["fast"]).step_s is None
 
 
-def test_tdms_time_stamps_become_seconds_from_start(tmp_path):
+def test_tdms_timestamps_become_seconds(tmp_path):
     path = tmp_path / "run.tdms"
     with TdmsWriter(str(path)) as writer:
         for half in (slice(0, 4), slice(4, None)):  # The recording has two segments.

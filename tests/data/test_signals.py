@@ -43,7 +43,7 @@ def test_noise_of_signal_is_measured(rate, sigma):
     assert measure_spectrum(x, 1 / rate).noise == pytest.approx(sigma, rel=0.05)
 
 
-def test_periodic_rounding_of_signal_counts_as_noise():
+def test_periodic_rounding_counts_as_noise():
     """A sine with 500 samples per period is rounded equally in every period."""
     x = np.round(0.01 * np.sin(4 * np.pi * np.arange(7001) / 1000.0), 6)
     assert measure_spectrum(x, 1e-3).noise == pytest.approx(1e-6 / np.sqrt(12.0), rel=0.1)
@@ -153,7 +153,7 @@ def test_label_of_periodic_motion_is_complete(amplitude, frequency, periods, is_
     )
 
 
-def test_label_of_irregular_motion_names_its_kind():
+def test_irregular_motion_label_names_kind():
     """The motions are a single stroke, a sweep, a period with several strokes, and band-limited noise."""
     step = 1e-3
     t = step * np.arange(20_001)

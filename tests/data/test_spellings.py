@@ -90,7 +90,7 @@ def test_row_of_commands_completes_column_names(delimiter):
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
 @pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize("last", [True, False])
-def test_no_sample_is_lost_with_any_line_end(tmp_path, ends, marked, last):
+def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):
     rows = ["t;x", *(f"{k};{k}.5" for k in range(12))]
     content = ends.join(rows) + (ends if last else "")
     (tmp_path / "run.csv").write_bytes((b"\xef\xbb\xbf" if marked else b"") + content.encode())

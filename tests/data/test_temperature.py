@@ -41,7 +41,7 @@ def test_noisy_constant_temperature_becomes_its_mean(level, size, seed):
 
 
 @pytest.mark.parametrize("step", [0.1, 1.0], ids=["short", "long"])
-def test_temperature_noise_is_not_taken_as_drift(step):
+def test_temperature_noise_is_not_drift(step):
     """By chance, 40 samples with 5 K noise slope by several kelvin. At most 1 % of the runs keep a slope."""
     runs = [condition_temperature(300.0 + noise(40, 5.0, seed), step) for seed in range(1000)]
     assert sum(np.ptp(run) > 0.0 for run in runs) <= 10
@@ -79,7 +79,7 @@ def test_warming_followed_by_cooling_is_followed():
 
 
 @given(slope=st.floats(0.2, 2.0), lag=st.floats(0.0, 10.0), sign=st.sampled_from([-1.0, 1.0]))
-def test_sensor_lag_is_compensated_for_linear_temperature(slope, lag, sign):
+def test_sensor_lag_at_constant_rate_is_compensated(slope, lag, sign):
     """At a constant rate, a sensor shows T - lag dT/dt. The lag is compensated in short and long runs."""
     for duration in (8.0, 40.0):
         time = times(duration, 100.0)
@@ -89,7 +89,7 @@ def test_sensor_lag_is_compensated_for_linear_temperature(slope, lag, sign):
         np.testing.assert_allclose(condition_temperature(shown, 0.01), shown, atol=2e-3)
 
 
-def test_sensor_lag_is_compensated_for_curved_temperature():
+def test_sensor_lag_at_changing_rate_is_compensated():
     """The time constants are 20 s (temperature) and 4 s (sensor). The error falls from 2.7 K to 0.003 K."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)

@@ -199,20 +199,20 @@ def test_every_log_layout_supplies_temperature(tmp_path, log):
 
 
 @pytest.mark.parametrize("runs", RUN_WRITERS.values(), ids=RUN_WRITERS)
-def test_every_run_layout_gets_temperature_from_log(tmp_path, runs):
+def test_every_run_layout_gets_log_temperature(tmp_path, runs):
     runs(tmp_path)
     german_log(tmp_path)
     assert_warm(read_each(tmp_path))
 
 
 @pytest.mark.parametrize("runs", UTC_WRITERS.values(), ids=UTC_WRITERS)
-def test_log_and_runs_in_different_zones_match(tmp_path, runs):
+def test_log_and_runs_match_across_zones(tmp_path, runs):
     runs(tmp_path)
     iso_log(tmp_path, [(time - timedelta(hours=1), value) for time, value in logged()], "Z")
     assert_warm(read_each(tmp_path))
 
 
-def test_log_without_time_zone_is_unused_for_utc(tmp_path):
+def test_log_without_time_zone_is_unused(tmp_path):
     """A TDMS run starts at a time in UTC. A log in local time can be used only if its zone is known."""
     tdms(tmp_path)
     iso_log(tmp_path, logged(LOG_BEGIN - timedelta(hours=3), 400.0))
@@ -223,7 +223,7 @@ def test_log_without_time_zone_is_unused_for_utc(tmp_path):
     assert_warm(read_each(tmp_path))
 
 
-def test_temperature_log_of_other_day_is_reported(tmp_path):
+def test_log_of_other_day_is_reported(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(time + timedelta(days=1), value) for time, value in logged()])
     read = read_each(tmp_path)
@@ -240,7 +240,7 @@ def test_temperature_log_without_date_is_reported(tmp_path):
     assert all(run.temperature is None for run in read.runs)
 
 
-def test_run_without_start_time_ignores_temperature_log(tmp_path):
+def test_run_without_start_ignores_temperature_log(tmp_path):
     texts(lambda _: SECONDS)(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)
@@ -249,7 +249,7 @@ def test_run_without_start_time_ignores_temperature_log(tmp_path):
 
 
 @pytest.mark.parametrize(("minutes", "count"), [(13.5, 1), (18.0, 2), (12.75, 0)])
-def test_partial_temperature_log_is_used_for_covered_runs(tmp_path, minutes, count):
+def test_partial_log_is_used_for_covered_runs(tmp_path, minutes, count):
     HEADERS(tmp_path)
     iso_log(tmp_path, logged(minutes=minutes))
     read = read_each(tmp_path)
@@ -257,13 +257,13 @@ def test_partial_temperature_log_is_used_for_covered_runs(tmp_path, minutes, cou
     assert (f"{count} of 3" if count else "do not cover") in log_finding(read)
 
 
-def test_gap_in_temperature_log_is_not_interpolated(tmp_path):
+def test_temperature_log_gap_is_not_interpolated(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(t, v) for t, v in logged() if abs((t - STARTS[1]).total_seconds()) > 60.0])
     assert [run.temperature is not None for run in read_each(tmp_path).runs] == [True, False, True]
 
 
-def test_temperature_of_run_has_priority_over_log(tmp_path):
+def test_run_temperature_precedes_log(tmp_path):
     texts(lambda start: f"Start: {start:%Y-%m-%d %H:%M:%S}\nOil temperature: 60 degC\n{SECONDS}")(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)
@@ -271,7 +271,7 @@ def test_temperature_of_run_has_priority_over_log(tmp_path):
     assert all(run.temperature is not None and np.allclose(run.temperature, 333.15) for run in read.runs)
 
 
-def test_ambiguous_log_dates_follow_dates_of_runs(tmp_path):
+def test_ambiguous_log_dates_follow_runs(tmp_path):
     """Day and month of an ambiguous date are read in the order that matches the date of the runs."""
     moved = datetime(2024, 6, 5) - datetime(2024, 3, 14)
     texts(lambda start: f"Start: {start + moved:%Y-%m-%d %H:%M:%S.%f}\n{SECONDS}")(tmp_path)

@@ -35,7 +35,7 @@ def seconds(*cells):
 
 
 @given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))
-def test_time_stamps_keep_microseconds(steps_us, start):
+def test_timestamps_keep_microseconds(steps_us, start):
     time = np.concatenate([[0.0], np.cumsum(steps_us) * 1e-6])
     for form in SPELLINGS:
         assert np.allclose(
@@ -58,7 +58,7 @@ def test_time_zone_offset_is_subtracted(hours, form):
 @pytest.mark.parametrize(
     "cell", ["", "12", "10:15", "25:00:00", "10:61:00", "10:15:02 o'clock", "2026-02-30 1:00:00"]
 )
-def test_invalid_time_stamp_becomes_nan(cell):
+def test_invalid_timestamp_becomes_nan(cell):
     assert np.isnan(seconds(cell)).all()
 
 
@@ -87,7 +87,7 @@ def test_column_of_times_gives_run_time(tmp_path, header):
     assert np.allclose(run.force, RUN.force, atol=1e-6)
 
 
-def test_sample_rate_in_map_precedes_time_stamps(tmp_path):
+def test_sample_rate_in_map_precedes_timestamps(tmp_path):
     """Many programs write time stamps in whole seconds although they sample every few milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
@@ -97,7 +97,7 @@ def test_sample_rate_in_map_precedes_time_stamps(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("kind", ["moments", "times of day", "durations", "texts"])
-def test_workbook_time_stamps_become_seconds(tmp_path, kind):
+def test_workbook_timestamps_become_seconds(tmp_path, kind):
     from openpyxl import Workbook
 
     book, start = Workbook(), datetime(2026, 11, 21, 10, 0, 0)

@@ -346,7 +346,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_further_laboratory_layout_is_read_without_map(tmp_path, layout):
+def test_further_laboratory_layout_is_read(tmp_path, layout):
     LAYOUTS[layout](tmp_path)
     assert_read(read_runs(tmp_path))
 
@@ -366,7 +366,7 @@ def test_settings_file_supplies_current_of_run(tmp_path):
     "text",
     ["Run 1: 0.25 A, run 2: 0.5 A", "All tests: limit 2 A", "Coil supply: type 400, 5 A", "First test 2 A"],
 )
-def test_sentence_about_several_runs_states_no_current(tmp_path, text):
+def test_ambiguous_sentence_states_no_current(tmp_path, text):
     """A sentence that names several runs, a limit or a rating does not give the current of a run."""
     bare(tmp_path)
     write(tmp_path, "notes.txt", f"{text}\n")
