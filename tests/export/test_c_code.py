@@ -116,7 +116,7 @@ def test_exported_tables_are_in_flash(tool, tmp_path):
 
 
 @pytest.mark.system
-def test_two_exports_in_one_program_are_independent(tool, tmp_path):
+def test_two_linked_exports_are_independent(tool, tmp_path):
     """Two dampers that one program steps alternately have the same forces as in separate programs."""
     names = {"front": "double-bouc-wen", "rear": "bouc-wen"}
     targets = {name: a_target(law, name=name, content="model") for name, law in names.items()}
@@ -165,7 +165,7 @@ int main(void)
 
 
 @pytest.mark.system
-def test_exports_of_different_precision_cannot_be_combined(tool, tmp_path):
+def test_mixed_export_precisions_are_rejected(tool, tmp_path):
     for precision in ("float", "double"):
         write(a_target(name=precision[:3], precision=precision), tmp_path / precision)
     text = '#include "float/flo.h"\n#include "double/dou.h"\n'

@@ -140,7 +140,7 @@ def test_fmpy_finds_no_error_in_fmu(made, content):
     assert VALIDATION.validate_fmu(str(made(content)[1])) == []
 
 
-def test_fmu_variables_have_units_and_celsius_display(made):
+def test_fmu_variables_have_units(made):
     description = fmpy.read_model_description(str(made("both")[1]))
     reals = [each for each in description.modelVariables if each.type == "Real"]
     assert all(each.unit for each in reals)
@@ -192,7 +192,7 @@ def test_fmu_wrapper_compiles_without_warning(tmp_path, card, tool, content, pre
 
 
 @pytest.mark.system
-def test_function_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
+def test_function_prefix_allows_several_fmus(tmp_path, card, tool):
     """Every function has the prefix, and no variable exists outside an instance."""
     write_sources(target_of(card, content="controller"), tmp_path)
     prefix = "-DFMI2_FUNCTION_PREFIX=damper_"
@@ -210,7 +210,7 @@ def test_function_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
 
 
 @PRECISIONS
-def test_controller_fmu_is_bit_identical_to_python(made, precision):
+def test_controller_fmu_equals_python_bitwise(made, precision):
     target, path = made("controller", precision)
     table = controller_inputs()
     found, flags = simulated(path, table, ("current", "flags"), use_wanted_force_ahead=True)
@@ -221,7 +221,7 @@ def test_controller_fmu_is_bit_identical_to_python(made, precision):
 
 
 @PRECISIONS
-def test_model_fmu_is_bit_identical_to_python(made, precision):
+def test_model_fmu_equals_python_bitwise(made, precision):
     target, path = made("model", precision)
     table = model_inputs()
     found, flags = simulated(path, table, ("force", "flags"), use_velocity=True)
@@ -251,7 +251,7 @@ def test_combined_fmu_matches_controller_and_model(loaded):
 
 
 @pytest.mark.nightly
-def test_fmu_rebuilt_from_sources_gives_identical_commands(made, place, tool):
+def test_rebuilt_fmu_gives_identical_commands(made, place, tool):
     tool("cmake")
     target, path = made()
     folder = place / "built"
@@ -296,7 +296,7 @@ def test_second_master_gets_same_commands(made):
 
 
 @pytest.mark.system
-def test_fmu_and_controller_give_same_tracking_result(loaded, place, monkeypatch):
+def test_fmu_tracks_target_like_controller(loaded, place, monkeypatch):
     """The command ``track`` prints the same row with the controller of a card and with its exported FMU."""
     from mrdamper.jobs import track
     from mrdamper.jobs.options import TrackOptions
@@ -426,7 +426,7 @@ def stepped_forces(library, lengths, motion=SINE, **switches):
 @pytest.mark.parametrize(
     "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
 )
-def test_coarse_and_fine_steps_give_similar_force(loaded, lengths, use_velocity):
+def test_coarse_fmu_steps_give_similar_force(loaded, lengths, use_velocity):
     """At the end of each step, the force is within 1 % of the peak from steps of single periods."""
     _, library = loaded("model")
     _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
@@ -457,7 +457,7 @@ def test_coarse_communication_steps_keep_final_force(loaded, length):
     assert coarse == pytest.approx(fine, rel=1e-3)
 
 
-def test_fmu_calls_in_wrong_order_are_errors(loaded):
+def test_fmu_calls_in_wrong_order_fail(loaded):
     """A step before initialisation, a second initialisation, a step after the end and a wrong GUID fail."""
     _, library = loaded()
     with library.slave() as slave:
@@ -546,7 +546,7 @@ int main(void)
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
-def test_sanitizers_find_no_error_in_fmu_wrapper(tmp_path, card, tool, precision):
+def test_sanitizers_accept_fmu_wrapper(tmp_path, card, tool, precision):
     """No input to 2000 instances causes a memory leak, an invalid access or an undefined conversion."""
     write_sources(target_of(card, precision=precision), tmp_path)
     (tmp_path / "lives.c").write_text(LIVES, encoding="ascii")
@@ -560,7 +560,7 @@ def test_sanitizers_find_no_error_in_fmu_wrapper(tmp_path, card, tool, precision
 # ------------------------------------------------------------------------------------------ verification
 
 
-def test_fmu_is_written_only_from_verified_sources(tmp_path, card):
+def test_fmu_requires_verified_sources(tmp_path, card):
     target = target_of(card, content="controller")
     failed = replace(passed_verification(target), passed=False, problems=("current is not finite",))
     with pytest.raises(InputError, match=r"\(current is not finite\)"):

@@ -52,7 +52,7 @@ def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("i", "j", "k"), [(0, 0, -1), (2, 4, 3), (5, 8, 15), (3, 1, 20)])
-def test_map_force_equals_force_at_mid_stroke(made, i, j, k):
+def test_map_force_equals_mid_stroke_force(made, i, j, k):
     speed = float(made.velocity[k])
     v, force = sine(DAMPERS["bouc-wen"], abs(speed), float(made.command[j]), float(made.temperature[i]))
     assert made.pick[i, j, k] == pytest.approx(force[int(np.argmax(v * math.copysign(1.0, speed)))], abs=0.05)
@@ -70,7 +70,7 @@ def test_map_branches_equal_fastest_sine(made, i, j):
         assert np.abs(branch[i, j] - expected).max() < 2e-3 * peak
 
 
-def test_hysteresis_branches_meet_at_end_of_loop(made):
+def test_hysteresis_branches_meet_at_ends(made):
     assert np.allclose(made.rising[..., -1], made.falling[..., -1], rtol=1e-6)
     assert np.allclose(made.rising[..., 0], made.falling[..., 0], rtol=1e-6)
     inside = slice(6, -6)
@@ -93,13 +93,13 @@ def test_damper_without_hysteresis_has_equal_branches():
     assert made.temperature.tolist() == [293.15]
 
 
-def test_map_force_depends_on_current_and_temperature(made):
+def test_map_force_varies_with_current_and_temperature(made):
     fast = made.pick[..., -1]
     assert (np.diff(fast, axis=1) > 0.0).all()
     assert (np.diff(fast, axis=0) < 0.0).all()
 
 
-def test_map_file_has_header_and_every_point(made):
+def test_force_map_file_contains_every_point(made):
     text = made.as_csv()
     said = [line for line in text.splitlines() if line.startswith("#")]
     assert text.startswith("# Force map of a magnetorheological damper")
@@ -121,12 +121,12 @@ def test_map_file_has_header_and_every_point(made):
 
 
 @pytest.mark.system
-def test_force_map_in_volts_has_volt_column():
+def test_force_map_supports_volts():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()
 
 
-def test_law_without_realtime_model_has_force_map():
+def test_law_without_realtime_model_has_map():
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((50.0, 300.0)),
         "slope": Constant(300.0),

@@ -69,7 +69,7 @@ def test_step_instruction_count_is_limited(boards, shown):
 @pytest.mark.release
 @pytest.mark.parametrize("shown", BARRED, ids=_name)
 @pytest.mark.parametrize("board", BOARDS)
-def test_target_and_python_agree_for_100_000_steps(boards, shown, board):
+def test_microcontroller_agrees_with_python_for_100000_steps(boards, shown, board):
     there, here = replayed(shown, board, 100_000)
     meets_its_bars(shown, there)
     assert there.hash == here
@@ -77,7 +77,7 @@ def test_target_and_python_agree_for_100_000_steps(boards, shown, board):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("shown", SHOWN, ids=_name)
-def test_target_and_host_agree_in_single_precision(boards, shown):
+def test_microcontroller_agrees_with_host(boards, shown):
     """x86-64, Cortex-M7 and the Python extension return identical outputs."""
     there, here = replayed(shown, "M7", 3000)
     told = readings(shown.made(), 3000)

@@ -82,7 +82,7 @@ def test_exports_with_other_periods_equal_python(target):
 
 
 @pytest.mark.nightly
-def test_export_with_command_in_volts_equals_python():
+def test_export_in_volts_equals_python():
     assert_same_bits(target_of(card_of(replace(DOUBLE, command_unit="V"))))
 
 
@@ -110,7 +110,7 @@ SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined,float-cast-overflow", "-f
 
 
 @pytest.mark.parametrize("flags", one_by_day([("-O3",), ("-O0",), SANITIZE]))
-def test_compiler_options_do_not_change_export_results(flags, tool, tmp_path):
+def test_compiler_options_keep_export_results(flags, tool, tmp_path):
     """The sanitizers also report no invalid access and no undefined operation."""
     target = a_target()
     write(target, tmp_path)
