@@ -258,7 +258,7 @@ def test_one_quadrant_driver_is_detected():
 
 
 @pytest.mark.nightly
-def test_free_wheeling_time_is_identified():
+def test_freewheeling_time_is_identified():
     """With steps and a random current, the error is at most 2 %. A two-quadrant driver gets no such time."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.025)
     damper = with_actuation(known)
@@ -302,7 +302,7 @@ def test_saturation_and_wide_loop_of_core_are_identified():
 
 
 @pytest.mark.nightly
-def test_saturation_with_free_wheeling_is_identified():
+def test_saturation_with_freewheeling_is_identified():
     """The errors are at most 5 % and 10 %. Cross-validation detects the driver even in runs without steps."""
     known = Actuation(
         0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8
