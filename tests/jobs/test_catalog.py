@@ -30,7 +30,7 @@ def small_set(monkeypatch, tmp_path):
     return mirror
 
 
-def test_public_data_sets_have_commit_and_licence():
+def test_public_datasets_have_commit_and_licence():
     assert {known.name for known in list_sets()} == {"utfsm", "utfpr"}
     for known in list_sets():
         assert re.fullmatch(r"[0-9a-f]{40}", known.commit)
