@@ -55,7 +55,7 @@ def ramp_through_two_lags(time: FloatArray, a: float, b: float) -> FloatArray:
     return np.asarray(time - (a + b) + fading, dtype=np.float64)
 
 
-def test_ramp_through_two_lags_matches_closed_form():
+def test_ramp_through_two_lags_matches_formula():
     """The ramp is 1 A/s. The first lag is linear between samples, which causes an error of step^2/(8a)."""
     a, b, step = 0.030, 0.012, 1e-4
     time = step * np.arange(3000, dtype=np.float64)
@@ -134,7 +134,7 @@ def test_lag_matches_adaptive_integrator():
 # ------------------------------------------------------------------------------- free-wheeling and saturation
 
 
-def test_free_wheeling_current_decays_exponentially():
+def test_freewheeling_current_decays_exponentially():
     """The current falls from 2 A as 2 exp(-t / 25 ms) until it reaches the command. A rise is unaffected."""
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=0.025), 1e-4
     time = step * np.arange(2000)
@@ -150,7 +150,7 @@ def test_free_wheeling_current_decays_exponentially():
     assert actuation.response_time(0.9, 1.0, 0.0) == pytest.approx(0.025 * math.log(10.0), rel=1e-3)
 
 
-def test_free_wheeling_in_saturated_iron_matches_integrator():
+def test_freewheeling_in_saturated_iron_matches_integrator():
     """An adaptive integrator solves T phi' = -I, phi = I / (1 + I / I_s) with the free-wheeling time T."""
     wheel, bend = 0.08, 1.6
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=wheel, saturation=bend), 2e-4

@@ -61,7 +61,7 @@ def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Cha
     amplitude=st.floats(1e-3, 0.05),
     frequency=st.floats(0.1, 10.0),
 )
-def test_bingham_energy_matches_closed_form(command, viscosity, amplitude, frequency):
+def test_bingham_energy_matches_formula(command, viscosity, amplitude, frequency):
     """The energy per cycle is 4 A F_y + pi c omega A^2. Spring and gas force have no effect."""
     damper = bingham(viscosity=Constant(viscosity), stiffness=Constant(2e3), offset=Constant(70.0))
     cycle = steady_cycle(damper, Sine(amplitude, frequency), command)
@@ -128,7 +128,7 @@ def test_relative_force_loss_decreases_with_current():
 # Complete characterisation
 
 
-def test_bingham_characteristics_match_closed_forms():
+def test_bingham_characteristics_match_formulas():
     damper = bingham(
         viscosity=Constant(900.0),
         offset=Constant(35.0),

@@ -66,7 +66,7 @@ def test_card_equals_itself_in_comparison():
     assert same.verdict == "second and first give the same force everywhere."
 
 
-def test_yield_force_difference_matches_closed_form():
+def test_yield_force_difference_matches_formula():
     """The Bingham force is F_y(I) + c v. With 10 % less F_y, the difference is -0.1 F_y(I) at every speed."""
     found = compared(a_card(a_damper()), a_card(a_damper(0.9)), ("before", "after"))
     difference = found.found[1].damping - found.found[0].damping

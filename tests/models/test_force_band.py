@@ -23,7 +23,7 @@ BAND = ForceBand(
 )
 
 
-def test_force_band_width_matches_closed_form():
+def test_force_band_width_matches_formula():
     force = np.array([3.0, -4.0, 0.0, 5.0])
     mean_square = (9.0 + 16.0 + 25.0) / 4.0
     width = 0.5 * np.sqrt(force**2 + 0.09 * mean_square + 16.0)

@@ -132,7 +132,7 @@ def test_turning_points_of_sine_are_crests():
 @pytest.mark.system
 @examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
-def test_reference_integrator_agrees_with_closed_form(rho, kappa, n):
+def test_reference_integrator_agrees_with_formula(rho, kappa, n):
     """The largest kappa is 0.9. Close to 1, the curve leaves its bound very slowly and amplifies errors."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)

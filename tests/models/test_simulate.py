@@ -254,7 +254,7 @@ def test_temperature_beyond_damper_range_is_clipped(name):
     assert relative(simulate(free, run), simulate(held, run)) > 1e-3
 
 
-def test_warming_dashpot_matches_closed_form():
+def test_warming_dashpot_matches_formula():
     """F = c exp[B (1/T - 1/293.15)] v holds at every sample. At 40 degC, the force is 27 % lower."""
     run = warming(start=293.15, rise=20.0)
     assert run.temperature is not None
@@ -348,7 +348,7 @@ def stepping(rate: float = 500.0):
     return replace(run, command=np.where((run.time > 0.2) & (run.time < 0.6), 0.9, 0.1))
 
 
-def test_force_with_actuation_matches_closed_form():
+def test_force_with_actuation_matches_formula():
     """The Bingham force is Fy a(t) tanh(v/vr). a(t) is the response of two equal lags after the delay."""
     tau, late, run = 0.03, 0.01, path(rate=2000.0)
     run = replace(run, command=np.where(run.time > 0.2, 1.0, 0.0))
