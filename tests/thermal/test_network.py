@@ -89,7 +89,7 @@ def test_steady_network_rise_is_power_over_conductance():
     assert ends[0] - AMBIENT == pytest.approx(50.0 / 0.5, rel=1e-6)
 
 
-def test_single_node_follows_closed_form():
+def test_single_node_follows_formula():
     heated = simulate_network(one_node(), [Load(1800.0, constant(50.0))], longest_step=1.0)
     exact = constant_heating(heated.time, 50.0, 0.5, 1000.0, ambient=AMBIENT, start=AMBIENT)
     assert heated.fluid - AMBIENT == pytest.approx(exact - AMBIENT, rel=1e-6, abs=1e-9)

@@ -89,7 +89,7 @@ def test_measured_sine_heats_like_ideal_sine(tmp_path):
 # ------------------------------------------------------------------------------------------- dissipated power
 
 
-def test_dry_friction_power_matches_closed_form():
+def test_dry_friction_power_matches_formula():
     """A friction force F dissipates 4 A F in each cycle of amplitude A."""
     work = tabulate_work(dry_and_viscous(dry=1000.0), segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.constant
@@ -97,7 +97,7 @@ def test_dry_friction_power_matches_closed_form():
     assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
 
 
-def test_dashpot_power_matches_closed_form():
+def test_dashpot_power_matches_formula():
     """The mean power of a sine is c v^2 / 2 with the peak velocity v."""
     speed = 2.0 * math.pi * 2.0 * 0.005
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(Sine(0.005, 2.0), 0.0, 60.0))
