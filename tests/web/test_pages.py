@@ -82,7 +82,7 @@ def test_fit_on_page_writes_readable_card(page, site):
     page.goto("/#/model")
     page.fill("#fit-card", "fitted")
     page.fill("#fit-hold-out", "*_060C_*")
-    page.select_option("#fit-law", "dahl")  # By default, all laws are compared, which takes longer.
+    page.select_option("#fit-law", "dahl")  # The default compares all laws and takes longer.
     page.click("#start-fit")
     page.wait_for_selector("#fit-tiles", timeout=240_000)
     page.wait_for_selector("#view-status[data-ms]")

@@ -67,7 +67,7 @@ OPTIONS = [
 def test_every_option_has_field_or_reason(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
-    if told == "--resume":  # On the pages, resuming a sweep is a separate request.
+    if told == "--resume":  # Resuming a sweep is a separate request on the pages.
         assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
     kind = command.split()[-1]

@@ -74,7 +74,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         actions.part = "model"
         press(page, "Model", "link")
         actions.part = ""
-        page.select_option("#fit-law", "bouc-wen")  # By default, all laws are compared, which takes longer.
+        page.select_option("#fit-law", "bouc-wen")  # The default compares all laws and takes longer.
         actions.part = "model"
         press(page, "Identify")
         page.wait_for_selector("#fit-tiles", timeout=JOB_MAX_ms)
