@@ -264,7 +264,7 @@ LONG = {
 
 
 def pages_with(mark: str = "") -> list[object]:
-    """Return the pages with blocks that have a mark. Without a mark, return all but the start page."""
+    """Return the pages with blocks that have a mark. Without a mark, omit the start page."""
     return [
         pytest.param(
             page,

@@ -307,7 +307,7 @@ def test_missing_current_is_held_for_30_ms():
 def test_missing_displacement_is_integrated_from_velocity(value):
     """Only the spring force needs displacement. After 120 ms, the motion counts as unknown.
 
-    The value None stands for a sensor that repeats its last reading.
+    The value None represents a sensor that repeats its last reading.
     """
     rows = rows_for(Sine(5e-3, 1.0), 1.0)
     clean = MODEL.run(MODEL.start(), rows)[1]

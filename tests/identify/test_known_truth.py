@@ -42,7 +42,7 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
     """Return the errors of each identifiable parameter for all seeds, in units of its standard error.
 
     A parameter counts if it is identifiable for most seeds. A decision for each seed would select the seeds
-    in which noise has made the parameter large.
+    whose noise has made the parameter large.
     """
     truth: Damper = REFERENCE_DAMPERS[law]
     off: dict[str, list[float]] = {}

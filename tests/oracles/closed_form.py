@@ -46,7 +46,7 @@ def with_constant_films(section: Section, films: FloatArray) -> Section:
 
 
 def refined(mesh: SectionMesh) -> SectionMesh:
-    """Return a mesh in which every triangle is divided into four."""
+    """Return a mesh with every triangle divided into four."""
     first = len(mesh.corners)
     pairs = np.concatenate([mesh.triangles[:, list(side)] for side in ((0, 1), (1, 2), (2, 0))])
     sides, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)

@@ -12,7 +12,7 @@ from mrdamper.thermal.model.network import NODE_FACTORS, ThermalNetwork, zone_ne
 
 
 def perturbed(base: DamperDrawing, rng: np.random.Generator) -> tuple[ThermalNetwork, float]:
-    """Return the network of a damper with perturbed geometry, and the factor by which its power is wrong."""
+    """Return the network of a damper with perturbed geometry, and the wrong factor of its power."""
 
     def factor(spread: float) -> float:
         return math.exp(spread * rng.standard_normal())

@@ -155,7 +155,7 @@ def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Return a client of a folder with 91 runs, seven of which are copies."""
+    """Return a client of a folder with 91 runs, including seven copies."""
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
     for k in range(RUNS):
