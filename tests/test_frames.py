@@ -70,7 +70,7 @@ def test_time_index_of_frame_is_time(kind, runs):
         np.testing.assert_allclose(read.time, runs[0].time, atol=1e-6)
 
 
-def test_second_column_level_is_unit(runs):
+def test_second_column_level_of_frame_is_unit(runs):
     given = columns(runs[0])
     given["force_kN"] = given.pop("Load [kN]")
     frame = pd.DataFrame(given).set_axis(

@@ -46,7 +46,7 @@ Errors = Mapping[tuple[str, int], float]
 
 
 def _not_met(measured: str) -> pytest.MarkDecorator:
-    """Mark a test whose limit is not met. If the limit is met later, the test fails to remind of the mark."""
+    """Mark a test whose limit is not met. If it is met later, the test fails until the mark is removed."""
     return pytest.mark.xfail(reason=measured, strict=True)
 
 

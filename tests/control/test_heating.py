@@ -64,7 +64,7 @@ def first(flags: NDArray[np.int64]) -> float:
 
 @pytest.mark.parametrize("single", [False, True])
 def test_stuck_thermometer_is_flagged_at_5_kelvin(single):
-    """The flag is raised when the damper should be 5 K warmer, with an assumed heat loss of 0 to maximum."""
+    """The flag is raised once the damper should be 5 K warmer. The assumed heat loss is zero to maximum."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance

@@ -213,7 +213,7 @@ def test_saved_state_continues_realtime_run(model):
 
 
 @pytest.mark.parametrize(("model", "other"), [(MODEL, SINGLE), (SINGLE, MODEL)])
-def test_state_of_other_precision_is_rejected(model, other):
+def test_model_state_of_other_precision_is_rejected(model, other):
     with pytest.raises(ValueError, match="not a controller's state"):
         model.step(other.start(), 0.0, 0.0, 0.0, ROOM)
 

@@ -65,7 +65,7 @@ def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, dela
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_equal_and_zero_lags_are_limits():
+def test_sampled_lags_are_continuous_at_limits():
     """With two equal lags, the second gap receives the fraction t/T exp(-t/T). A zero lag leaves no gap."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)

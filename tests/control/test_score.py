@@ -137,7 +137,7 @@ def test_coulomb_damper_feasibility_matches_formula():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
-def test_scenarios_are_mostly_feasible(name, preset):
+def test_scenario_targets_are_mostly_feasible(name, preset):
     plant = Plant(PRESETS[preset])
     course = reference_trajectory(SCENARIOS[name], plant.step_s)
     reach = attainable_range(plant, course, 123.0, 2.0)

@@ -172,7 +172,7 @@ def test_tables_contain_quarters_of_largest_current():
 
 
 @pytest.mark.parametrize("end", [0, -1])
-def test_temperature_outside_tables_uses_last_column(end):
+def test_temperature_outside_tables_uses_end_column(end):
     tables = tabulate(DOUBLE, 2.0, temperatures=(280.0, 390.0))
     at = float(tables.temperatures[end])
     np.testing.assert_array_equal(tables.evaluate(at + (70.0 if end else -70.0)), tables.evaluate(at))

@@ -916,7 +916,7 @@ def test_reused_workspace_does_not_change_force():
                 np.testing.assert_array_equal(one, other)
 
 
-def test_varying_curve_shape_raises():
+def test_current_dependent_curve_shape_raises():
     plain = damper("bouc-wen")
     d = replace(plain, coefficients={**plain.coefficients, "n": Polynomial((1.5, 0.2))})
     with pytest.raises(ValueError, match="kappa and n must be constant over a run"):

@@ -129,7 +129,7 @@ def test_force_range_reveals_second_damper(alike):
     assert told(1.1, 1.0 / 1.2) == []
 
 
-def test_second_held_out_damper_is_reported():
+def test_held_out_second_damper_is_reported():
     """The finding states that the fit does not use this run. Differing training runs have priority."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])
@@ -199,7 +199,7 @@ def lag_of(runs):
         ({1.0: 15.0, 2.0: 0.0}, -5.0),  # The force leads the motion in addition to viscous damping.
     ],
 )
-def test_force_delay_is_extrapolated(delays, told):
+def test_force_delay_excludes_compliance(delays, told):
     runs = [
         delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
         for k, (f, ms) in enumerate(delays.items())

@@ -38,7 +38,7 @@ from mrdamper.errors import InputError
         ("filtered_force_N", None),
     ],
 )
-def test_header_gives_role_and_unit(header, said):
+def test_column_header_gives_role_and_unit(header, said):
     assert parse_header(header) == said
 
 

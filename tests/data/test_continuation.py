@@ -58,7 +58,7 @@ def test_joined_parts_equal_original_run(shared_sample: bool):
     ],
     ids=["clock from zero", "gap", "current", "amplitude", "jump", "temperature", "same file"],
 )
-def test_different_tests_are_not_joined(change):
+def test_runs_of_different_tests_stay_separate(change):
     """A run with a different clock, current, motion or temperature belongs to a different test."""
     first, second, _ = parts(sine_run())
     joined, continued = join_continuations(Dataset((first, change(second))))

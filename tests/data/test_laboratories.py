@@ -209,7 +209,7 @@ def structure_with_its_rate(folder: Path) -> None:
 
 
 def korean(folder: Path) -> None:
-    """Write text in the Korean code page, with the unit of time as a word and two temperatures (one oil)."""
+    """Write Korean code-page text with the unit of time as a word, and oil and housing temperatures."""
     names = "시간(초),변위(mm),하중(N),전류(A),오일 온도(℃),하우징 온도(℃)\n"
     for k, run in enumerate(RUNS):
         warm = np.full(N, 40.0)
@@ -467,7 +467,7 @@ def test_truncated_tdms_file_is_reported(tmp_path):
 @pytest.mark.parametrize(
     "write", [japanese, universal, french, side_by_side], ids=lambda write: write.__name__
 )
-def test_written_map_reads_same_runs(tmp_path, write):
+def test_written_channel_map_reads_same_runs(tmp_path, write):
     write(tmp_path)
     files = read_files([tmp_path])
     chosen = ChannelMap.from_dict(parse_toml(write_map(files).text))
@@ -541,7 +541,7 @@ def test_unknown_quantity_leads_to_question(tmp_path, header, above, asked):
         ("t [s];x [mm];F [N];valve_cmd", ["current.column=valve_cmd", "current.unit=A"]),
     ],
 )
-def test_written_map_contains_answers(tmp_path, header, answers):
+def test_written_channel_map_contains_answers(tmp_path, header, answers):
     file = one(tmp_path, header)
     (recording,) = read_file(file, answers=parse_answers(answers)).recordings
     written = parse_toml(write_map(read_files([file], answer=answers)).text)

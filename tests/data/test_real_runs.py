@@ -83,7 +83,7 @@ def test_smoothed_velocity_at_rest_is_quiet(dev):
         assert np.std(velocity[:80]) < 0.2e-3
 
 
-def test_repeatability_matches_rigs(dev):
+def test_real_runs_have_expected_repeatability(dev):
     """The repeatability is about 0.5 to 4 % (UTFSM; 6 % for 25 mm, 0.25 Hz, 1 A) and 1 to 12 % (UTFPR)."""
     for pattern, low, high in (("utfsm_sine_*", 0.5, 4.2), ("utfpr_*", 1.0, 12.0)):
         for run in dev.select(pattern):

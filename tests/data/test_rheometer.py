@@ -73,7 +73,7 @@ def test_rheometer_units_in_separate_row_are_read(table, header):
         ("field strength / kA m^-1", 67.0, "A/m", 67e3),
     ],
 )
-def test_field_keeps_unit_and_si_value(table, header, raw, unit, field):
+def test_magnetic_field_is_read_in_si(table, header, raw, unit, field):
     text = f"{header},temperature_degC,yield_stress_kPa\n{raw},20,19\n{raw},60,18\n"
     found = table(text)
     assert found.field_unit == unit

@@ -109,7 +109,7 @@ def test_temperature_shift_shifts_conditioned_temperature(offset, seed, rise):
 
 
 @given(seed=st.integers(0, 20), rise=st.floats(2.0, 30.0))
-def test_conditioning_is_symmetric_in_time(seed, rise):
+def test_temperature_conditioning_is_symmetric_in_time(seed, rise):
     time = times(30.0, 50.0)
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     backwards = condition_temperature(shown[::-1].copy(), 0.02)[::-1]

@@ -206,7 +206,7 @@ def test_every_run_layout_gets_log_temperature(tmp_path, runs):
 
 
 @pytest.mark.parametrize("runs", UTC_WRITERS.values(), ids=UTC_WRITERS)
-def test_log_and_runs_match_across_zones(tmp_path, runs):
+def test_log_and_runs_match_across_time_zones(tmp_path, runs):
     runs(tmp_path)
     iso_log(tmp_path, [(time - timedelta(hours=1), value) for time, value in logged()], "Z")
     assert_warm(read_each(tmp_path))

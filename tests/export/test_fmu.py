@@ -266,7 +266,7 @@ def test_rebuilt_fmu_gives_identical_commands(made, place, tool):
     assert np.array_equal(found, commands(target, table)[0])
 
 
-def test_second_master_gets_same_commands(made):
+def test_second_fmu_master_gets_same_commands(made):
     """The master of the Open Simulation Platform is written in C++ and is independent of FMPy."""
     cosim = {
         name: getattr(pytest.importorskip(f"libcosimpy.Cosim{name}"), kind)

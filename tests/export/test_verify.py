@@ -44,12 +44,12 @@ def assert_same_bits(target, samples=SHORT):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", one_by_day(["series-valve", *DAMPERS], 2))
-def test_law_in_c_equals_python(law):
+def test_exported_law_equals_python(law):
     assert_same_bits(a_target(law))
 
 
 @pytest.mark.parametrize("damper", one_by_day([CHAIN, DOUBLE]))
-def test_actuation_in_c_equals_python(damper):
+def test_exported_actuation_equals_python(damper):
     lags = Actuation(
         0.004,
         0.001,
@@ -67,7 +67,7 @@ def test_actuation_in_c_equals_python(damper):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("controller", ["paper", "recommended-causal", "recommended-observer", "pi"])
-def test_controller_in_c_equals_python(controller):
+def test_exported_controller_equals_python(controller):
     assert_same_bits(a_target("bouc-wen", content="controller", controller=controller))
 
 

@@ -65,7 +65,7 @@ def simulate_runs(
     current: CurrentSteps | RandomCurrent = CURRENT_STEPS,
     motion: Motion = MOTIONS["steps"],
 ) -> PreparedRun:
-    """Return a simulated measured run with changing current. The current jumps at a sample."""
+    """Return a simulated run with force noise. Its current changes and jumps at samples."""
     duration = current.duration if isinstance(current, CurrentSteps) else 4.0
     samples, rate_Hz = round(duration * RATE_Hz), OVERSAMPLING * RATE_Hz
     times = np.arange(OVERSAMPLING * (samples - 1) + 1) / rate_Hz

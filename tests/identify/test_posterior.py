@@ -55,7 +55,7 @@ def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
     return replace(result, estimates=estimates)
 
 
-def test_samples_of_linear_regression_match_normal_distribution():
+def test_posterior_of_linear_regression_is_normal():
     """Mean and covariance equal the fit and its covariance because the bounds are far away."""
     problem, result = linear_problem()
     samples = sample_posterior(problem, result, draws=20_000).values
@@ -66,7 +66,7 @@ def test_samples_of_linear_regression_match_normal_distribution():
     assert np.cov(samples.T) / np.outer(errors, errors) == pytest.approx(expected, abs=0.04)
 
 
-def test_samples_match_standard_errors_between_motions():
+def test_posterior_samples_match_standard_errors():
     """A wrong model has larger standard errors between motions, and the samples have the same spread."""
     problem, _ = linear_problem()
     runs = tuple(
@@ -87,7 +87,7 @@ def test_samples_match_standard_errors_between_motions():
     assert samples.std(axis=0) / errors == pytest.approx(np.ones(3), abs=0.03)
 
 
-def test_samples_stay_inside_bounds():
+def test_posterior_samples_stay_inside_bounds():
     """The standard errors are much larger than the bounds, so the samples fill the range between them."""
     _, problem, result = random_campaign(1)
     wide = with_standard_errors(result, rho=1e6, kappa=50.0, yield_force=2000.0)

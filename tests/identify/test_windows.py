@@ -63,7 +63,7 @@ def wrong(damper: Damper) -> Damper:
 
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude, grid])
-def test_cost_on_windows_approximates_total_cost(campaign) -> None:
+def test_cost_on_sample_windows_approximates_total(campaign) -> None:
     """A quarter of the samples gives the cost of a damper with model error within 10 %."""
     runs, damper = campaign(), wrong(warm_damper() if campaign is grid else DAMPER)
     every = run_windows(runs, DEFAULT_SETTINGS)
@@ -73,7 +73,7 @@ def test_cost_on_windows_approximates_total_cost(campaign) -> None:
     assert np.sqrt(cost(damper, windows)) == pytest.approx(np.sqrt(cost(damper, every)), rel=0.1)
 
 
-def test_windows_ignore_order_of_runs() -> None:
+def test_sample_windows_ignore_order_of_runs() -> None:
     """The same windows with the same weights are selected for any order of the runs."""
 
     def content(runs: Sequence[PreparedRun]) -> list[tuple[str, float, float, float]]:
@@ -86,7 +86,7 @@ def test_windows_ignore_order_of_runs() -> None:
     assert content(runs) == content(runs[::-1])
 
 
-def test_windows_cover_growing_amplitude() -> None:
+def test_sample_windows_cover_growing_amplitude() -> None:
     """Every amplitude of the run is within 30 % of the amplitude of a selected window."""
     (run,) = growing_amplitude()
     windows = representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 3)

@@ -258,7 +258,7 @@ def calibrated(folder, astray) -> Any:
 
 
 @pytest.mark.nightly
-def test_first_minutes_of_heating_predict_end(calibrated, answer, astray):
+def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
     """Calibration with 8 min of data narrows the interval to a fifth; it contains the true temperature."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):

@@ -129,7 +129,7 @@ def test_posterior_of_another_card_is_rejected(folder: Path, tmp_path: Path):
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 
-def test_no_interval_without_posterior_option(tmp_path: Path):
+def test_interval_requires_posterior_option(tmp_path: Path):
     path = write_card_of(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate(path, MOTION).interval is None

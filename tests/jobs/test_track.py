@@ -69,7 +69,7 @@ def test_recommended_controller_beats_paper_controller(run, degrees):
 
 
 @pytest.mark.parametrize("name", ["recommended", "paper"])
-def test_unaware_controller_is_worse_when_hot(run, name):
+def test_temperature_unaware_controller_is_worse_when_hot(run, name):
     """A controller that ignores temperature is equally accurate at 20 degC but not at 123 degC."""
     hot, hot_unaware = score(run, name, 123.0), score(run, f"{name}-unaware", 123.0)
     assert hot_unaware.rmse_feasible_N > 2.0 * hot.rmse_feasible_N

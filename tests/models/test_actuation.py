@@ -226,7 +226,7 @@ def test_applied_current_has_no_overshoot(actuation, command, step):
 
 @given(actuation=actuations, command=levels, size=st.sampled_from([0.25, 2.0, -1.0, -4.0]))
 def test_applied_current_is_proportional_to_command(actuation, command, size):
-    """The lags and the response are proportional because the rise or fall depends only on |command|.
+    """The output is proportional to the command because rise and fall depend only on its absolute value.
 
     Scaling by powers of two is exact.
     """

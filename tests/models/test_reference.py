@@ -93,7 +93,7 @@ shapes = {"kappa": st.floats(-1.0, 0.99), "n": st.floats(0.2, 20.0)}
 
 
 @given(st.floats(0.0, 0.999999))
-def test_curve_is_elementary_for_integer_exponents(w):
+def test_hysteresis_curve_is_elementary_for_integer_exponents(w):
     assert bouc_wen_distance(w, 0.3, 1.0) == pytest.approx(-math.log1p(-w), rel=1e-9, abs=1e-300)
     assert bouc_wen_distance(w, 0.3, 2.0) == pytest.approx(math.atanh(w), rel=1e-9, abs=1e-300)
     assert bouc_wen_distance(-w, -1.0, 1.0) == pytest.approx(-math.log1p(w), rel=1e-13, abs=1e-300)
@@ -102,7 +102,7 @@ def test_curve_is_elementary_for_integer_exponents(w):
 
 
 @given(st.floats(0.2, 20.0), st.floats(1e-15, 0.9))
-def test_closed_curve_equals_integral(n, gap):
+def test_hysteresis_curve_equals_its_integral(n, gap):
     """The reference is a quadrature because SciPy's 2F1 is wrong by 20 % at n = 0.3, w = 0.999."""
     w = 1.0 - gap
     # The substitution u = 1 - exp(-y) turns the logarithmic end into a smooth integrand.
@@ -244,7 +244,7 @@ def test_textbook_bouc_wen_equals_normalised_law():
         simulate_reference(own, UNEVEN), simulate_reference(same, UNEVEN), atol=1e-6 * 4e5 * z_m
     )
     assert isinstance(law.python, PythonLaw)
-    assert law.title == "A user-defined law: the unnormalised Bouc-Wen model."
+    assert law.title == "A user-defined law: the Bouc-Wen model with coefficients that are not normalised."
 
 
 LAW_FILE = '''

@@ -54,7 +54,7 @@ SEARCH = ("fit", "runs", "--law", "chain", "--temperature", "none")
 
 
 def one_line(said: str) -> str:
-    """Return the output after checking that an interrupted command printed exactly one message."""
+    """Return the message of an interrupted command after checking that it is the only one."""
     assert "Traceback" not in said, said
     lines = [line for line in said.splitlines() if line.startswith("mrdamper: ")]
     assert len(lines) == 1, said

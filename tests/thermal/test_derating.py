@@ -68,7 +68,7 @@ def test_harder_conditions_lower_permissible_load(quantity: Quantity):
     assert (low < found.high - 0.05).any()
 
 
-def test_derating_map_is_written_in_formats(tmp_path):
+def test_derating_map_is_written_in_four_formats(tmp_path):
     few = replace(MAP, ambient_degC=(20.0, 40.0), air_m_s=(0.0, 2.0))
     run = derate(card(), BARE, DUTY, few)
     answer = REPORT.answer(run)

@@ -69,7 +69,7 @@ def test_pareto_front_is_not_dominated(tried):
 
 @pytest.mark.system
 def test_best_sink_is_eight_kelvin_cooler(found, reference):
-    """The paper's sink is the reference: same length (84 mm) and width (23 mm), at most its mass, 30 min."""
+    """Within the paper's length (84 mm), width (23 mm) and mass, the fluid is 8 K cooler after 30 min."""
     best = found.best
     assert best.sink is not None
     assert best.sink.span <= 0.084 * (1.0 + 1e-9)

@@ -93,7 +93,7 @@ def test_uncalibrated_interval_covers_perturbed_dampers():
     assert found.high[-1] - found.low[-1] < 2.0 * (2.0 * 1.645 * ends.std())
 
 
-def test_interval_contains_rise_and_limit_time():
+def test_heating_interval_contains_rise_and_limit():
     rise = rise_of(BARE, duty="sine:15mm:1Hz:2A:3600s")
     found = predict_interval([WORK], BARE, read_duty("sine:15mm:1Hz:2A:3600s"), rise)
     fluid = np.interp(found.time, rise.time, rise.fluid)
@@ -105,7 +105,7 @@ def test_interval_contains_rise_and_limit_time():
     assert len(found.to_limits) == len(rise.limits)
 
 
-def test_interval_continues_after_fluid_limit():
+def test_heating_interval_continues_after_fluid_limit():
     """The interval of the time to the limit is the same if the curve stops at the fluid limit."""
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     stopped = simulate_rise([WORK], BARE, hour, model="network")
