@@ -24,7 +24,7 @@ def targets_of(*, low: float, gain: float) -> list[Any]:
 
 @pytest.mark.parametrize("size", [1.0, 2.0])
 def test_target_amplitude_scales_with_damper_force(size):
-    """A damper with (50 + 800 I) sign(v) gets targets up to 1650 N in both directions, without offset."""
+    """A damper with the force (50 + 800 I) sign(v) gets targets up to 1650 N in both directions."""
     found = targets_of(low=50.0 * size, gain=800.0 * size)
     assert [each.amplitude_N for each in found] == pytest.approx([1650.0 * size * s for s in SHARES.values()])
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])

@@ -61,7 +61,7 @@ def test_repeatability_equals_force_noise():
 
 
 def test_drift_compares_first_and_last_cycle():
-    """Each cycle takes one second."""
+    """The damping grows by 1 % and the mean force by 2 N in each cycle of one second."""
     force = lambda t: 1000.0 * SINE.velocity(t) * (1.0 + 0.01 * t) + 2.0 * t  # noqa: E731
     prepared = _prepared(force)
     found, count = drift(prepared), len(cycles(prepared))
