@@ -25,12 +25,12 @@ PYTEST_ARGS ?= -n 2 --dist loadscope
 SEED ?= $(shell date -u +%Y%m%d)
 override PYTEST_ARGS += --hypothesis-seed=$(SEED)
 # Changes of the data that must not change the model selection.
-SELECTED := test_file_order_does_not_change_parameters test_time_offset_hardly_changes_model
+SELECTED := test_file_order_does_not_change_parameters test_time_offset_hardly_changes_fitted_model
 # Packages whose nightly tests decide accuracy, and jobs that a page starts.
 NIGHTLY ?= $(addprefix tests/,control models rig thermal test_examples.py) \
   $(patsubst %,tests/acceptance/test_%.py,tempered_rig public_rigs tracking asymmetry) \
   $(patsubst %,'tests/acceptance/test_invariances.py::%[selected]',$(SELECTED)) \
-  'tests/test_docs.py::test_long_part_of_page_is_correct[docs/start.md]' tests/web/test_user_values.py
+  'tests/test_docs.py::test_long_commands_of_page_give_shown_output[docs/start.md]' tests/web/test_user_values.py
 COVERAGE_MIN ?= 88
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1

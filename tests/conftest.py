@@ -27,13 +27,13 @@ from mrdamper.runtime import pool
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # Two workers use both cores.
 
-gc.disable()  # Almost all objects that the collection creates stay until the end.
+gc.disable()  # Almost all objects that are created during the collection exist until the end.
 
 # nohup disables these signals, but processes that the tests start must receive them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# No deadline, because a loaded machine is not a fault of the code.
+# A deadline would fail because of a loaded machine, which is not a fault of the code.
 settings.register_profile("usual", max_examples=12, deadline=None, print_blob=True)
 settings.register_profile("nightly", settings.get_profile("usual"), max_examples=100)
 settings.load_profile("usual")
@@ -59,7 +59,7 @@ def _do_without(reason: str) -> None:
 
 @pytest.fixture(autouse=True)
 def _signals_stay() -> Generator[None]:
-    """Restore the signal handlers after each test, because commands that run in this process set them."""
+    """Restore the signal handlers after each test because commands that run in this process replace them."""
     kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for each, handler in kept.items():
@@ -145,7 +145,7 @@ def _one_core_in_fast_tests(request: pytest.FixtureRequest, monkeypatch: pytest.
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """If tools are required, report a test as failed if it was skipped because a tool or data are missing."""
+    """Report a skipped test as failed if tools are required and it was skipped for a missing tool or data."""
     report = yield
     needs_something = any(item.get_closest_marker(mark) for mark in _MARK_OF_FIXTURE.values())
     if report.skipped and not hasattr(report, "wasxfail") and needs_something and _tools_are_required():

@@ -15,7 +15,7 @@ from types import ModuleType
 
 import mrdamper
 
-# Parameter names of quantities with a unit.
+# Names of parameters that have a unit
 QUANTITIES = {
     "amplitude", "acceleration", "command", "corner", "current", "damping", "displacement", "duration",
     "force", "gap", "largest", "least_gap", "least_thickness", "length", "longest_step", "mass", "period",
@@ -31,7 +31,7 @@ def modules() -> Iterator[ModuleType]:
 
 
 def public() -> Iterator[tuple[str, object]]:
-    """Generate every public function and class, from the module that defines it."""
+    """Generate each public function and class with its name, from the module that defines it."""
     for module in modules():
         for name, thing in vars(module).items():
             if (
@@ -46,7 +46,7 @@ PUBLIC = dict(public())
 
 
 def functions() -> Iterator[tuple[str, inspect.Signature, str]]:
-    """Generate all public functions, and public methods of public classes."""
+    """Generate all public functions and the public methods of public classes, with their signatures."""
     for name, thing in PUBLIC.items():
         if inspect.isfunction(thing):
             yield name, inspect.signature(thing), inspect.getdoc(thing) or ""
@@ -56,7 +56,7 @@ def functions() -> Iterator[tuple[str, inspect.Signature, str]]:
                     yield f"{name}.{key}", inspect.signature(method), inspect.getdoc(method) or ""
 
 
-def test_public_name_has_docstring():
+def test_every_public_name_has_docstring():
     silent = [
         name
         for name, thing in PUBLIC.items()
@@ -66,7 +66,7 @@ def test_public_name_has_docstring():
     assert silent == []
 
 
-def test_public_quantity_has_unit():
+def test_public_parameters_with_quantity_have_unit():
     """The unit is in the name of the parameter (``rate_Hz``) or in brackets in the docstring."""
     bare = [
         f"{name}: {', '.join(found)}"
@@ -85,8 +85,8 @@ def test_public_quantity_has_unit():
     assert bare == []
 
 
-def test_public_function_rejects_unknown_keywords():
-    """A misspelt option causes an error and is not ignored."""
+def test_public_functions_reject_unknown_keywords():
+    """A misspelt option then causes an error instead of being ignored."""
     greedy = [
         name
         for name, signature, _ in functions()

@@ -1,12 +1,12 @@
-"""Commands and code of the documentation run and print the output that the pages show.
+"""Commands and code in the documentation run and print the output that the pages show.
 
-Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each
-command must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines
-below it, with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A
-``python`` block runs in the namespace of the page. A ``code-block`` with a file name as its caption is
-written to that file. Every page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``%
-long: reason`` run in ``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``%
-needs: PROGRAM`` names a program that a block calls.
+Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each command
+must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines below it,
+with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A ``python`` block
+runs in the namespace of the page. A ``code-block`` with a file name as its caption is written to that file.
+Every page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``% long: reason`` run in
+``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``% needs: PROGRAM`` names a
+program that a block calls.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ _LAST_OF_START = "% the other pages start here"
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block of a page: kind, text, comments before the block, line number."""
+    """A block of a page between fences: its kind, text, comments before it, and line number."""
 
-    kind: str  # "console", "python", "file"
+    kind: str  # One of "console", "python" and "file"
     body: str
     line: int
     notes: dict[str, str]
@@ -91,7 +91,7 @@ BLOCKS = {page: blocks_of(page.read_text(encoding="utf-8")) for page in PAGES}
 
 
 def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
-    """Generate each command of a console block with the lines that the page shows below the command."""
+    """Generate each command of a console block with the output lines that the page shows below it."""
     command, shown = "", list[str]()
     lines = iter(body.splitlines())
     for line in lines:
@@ -107,16 +107,16 @@ def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
         yield command, shown
 
 
-# -------------------------------------------------------------------------------------------- comparison
+# -------------------------------------------------------------------------------------- comparison of outputs
 
 
 def words_of(line: str) -> list[str]:
-    """Return the words of a line without the frames of tables."""
+    """Return the words of a line, without the lines that frame tables."""
     return re.sub(r"[\u2500-\u257f]", " ", _TIME.sub("TIME", line)).split()
 
 
 def is_same(wanted: str, seen: str, tolerance: float) -> bool:
-    """Return True if the words of both lines are equal and their numbers agree within the tolerance."""
+    """Return True if both lines have the same words, and numbers that agree within the tolerance."""
     if wanted == seen:
         return True
     if _NUMBER.split(wanted) != _NUMBER.split(seen):
@@ -130,7 +130,7 @@ def is_same(wanted: str, seen: str, tolerance: float) -> bool:
 
 
 def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
-    """Return the first shown line that was not printed, or "" if all were printed."""
+    """Return the first shown line that was not printed, or "" if all lines were printed."""
     seen = [word for line in printed.splitlines() for word in words_of(line)]
     place, free = 0, False
     for line in shown:
@@ -151,7 +151,7 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
     )
 
 
-# -------------------------------------------------------------------------------------------- execution
+# ---------------------------------------------------------------------------------------- execution of blocks
 
 
 def follow(
@@ -224,7 +224,7 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the results of the first page up to its card."""
+    """Return a folder with the results of the start page up to its card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
     with contextlib.chdir(folder):
@@ -233,14 +233,14 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the first page that run before all other pages."""
+    """Return the number of blocks of the start page that run before all other pages."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))
 
 
-def test_first_page_is_correct(folder):
-    """The rest of the first page is correct. The fixture ``laboratory`` ran the beginning."""
+def test_commands_of_start_page_give_shown_output(folder):
+    """The beginning of the page has already run in the fixture ``laboratory``."""
     follow(START, BLOCKS[START][blocks_before_the_others() :], folder)
 
 
@@ -264,7 +264,7 @@ LONG = {
 
 
 def pages_with(mark: str = "") -> list[object]:
-    """Return the pages with blocks of a mark; without a mark, all pages with blocks except the first."""
+    """Return the pages with blocks that have a mark. Without a mark, omit the start page."""
     return [
         pytest.param(
             page,
@@ -279,7 +279,7 @@ def pages_with(mark: str = "") -> list[object]:
 
 @pytest.fixture
 def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the working directory of one page, with the results of the first page."""
+    """Return the working directory of one page, with the results of the start page."""
     place = tmp_path / "page"
     shutil.copytree(laboratory, place)
     monkeypatch.chdir(place)
@@ -287,13 +287,13 @@ def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("page", pages_with())
-def test_page_is_correct(page, folder, tool):
+def test_commands_of_page_give_shown_output(page, folder, tool):
     follow(page, BLOCKS[page], folder, tool=tool)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("page", pages_with("data"))
-def test_page_with_public_data_is_correct(page, folder, tool, real_data, monkeypatch):
+def test_page_with_public_data_gives_shown_output(page, folder, tool, real_data, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / ".cache"))
     monkeypatch.setenv("HOME", str(folder))
     follow(page, BLOCKS[page], folder, also="data", tool=tool)
@@ -301,12 +301,12 @@ def test_page_with_public_data_is_correct(page, folder, tool, real_data, monkeyp
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("page", pages_with("long"))
-def test_long_part_of_page_is_correct(page, folder, tool):
+def test_long_commands_of_page_give_shown_output(page, folder, tool):
     follow(page, BLOCKS[page], folder, also="long", tool=tool)
 
 
-def test_named_make_target_exists():
-    """Tests cannot run targets such as ``make test``, but the targets must exist."""
+def test_make_targets_named_in_docs_exist():
+    """Tests cannot run targets such as ``make test``, but these targets must exist."""
     made = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z][a-z-]*):", made, re.MULTILINE))
     pages = (*PAGES, ROOT / "CONTRIBUTING.md")
@@ -316,7 +316,7 @@ def test_named_make_target_exists():
     assert named <= targets
 
 
-def test_linked_page_exists():
+def test_pages_linked_in_docs_exist():
     broken = [
         f"{page.relative_to(ROOT)}: {link}"
         for page in (*PAGES, ROOT / "CONTRIBUTING.md")
@@ -326,7 +326,7 @@ def test_linked_page_exists():
     assert broken == []
 
 
-def test_named_file_exists():
+def test_files_named_in_docs_exist():
     """A page may also name a file of the user, which begins with "my" or "your"."""
     folders = ("src", "tests", "bench", "fuzz", "examples", "docs", "cmake")
     known = {path.name for folder in folders for path in (ROOT / folder).rglob("*.*")}
@@ -336,7 +336,7 @@ def test_named_file_exists():
     assert {(page, name) for page, name in named if name not in known} == set()
 
 
-def test_named_function_exists():
+def test_functions_named_in_docs_exist():
     missing = []
     for page in PAGES:
         for name in re.findall(r"\{py:\w+\}`~?([\w.]+)`", page.read_text(encoding="utf-8")):
@@ -346,20 +346,20 @@ def test_named_function_exists():
     assert missing == []
 
 
-def test_reference_lists_public_names():
+def test_reference_page_lists_public_names():
     page = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
     named = re.findall(r"^\.\. auto\w+:: mrdamper\.(\w+)$", page, re.MULTILINE)
     assert sorted(named) == sorted(set(mrdamper_itself.__all__) - {"__version__"})
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-def test_every_law_is_described(law):
+def test_docs_describe_every_law(law):
     page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
     assert re.search(rf"^## .*`{law.name}`", page, re.MULTILINE)
     assert [name for name in law.names if f"`{name}`" not in page] == []
 
 
-def test_changelog_has_short_entries() -> None:
+def test_changelog_entries_are_short() -> None:
     """A version has at most 40 lines of at most 120 characters."""
     _, *versions = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")
     for version in versions:

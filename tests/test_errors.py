@@ -1,4 +1,4 @@
-"""Errors store the parts of their messages (location, value, expectation, remedy) separately."""
+"""Errors store the parts of their message (location, value, expectation, remedy) separately."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\n"), max_size=
 PARTS = ("place", "found", "expected", "remedy")
 
 
-def test_message_joins_its_parts() -> None:
+def test_error_message_joins_its_parts() -> None:
     fault = InputError(
         place=Path("runs/a.csv"), found="time goes back in row 7", expected="rising times", remedy="Sort it"
     )
@@ -34,13 +34,13 @@ def test_combined_error_keeps_all_faults() -> None:
     assert str(pickle.loads(pickle.dumps(many))) == str(many)
 
 
-def test_location_is_added_once() -> None:
+def test_error_location_is_added_once() -> None:
     fault = InputError("is missing", place="force").prepend_place("a.csv").prepend_place("a.csv")
     assert str(fault) == "a.csv: force: is missing"
 
 
 @given(st.fixed_dictionaries(dict.fromkeys(PARTS, TEXTS)))
-def test_parts_survive_pickling(parts: dict[str, Any]) -> None:
+def test_error_parts_survive_pickling(parts: dict[str, Any]) -> None:
     fault = MrdamperError(**parts)
     mark = "; " if parts["remedy"][:1].islower() else ". "
     said = (f"{parts['place']}: " if parts["place"] else "") + parts["found"]

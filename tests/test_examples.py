@@ -1,4 +1,4 @@
-"""The examples run unchanged and print the expected values."""
+"""The scripts in ``examples`` run unchanged and print the expected values."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def number(pattern: str, said: str) -> float:
 
 @pytest.fixture(scope="module")
 def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the file of a card that was fitted to a small campaign."""
+    """Return the path of a card that was fitted to a small campaign."""
     tests = Campaign(
         motions=("sine15mm1Hz", "sine5mm1Hz", "nonperiodic"),
         currents_A=(0.0, 1.0, 2.0),
@@ -52,7 +52,7 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_every_example_is_run():
+def test_every_example_script_is_tested():
     here = Path(__file__).read_text(encoding="utf-8")
     assert [script.name for script in SCRIPTS if f'"{script.name}"' not in here] == []
     assert [script.name for script in SCRIPTS if len(script.read_text("utf-8").splitlines()) > 170] == []
@@ -71,7 +71,7 @@ def test_custom_law_example_is_fitted():
     assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
 
 
-def test_rheometer_example_follows_arrhenius():
+def test_rheometer_example_selects_arrhenius():
     """The decrease of the viscosity agrees with docs/fluid.md."""
     said = said_by("rheometer_fit.py")
     assert said.startswith("arrhenius")
@@ -79,7 +79,7 @@ def test_rheometer_example_follows_arrhenius():
 
 
 @pytest.mark.nightly
-def test_heat_sink_example_saves_mass(card):
+def test_heat_sink_example_halves_mass(card):
     said = said_by("heat_sink_study.py", card)
     coolest = [float(found) for found in re.findall(r"coolest ([\d.]+) degC", said)]
     assert coolest == sorted(coolest)
@@ -87,7 +87,7 @@ def test_heat_sink_example_saves_mass(card):
 
 
 @pytest.mark.nightly
-def test_recommended_controller_of_example_is_best_hot(card):
+def test_recommended_controller_is_best_when_hot(card):
     said = said_by("controller_comparison.py", card)
     hot = {
         name: number(rf"100 degC {name} +RMS +([\d.]+) N", said)
@@ -97,7 +97,7 @@ def test_recommended_controller_of_example_is_best_hot(card):
 
 
 @pytest.mark.nightly
-def test_controlled_quarter_car_improves_comfort_and_load():
+def test_quarter_car_example_improves_comfort_and_load():
     """Body acceleration and tyre load decrease by more than 10 % compared with zero current."""
     said = said_by("quarter_car.py")
     comfort, load = (
@@ -108,18 +108,18 @@ def test_controlled_quarter_car_improves_comfort_and_load():
 
 
 @pytest.mark.nightly
-def test_quarter_car_with_a_card_is_controlled(card):
-    """The example accepts a card from a bench test. A larger current reduces the suspension travel."""
+def test_quarter_car_example_accepts_card(card):
+    """The card is from a bench test. A larger current reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
     rattle = [float(found) for found in re.findall(r"rattle space ([\d.]+) mm", said)]
     assert rattle[1] < rattle[0]
 
 
 @pytest.mark.nightly
-def test_mean_damper_power_depends_on_tyre_alone():
+def test_mean_damper_power_depends_on_tyre_only():
     """A linear damper dissipates k_t S / 4 on average. S is the one-sided spectrum of a white road velocity.
 
-    The power does not depend on the car because the road excites it only through the tyre.
+    The power does not depend on the rest of the car because the road excites it only through the tyre.
     """
     names = runpy.run_path(str(FOLDER / "quarter_car.py"))
     step = names["STEP_S"]

@@ -1,4 +1,4 @@
-"""Motions: velocity is the derivative of displacement, and extremes have known values."""
+"""The velocity of each motion is the derivative of its displacement, and its extremes have known values."""
 
 import numpy as np
 import pytest
@@ -35,9 +35,9 @@ motions = st.one_of(
 
 
 @given(motion=motions, t=st.floats(0.0, 10.0))
-def test_velocity_and_acceleration_are_slopes(motion, t):
+def test_velocity_is_derivative_of_displacement(motion, t):
     """Central differences with 1 % of the shortest period agree within their second-order error."""
-    fastest = 2 * np.pi * 80.0  # A chirp continues after its end.
+    fastest = 2 * np.pi * 80.0  # A chirp continues to sweep after its end.
     h = 0.01 / fastest
     slope = (motion.displacement(t + h) - motion.displacement(t - h)) / (2 * h)
     bend = (motion.velocity(t + h) - motion.velocity(t - h)) / (2 * h)
@@ -55,8 +55,8 @@ def test_sine_conserves_oscillator_energy(amplitude, frequency, t):
     assert sine.acceleration(t) == pytest.approx(-(omega**2) * sine.displacement(t), abs=1e-12)
 
 
-def test_chirp_reaches_both_frequencies():
-    """The phase advances by the mean frequency times the duration, here 80.25 turns."""
+def test_chirp_reaches_first_and_last_frequency():
+    """The phase advances by the mean frequency times the duration, here 80.25 cycles."""
     chirp = Chirp(0.002, 1.0, 15.05, 10.0)
     t = np.linspace(0.0, 10.0, 200_001)
     x = chirp.displacement(t)
@@ -93,13 +93,13 @@ def test_triangle_keeps_speed_and_bounds(amplitude, speed, t):
         ("steps", 12e-3, 30e-3),
     ],
 )
-def test_named_motion_reaches_amplitude_and_speed(name, amplitude, speed):
+def test_named_motion_has_known_amplitude_and_speed(name, amplitude, speed):
     t = np.linspace(0.0, 8.0, 80_001)
     assert np.abs(MOTIONS[name].displacement(t)).max() == pytest.approx(amplitude, rel=1e-3)
     assert np.abs(MOTIONS[name].velocity(t)).max() == pytest.approx(speed, rel=2e-3)
 
 
-def test_nonperiodic_motion_has_no_period():
+def test_nonperiodic_motion_never_repeats():
     """The motion does not repeat after any time from 1 to 60 s because its tones have no common period."""
     t = np.arange(0.0, 120.0, 0.01)
     x = MOTIONS["nonperiodic"].displacement(t)
@@ -119,7 +119,7 @@ def test_nonperiodic_motion_has_no_period():
         ("road:C:20m/s:5", Road("C", 20.0, 5)),
     ],
 )
-def test_motion_text_is_parsed(text, motion):
+def test_motion_is_parsed_from_text(text, motion):
     read = motion_from_text(text)
     assert type(read) is type(motion)
     t = np.linspace(0.0, 3.0, 50)
@@ -137,18 +137,18 @@ def test_current_steps_hold_levels():
 
 
 @given(samples=st.integers(1, 400), rate=st.sampled_from([500.0, 1000.0, 10_000.0]), count=st.integers(1, 30))
-def test_sample_at_switch_has_next_level(samples, rate, count):
-    """Rounding of sample times does not change the level. Levels last a whole number of samples."""
+def test_sample_at_current_switch_has_next_level(samples, rate, count):
+    """Levels last a whole number of samples. Rounding of the sample times does not change the level."""
     steps = CurrentSteps(tuple(range(count)), hold=samples / rate)
     expected = np.repeat(np.arange(count), samples)
     assert np.array_equal(steps.current(np.arange(count * samples) / rate), expected)
 
 
-# ------------------------------------------------------------------------------------------- roads
+# ----------------------------------------------------------------------------------- roads and random signals
 
 
 @pytest.mark.system
-def test_road_has_spectrum_of_class():
+def test_road_has_power_of_its_class():
     """In each octave far above the corner, the periodogram agrees with the power of Gd(n0) (n / n0)^-2."""
     from scipy.signal import periodogram
 
@@ -165,7 +165,7 @@ def test_road_has_spectrum_of_class():
         assert power == pytest.approx(stated * corner, rel=0.06), low
 
 
-def test_random_motion_has_stated_spread():
+def test_random_motion_has_specified_standard_deviation():
     t = np.arange(0.0, 400.0, 0.02)
     motion = RandomMotion(6e-3, 0.5, 4.0, 3)
     assert np.std(motion.displacement(t)) == pytest.approx(2e-3, rel=0.03)

@@ -1,4 +1,4 @@
-"""Runs from frames and arrays equal runs from files, and have the same error messages."""
+"""Runs from data frames and arrays equal runs from files, and have the same error messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def runs() -> list[RigRun]:
 
 
 def columns(run: RigRun, **changes: object) -> dict[str, object]:
-    """Return the columns of a run with names that contain units. None removes a column."""
+    """Return the columns of a run under names that contain units. A change to None removes a column."""
     given = {
         "time_ms": 1e3 * run.time,
         "displacement_mm": 1e3 * run.displacement,
@@ -45,7 +45,7 @@ def structured(given):
     "frame",
     [pd.DataFrame, pl.DataFrame, dict, structured, lambda given: pd.DataFrame(given).set_index("time_ms")],
 )
-def test_data_frame_of_every_library_is_read(frame, runs):
+def test_data_frames_of_all_libraries_are_read(frame, runs):
     (read,) = mrdamper.read(frame(columns(runs[0])))
     for channel in ("time", "displacement", "force", "command"):
         np.testing.assert_allclose(getattr(read, channel), getattr(runs[0], channel), rtol=1e-9, atol=1e-12)
@@ -62,7 +62,7 @@ TIMES = {
 
 
 @pytest.mark.parametrize("kind", TIMES)
-def test_time_index_is_the_time(kind, runs):
+def test_time_index_of_frame_is_time(kind, runs):
     frame = pd.DataFrame(columns(runs[0], time_ms=None)).set_index(TIMES[kind](runs[0]))
     named = frame.rename_axis(None).reset_index(names="when")
     for each in (frame, named):
@@ -70,7 +70,7 @@ def test_time_index_is_the_time(kind, runs):
         np.testing.assert_allclose(read.time, runs[0].time, atol=1e-6)
 
 
-def test_second_column_level_is_the_unit(runs):
+def test_second_column_level_of_frame_is_unit(runs):
     given = columns(runs[0])
     given["force_kN"] = given.pop("Load [kN]")
     frame = pd.DataFrame(given).set_axis(
@@ -81,7 +81,7 @@ def test_second_column_level_is_the_unit(runs):
         np.testing.assert_allclose(read.force, runs[0].force, rtol=1e-9)
 
 
-def test_columns_are_accepted_as_names_or_arrays(runs):
+def test_channels_are_accepted_as_names_or_arrays(runs):
     run = runs[0]
     bare = pd.DataFrame({"t": run.time, "Pos": 1e3 * run.displacement, "Load": 1e-3 * run.force})
     named = mrdamper.read(

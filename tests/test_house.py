@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-# The words are split so that this file does not contain them.
+# The host names are split so that this file does not contain them.
 REGISTRY_HOSTS = re.compile(
     "|".join(
         rf"\b{host}\.{domain}\b"
@@ -33,7 +33,7 @@ MACHINE_PATHS = re.compile(r"(?<![\w.~*}/)-])/(?:home|root|work|opt|mnt|Users)/\
 
 @pytest.fixture(scope="module")
 def files(tool: Callable[[str], Path]) -> list[Path]:
-    """Return the files in git, and new files that git does not ignore."""
+    """Return the files in git and the new files that git does not ignore."""
     listing = [str(tool("git")), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
     run = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=False)
     if run.returncode:
@@ -54,18 +54,18 @@ def lines_with(pattern: re.Pattern[str], files: list[Path]) -> list[str]:
     ]
 
 
-def test_no_file_contains_a_registry_host(files):
+def test_no_file_contains_registry_host(files):
     assert lines_with(REGISTRY_HOSTS, files) == []
 
 
-def test_no_file_contains_a_local_path(files):
+def test_no_file_contains_local_path(files):
     assert lines_with(MACHINE_PATHS, files) == []
 
 
 @pytest.mark.parametrize(
     ("suffixes", "begins"), [({".py"}, r'(#.*\n)*\s*r?"""\s*\S'), ({".c", ".h"}, r"/\*")], ids=["python", "c"]
 )
-def test_module_begins_with_description(files, suffixes, begins):
+def test_every_module_begins_with_description(files, suffixes, begins):
     spoken = {path for path in files if re.match(begins, text_of(path))}
     assert [str(path) for path in files if path.suffix in suffixes and path not in spoken] == []
 
@@ -94,12 +94,12 @@ def test_lock_entries_have_version_and_hashes(lock: str):
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_locks_contain_no_address_or_option(lock: str):
+def test_lock_files_contain_no_address_or_option(lock: str):
     text = text_of(ROOT / lock)
     assert re.findall(r"\w+://|^\s*-(?!-hash=)\S+|@ *file", text, re.MULTILINE) == []
 
 
-def test_locks_cover_all_requirements():
+def test_lock_files_cover_all_requirements():
     with (ROOT / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)
     extras = project["project"]["optional-dependencies"]
@@ -116,8 +116,8 @@ def test_locks_cover_all_requirements():
 # --------------------------------------------------------------------------------------------- imports
 
 
-def test_no_package_imports_the_public_interface(files):
-    """Import contracts cannot follow imports through ``mrdamper``. Only ``card.py`` may use it."""
+def test_no_package_imports_public_interface(files):
+    """Import contracts cannot follow imports through ``mrdamper``. Only ``card.py`` may import it."""
     package = ROOT / "src" / "mrdamper"
     rooms = {path.stem for path in package.iterdir()} | {"__version__"}
     through_the_face = [

@@ -1,4 +1,4 @@
-"""Plain technical English: words to avoid, openings of comments, lengths of sentences.
+"""Texts have plain technical English: words, openings of comments, and lengths of sentences are limited.
 
 ``tests/support/language_limits.txt`` lists the packages above the limits, with their present values.
 """
@@ -27,7 +27,7 @@ OPENING = re.compile(
     r"before|up|per|against|than|as|but|while|where|when|whose|which|that|so|and|or|not|also|likewise)\b",
     re.IGNORECASE,
 )
-LIMITS = (6.0, 8.0)  # unplain words per 1,000 words of a package; comments that open with a preposition [%]
+LIMITS = (6.0, 8.0)  # Unplain words per 1,000 words of a package; comments that open with a preposition [%]
 PRESENT = {
     package: (float(words), float(openings))
     for package, words, openings in (line.split() for line in lines_of("language_limits.txt"))
@@ -41,7 +41,7 @@ def package_of(path: Path) -> str:
 
 
 def comments_of(source: str, tree: Iterable[ast.AST]) -> Iterator[str]:
-    """Generate the comments outside of strings with several lines; a comment follows two blanks."""
+    """Generate the comments outside of multi-line strings. A comment in a line follows two blanks."""
     inside: set[int] = set()
     for node in tree:
         if isinstance(node, ast.Constant | ast.JoinedStr) and node.end_lineno != node.lineno:
@@ -54,7 +54,7 @@ def comments_of(source: str, tree: Iterable[ast.AST]) -> Iterator[str]:
 
 @cache
 def texts() -> dict[str, tuple[list[str], list[str]]]:
-    """Return docstrings and comments by package."""
+    """Return the docstrings and comments of each package."""
     found: dict[str, tuple[list[str], list[str]]] = {}
     for path in (*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")):
         source, (docstrings, comments) = path.read_text("utf-8"), found.setdefault(package_of(path), ([], []))

@@ -1,4 +1,4 @@
-"""The package's public names, and the time of its import."""
+"""The package has the documented public names, a fast import, and a build that works."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ def test_help_takes_at_most_200_ms():
 
 
 @pytest.mark.parametrize("name", mrdamper.__all__)
-def test_public_name_resolves(name):
+def test_public_name_can_be_imported(name):
     assert getattr(mrdamper, name) is not None
     assert name in dir(mrdamper)
 
 
-def test_version_follows_tag(tmp_path):
+def test_version_follows_git_tag(tmp_path):
     """After a tag, the version contains the number of commits. CITATION.cff has the version of the tag."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     without = _version_of(tmp_path)
@@ -90,7 +90,7 @@ def test_version_follows_tag(tmp_path):
 
 
 def _version_of(root: Path) -> str:
-    """Return the version of a build of ``root``."""
+    """Return the version that a build of ``root`` has."""
     found = subprocess.run(
         [sys.executable, "-m", "setuptools_scm", "--root", "."],
         cwd=root, env=os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)}, check=True,
@@ -130,7 +130,7 @@ def test_source_archive_builds_working_wheel(tmp_path):
     assert ran.stdout.startswith(str(tmp_path))
 
 
-def test_polars_is_optional(tmp_path):
+def test_package_works_without_polars(tmp_path):
     code = """
 import sys
 sys.modules["polars"] = None

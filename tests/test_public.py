@@ -1,4 +1,4 @@
-"""The public interface: every job is a function, and its result has a summary and a figure."""
+"""The public interface has a function for each job, whose result has a summary and a figure."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SCRIPT = Path(__file__).parent / "support" / "typed_script.py"
 
 
 @pytest.mark.parametrize("name", sorted(JOBS))
-def test_command_has_option_per_field(name):
+def test_command_has_option_for_each_field(name):
     from mrdamper.cli.commands import parameters_of
 
     job = JOBS[name]
@@ -43,7 +43,7 @@ def test_command_has_option_per_field(name):
     assert {field.name for field in job.reading} <= made
 
 
-def test_result_has_summary_and_figure(tmp_path):
+def test_job_result_has_summary_and_figure(tmp_path):
     hot = mrdamper.heat(
         card_of(rig_damper(), envelope=RIG_ENVELOPE), "paper", ambient_degC=35.0, model="lumped"
     )
@@ -75,25 +75,25 @@ def test_type_checker_reports_wrong_calls(checker, tmp_path, tool):
     assert run.returncode == 0, run.stdout
 
 
-# ------------------------------------------------------------------------------- short scripts of users
+# ----------------------------------------------------------------------------- short scripts for common tasks
 
 FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # This task must need at most 4 lines of a script.
+"""  # A script needs at most 4 lines for this task.
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
 runs = mrdamper.read("logger.csv", {"displacement_mm": "Pos", "force_kN": "Load", "current_A": "Coil"})
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # This task must need at most 6 lines of a script.
+"""  # A script needs at most 6 lines for this task.
 
 
 @pytest.fixture(scope="module")
 def logged():
-    """Return runs at two currents and a run with current steps, as frames."""
+    """Return runs at two currents and a run with current steps, as data frames."""
     campaign = Campaign(motions=("sine5mm1Hz",), currents_A=(0.5, 2.0), temperatures_degC=(20.0,))
     frames = [
         pd.DataFrame(
@@ -109,12 +109,12 @@ def logged():
     return frames
 
 
-def test_two_frames_give_plotted_loops(logged):
+def test_two_data_frames_give_plotted_loops(logged):
     names = {"low": logged[0], "high": logged[1]}
     exec(FRAMES_TO_LOOPS, names)
     assert len(FRAMES_TO_LOOPS.strip().splitlines()) <= 4
     figure = names["fit"].plot()
-    assert len(figure.axes) == 4  # Two runs, each versus displacement and velocity.
+    assert len(figure.axes) == 4  # Each of the two runs is plotted versus displacement and velocity.
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
     for title, error in zip(titles, names["fit"].assessment.runs, strict=True):
         assert f"{error.rmse_N:.0f} N" in title
@@ -135,19 +135,19 @@ def test_logger_file_gives_compiled_controller(logged, tmp_path, monkeypatch):
     assert any((tmp_path / "controller").glob("*.c"))
 
 
-def test_card_has_method_per_job():
+def test_card_has_method_for_each_job():
     begins = {job.name for job in JOBS.values() if job.inputs and job.inputs[0].name == "card"}
     assert begins <= {*vars(mrdamper.ModelCard)}
 
 
-def test_interface_matches_declarations():
-    """`make interface` writes the functions again after a change of a declaration."""
+def test_public_functions_match_declarations():
+    """`make interface` writes the functions again after a declaration has changed."""
     assert FILE.read_text(encoding="utf-8").endswith(interface())
     assert {*PUBLIC_NAMES, "read"} <= {*mrdamper.__all__}
 
 
 @pytest.mark.parametrize("name", [name for name in mrdamper.__all__ if name[0].islower()])
-def test_function_has_explicit_signature(name):
+def test_public_function_has_explicit_signature(name):
     """Every parameter has a name, a type and a line of documentation."""
     function = getattr(mrdamper, name)
     for parameter in inspect.signature(function).parameters.values():
@@ -164,7 +164,7 @@ NAMED_OPTION = re.compile(r"(?:mrdamper ([a-z]+)[^.;()]*? )?(?<![^\s(`])(--[a-z]
 NAMED_FUNCTION = re.compile(r"\bmrdamper\.(\w+)(?![\w.:])")
 CLI_ONLY = ("--out", "--resume", "--json", "--write-map")
 READERS = tuple(name for name, job in JOBS.items() if "channels" in [field.name for field in job.reading])
-# Commands that print the messages of a package. Messages of other packages name their command.
+# Commands that print the messages of a package; messages of other packages name their command
 COMMANDS_OF = {
     "cli": ("serve",),
     "web": ("serve",),
@@ -173,11 +173,12 @@ COMMANDS_OF = {
     "report/identification": ("fit",),
     "jobs/sweep": ("sweep",),
 }
-OTHER_TEXTS = ("registry/__init__.py", "cli/commands.py", "report/base.py")  # These texts name no command.
+# The texts in these files name no command.
+OTHER_TEXTS = ("registry/__init__.py", "cli/commands.py", "report/base.py")
 
 
 def message_texts(path: Path) -> Iterator[str]:
-    """Generate the string literals of a module except docstrings; formatted values are replaced by {}."""
+    """Generate the string literals of a module except docstrings. Formatted values are replaced by {}."""
     source = path.read_text(encoding="utf-8")
     if not NAMED_OPTION.search(source):
         return  # Parsing takes most of the time.
@@ -192,7 +193,7 @@ def message_texts(path: Path) -> Iterator[str]:
 
 
 def printed_texts() -> Iterator[tuple[tuple[str, ...], str]]:
-    """Generate each text that a command can print, with the commands that print the text."""
+    """Generate each text that a command can print, with the commands that print it."""
     for name, job in JOBS.items():
         yield (name,), job.help
     for path in sorted(SOURCE.rglob("*.py")):
@@ -212,8 +213,8 @@ def options_of(command: str) -> dict[str, str]:
     return {flag: each.name or "" for each in made.get_params(click.Context(made)) for flag in each.opts}
 
 
-def test_messages_name_existing_options():
-    """Each option in a message exists for the command, and as a keyword of the function of this name."""
+def test_options_named_in_messages_exist():
+    """Each option in a message is an option of the command and a keyword of the function with this name."""
     checked = set()
     for printed_by, text in printed_texts():
         for command, option in NAMED_OPTION.findall(text):

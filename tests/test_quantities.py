@@ -1,4 +1,4 @@
-"""Conversion of units, compared with the constants of SciPy (CODATA and definitions of the units)."""
+"""Conversions of units agree with the constants of SciPy (CODATA and definitions of the units)."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_temperature_scales_agree(celsius):
         ("ma", "current", "mA"),
     ],
 )
-def test_unit_spellings_of_rigs_are_read(spelling, role, unit):
+def test_unit_spellings_of_laboratories_are_read(spelling, role, unit):
     assert spell_unit(spelling, role) == unit
     assert np.array_equal(to_si([1.0, 2.0], spelling, role), to_si([1.0, 2.0], unit, role))
 
@@ -61,7 +61,7 @@ def test_unit_spellings_of_rigs_are_read(spelling, role, unit):
         ("lb", "force"),
     ],
 )
-def test_unit_of_another_quantity_is_rejected(unit, role):
+def test_unit_of_other_quantity_is_rejected(unit, role):
     quantity = find_quantity(role)
     expected = f"unit '{unit}' is not a unit of {role} (stored in {quantity.unit}); expected one of: "
     with pytest.raises(InputError) as error:
@@ -80,12 +80,12 @@ def test_unit_of_another_quantity_is_rejected(unit, role):
         "(((9**9)**9)**9)**9*N",
     ],
 )
-def test_invalid_unit_is_rejected(garbled):
+def test_misspelt_unit_is_rejected(garbled):
     with pytest.raises(InputError, match="is not a unit of force"):
         to_si([1.0], garbled, "force")
 
 
-def test_every_offered_unit_exists():
+def test_all_documented_units_exist():
     for role, quantity in QUANTITIES.items():
         assert to_si(1.0, quantity.unit, role) == 1.0
         for unit in quantity.units:
@@ -96,6 +96,6 @@ def test_every_offered_unit_exists():
 
 @pytest.mark.parametrize("role", QUANTITIES)
 @pytest.mark.parametrize("of", QUANTITIES)
-def test_unit_belongs_to_one_role(role, of):
+def test_unit_belongs_to_one_quantity(role, of):
     for unit in (QUANTITIES[of].unit, *QUANTITIES[of].units):
         assert is_unit(unit, [role]) == (role == of)

@@ -1,4 +1,4 @@
-"""Records can be written and read again. Error messages have location, value and expectation."""
+"""Records are written and read again, and error messages state location, value and expectation."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ parts = st.builds(
 
 
 @given(st.builds(Whole, part=parts, count=st.integers(2, 99), more=st.lists(parts, max_size=2).map(tuple)))
-def test_written_record_is_read_again(whole):
+def test_written_record_is_read_unchanged(whole):
     again = read_record(Whole, tomllib.loads(toml_text(write_record(whole))), "a file")
     assert (again.count, again.part.names, len(again.more)) == (
         whole.count,
@@ -67,7 +67,7 @@ def test_written_record_is_read_again(whole):
         assert (one.share is None) == (other.share is None)
 
 
-def test_record_is_in_si():
+def test_record_values_are_in_si():
     whole = read_record(Whole, {"part": {"length_mm": 60, "ambient_degC": 25}}, "a file")
     assert (whole.part.length, whole.part.ambient) == (0.06, 298.15)
     assert write_record(whole) == {"part": {"length_mm": 60.0, "ambient_degC": 25.0}}
@@ -95,7 +95,7 @@ def test_record_is_in_si():
         ),
     ],
 )  # fmt: skip
-def test_fault_has_location_and_expectation(document, said):
+def test_record_error_has_location_and_expectation(document, said):
     with pytest.raises(InputError) as caught:
         read_record(Whole, document, "x")
     lines = str(caught.value).splitlines()

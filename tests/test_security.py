@@ -1,4 +1,4 @@
-"""The package executes no code from files. The tests analyse the syntax of the source.
+"""The package executes no code from files. The tests analyse the syntax of its source.
 
 SECURITY.md lists the guarantees and names these tests.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mrdamper"
 
-# Functions that create objects or execute text from others.
+# Modules and functions that create objects from data or execute text
 MODULES = {
     *("pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "code", "codeop"),
     *("yaml", "ruamel", "jsonpickle", "xmlrpc", "numexpr", "sympy", "pandas", "torch"),
@@ -41,7 +41,7 @@ NETWORK = {
 }
 KEYWORDS = {"allow_pickle", "shell"}
 
-# The only modules that import a module by a computed name or execute a file, with the reason.
+# Only these modules import a module by a computed name or execute a file. The value is the reason.
 ALLOWED = {
     "data/formats/mdf.py: import_module": "modules of asammdf, by a name in the source",
     "data/formats/objects.py: allow_pickle=": "with allow_pickle=False",
@@ -57,7 +57,7 @@ ALLOWED = {
 
 @cache
 def sources() -> dict[str, list[ast.AST]]:
-    """Return the syntax nodes of each module by its path in the package."""
+    """Return the syntax nodes of each module by the path of the module in the package."""
     return {
         path.relative_to(PACKAGE).as_posix(): [*ast.walk(ast.parse(path.read_bytes()))]
         for path in PACKAGE.rglob("*.py")
@@ -88,13 +88,13 @@ def findings(nodes: Iterable[ast.AST]) -> Iterator[str]:
             yield f"{node.arg}="
 
 
-def test_source_executes_no_foreign_code():
+def test_source_executes_no_code_from_files():
     assert len(sources()) > 100
     found = {f"{name}: {what}" for name, nodes in sources().items() for what in findings(nodes)}
     assert found == set(ALLOWED)
 
 
-def test_only_listed_modules_can_open_connections():
+def test_only_listed_modules_open_connections():
     found = {
         name
         for name, nodes in sources().items()
@@ -103,15 +103,15 @@ def test_only_listed_modules_can_open_connections():
         if any(module == each or module.startswith(f"{each}.") for each in NETWORK)
     }
     assert found == {
-        "jobs/public_data/__init__.py",  # data fetch: HTTPS with a fixed commit
-        "jobs/sweep/tasks.py",  # sweep --scheduler
-        "web/server.py",  # serve
-        "web/security.py",  # the name of this computer
+        "jobs/public_data/__init__.py",  # The command ``data fetch`` uses HTTPS with a fixed commit.
+        "jobs/sweep/tasks.py",  # The command ``sweep`` has the option --scheduler.
+        "web/server.py",  # The command ``serve`` needs connections.
+        "web/security.py",  # This module looks up the name of this computer.
     }
 
 
-def test_named_security_tests_exist():
-    """SECURITY.md names a test for each guarantee as path::name."""
+def test_tests_named_in_security_page_exist():
+    """The page names a test for each guarantee as path::name."""
     text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text)
     assert len(named) > 20

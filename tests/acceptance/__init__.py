@@ -1,1 +1,1 @@
-"""Tests of complete jobs with measured runs."""
+"""Tests of complete tasks with measured runs: fitting, prediction and force tracking."""

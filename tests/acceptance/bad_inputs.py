@@ -1,7 +1,7 @@
-"""Invalid inputs: each case writes its files to a folder and has a pattern of the message.
+"""Invalid inputs for ``test_bad_inputs.py``, each with a pattern of the expected message.
 
 A case is a name, a function that writes the files and returns the arguments of the command line, and the
-pattern. The folder also holds ``good.csv`` (a valid run) and ``card.json`` (a valid card).
+pattern. The folder of a case also holds ``good.csv`` (a valid run) and ``card.json`` (a valid card).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ Arguments = list[object]
 
 @dataclass(frozen=True)
 class Case:
-    """One bad input."""
+    """Describe an invalid input, the function that writes it, and the message that it causes."""
 
     name: str
     make: Callable[[Path], Arguments]  # Writes the files and returns the arguments of the command line.
-    message: str  # Regular expression.
+    message: str  # Regular expression that the printed message must match.
 
 
 # ------------------------------------------------------------------------------------- text files
@@ -65,7 +65,7 @@ def identify(*paths: object) -> Arguments:
 
 
 def raw(content: bytes, name: str = "bad.csv") -> Callable[[Path], Arguments]:
-    """Return a function that writes these bytes to a file for a fit."""
+    """Return a function that writes these bytes to a file and returns the arguments of ``fit`` for it."""
 
     def make(folder: Path) -> Arguments:
         (folder / name).write_bytes(content)
@@ -81,7 +81,7 @@ def text(content: str, name: str = "bad.csv") -> Callable[[Path], Arguments]:
 def spoilt(
     spoil: Callable[[dict[str, np.ndarray]], object], header: str = HEADER
 ) -> Callable[[Path], Arguments]:
-    """Return a function that writes the valid run with changed columns."""
+    """Return a function that changes columns of the valid run and writes the run to ``bad.csv``."""
 
     def make(folder: Path) -> Arguments:
         given = columns()
@@ -101,7 +101,7 @@ def put(role: str, at: int | slice, value: object) -> Callable[[dict[str, np.nda
 
 
 def edit(role: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[str, np.ndarray]], None]:
-    """Return a function that changes the column of a role."""
+    """Return a function that changes the column of this role (for example ``force``)."""
 
     def spoil(given: dict[str, np.ndarray]) -> None:
         name = next(name for name in given if name.startswith(role))
@@ -115,7 +115,7 @@ def header(line: str) -> Callable[[Path], Arguments]:
 
 
 def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], Arguments]:
-    """Return a function that writes a sparse file of gigabytes: a valid beginning, then zeros."""
+    """Return a function that writes a sparse file of several gigabytes: a valid beginning, then zeros."""
 
     def make(folder: Path) -> Arguments:
         with (folder / name).open("wb") as stream:
@@ -127,7 +127,7 @@ def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], A
 
 
 def twins(folder: Path) -> Arguments:
-    """Write two files whose runs have the same name."""
+    """Write two files with different suffixes whose runs have the same name."""
     for name in ("run.csv", "run.txt"):
         (folder / name).write_text(GOOD)
     return identify("run.csv", "run.txt")
@@ -136,11 +136,11 @@ def twins(folder: Path) -> Arguments:
 # ------------------------------------------------------------------------------------- binary files
 
 
-SIGNATURE_BYTES = 24  # These bytes identify every format.
+SIGNATURE_BYTES = 24  # The format of a file is detected from its first bytes.
 
 
 def damaged(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
-    """Return a function that writes a file with the library of the format and changes bytes."""
+    """Return a function that writes a valid file with the library of its format and then damages it."""
 
     def make(folder: Path) -> Arguments:
         WRITERS[name](folder / name)
@@ -163,7 +163,7 @@ def signature_alone(content: bytes) -> bytes:
 
 
 def pipe(name: str, *arguments: object) -> Callable[[Path], Arguments]:
-    """Return a function that creates a named pipe and returns the arguments."""
+    """Return a function that creates a named pipe instead of a file and returns the arguments."""
 
     def make(folder: Path) -> Arguments:
         os.mkfifo(folder / name)
@@ -224,7 +224,7 @@ BOOK = {
 
 
 def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
-    """Return a workbook with one sheet. ``stated`` is the unpacked size that the ZIP directory states."""
+    """Return an XLSX workbook with one sheet. ``stated`` is the unpacked size in the ZIP directory."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, part in BOOK.items():
@@ -237,7 +237,7 @@ def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
 
 
 def bomb(stated: int) -> Callable[[Path], Arguments]:
-    """Return a function that writes a workbook of 40 kB. It unpacks to 40 MB, not ``stated`` bytes."""
+    """Return a function that writes a workbook of 40 kB that unpacks to 40 MB instead of ``stated`` bytes."""
 
     def make(folder: Path) -> Arguments:
         row = b'<row r="1">' + b"<c><v>0</v></c>" * 4 + b"</row>"
@@ -248,7 +248,7 @@ def bomb(stated: int) -> Callable[[Path], Arguments]:
 
 
 def entity(declared: str) -> bytes:
-    """Return a workbook that declares the entity ``e`` and uses it as a text next to two numbers."""
+    """Return a workbook that declares the XML entity ``e`` and uses it as a text next to two numbers."""
     cells = '<c t="str"><v>&e;</v></c><c><v>1</v></c><c><v>2</v></c>'
     rows = "".join(f'<row r="{k}">{cells}</row>' for k in range(1, 9))
     return workbook(f"<!DOCTYPE s [{declared}]>{SHEET.replace('@', rows)}".encode())
@@ -289,7 +289,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
     def make(folder: Path) -> Arguments:
         document = json.loads(card_text(card_of(DAMPERS["bouc-wen"])))
         change(document)
-        # A valid signature is written so that the following checks are reached.
+        # Sign the changed card. Otherwise, the signature would be rejected before the changed entry is read.
         (folder / "bad.json").write_text(json.dumps(signed(document)))
         return [*EVALUATE]
 
@@ -299,7 +299,8 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
-        gc.collect()  # Finalizers of objects of earlier tests would fail inside a deep recursion.
+        # Finalizers of objects of earlier tests would fail inside the deep recursion that this card causes.
+        gc.collect()
         return [*EVALUATE]
 
     return make
@@ -380,7 +381,7 @@ CASES: tuple[Case, ...] = (
     Case("dead load cell", spoilt(edit("force", lambda f: 0.0 * f)), r"force never changes"),
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
     Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
-    # Paths that are not runs
+    # Paths that do not hold runs
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
     # Binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
@@ -406,10 +407,10 @@ CASES: tuple[Case, ...] = (
         raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
         r"not a readable Excel file",
     ),
-    # Data loggers
+    # Text files of data loggers
     Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
-    # Every format: empty, with the signature of another format, or with only its signature.
-    # The message omits the empty JSON file because it may belong to any program.
+    # Each of these cases holds one file per format: empty, with the signature of another format, or with only
+    # the signature. An empty JSON file is not in the message because it may belong to any program.
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 9} more"),
     *(
         Case(
@@ -463,7 +464,7 @@ CASES: tuple[Case, ...] = (
     Case("card with a wrong unit", card(no_unit), r"viscosity"),
     Case("card nested too deep", card_bytes(b"[" * 100_000), r"bad\.json: not a card"),
     Case("card is a pipe", pipe("bad.json", *EVALUATE), r"bad\.json: is a pipe or a device"),
-    # Other files of users
+    # Other files that a user writes
     Case("drawing with an unknown table", toml("[bodyy]\nlength_mm = 1", *HEAT), r"bodyy"),
     Case("rheometer table is a run", lambda folder: ["fluid", "good.csv", "--out", "out"], r"good\.csv"),
     Case(
@@ -475,6 +476,6 @@ CASES: tuple[Case, ...] = (
 
 
 def cases(names: set[str]) -> list[Case]:
-    """Return the cases with these names. Raise if one is missing."""
+    """Return the cases with these names. Raise AssertionError if a name is not in ``CASES``."""
     assert names <= {case.name for case in CASES}
     return [case for case in CASES if case.name in names]

@@ -1,7 +1,8 @@
-"""An asymmetric damper, whose force is larger in one direction as in a car, is fitted by default.
+"""A default fit represents an asymmetric damper, whose force is larger in one direction as in a car.
 
-The equations of the damper are different from all laws: an asymmetric valve with tanh, linear and square
-terms in series with a spring, plus friction and gas. They are integrated with steps of 50 us.
+The equations of the damper differ from all hysteresis models of the package: an asymmetric valve with tanh,
+linear and square terms in series with a spring, plus friction and gas. They are integrated with steps of 50
+us.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from mrdamper.data.records import Dataset, RigRun
 pytestmark = pytest.mark.nightly
 
 RATE_Hz, STEPS = 500.0, 40
-YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44  # Extension / compression: 2.2 (yield), 2.6 (flow).
+# Ratio of extension to compression: 2.2 (yield force), 2.6 (flow)
+YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44
 SPEEDS = np.concatenate([-np.logspace(0.5, -9.0, 4000), [0.0], np.logspace(-9.0, 0.5, 4000)])
 
 
@@ -43,7 +45,7 @@ def run(amplitude: float, frequency: float, current: float) -> RigRun:
     )
 
 
-def test_asymmetric_damper_is_fitted_by_default():
+def test_default_fit_represents_asymmetric_damper():
     motions = ((8e-3, 1.0), (8e-3, 3.0), (20e-3, 1.5))
     runs = Dataset(tuple(run(*motion, current) for motion in motions for current in (0.0, 1.0, 2.0, 3.5)))
     card = mrdamper.fit(runs).card()

@@ -1,7 +1,7 @@
 """Invalid inputs end with a message and exit code 3, without a traceback, a hang or partial files.
 
-The command line runs in this process. ``check`` prints the same message for files that cannot be read, and
-reports runs that cannot be fitted as faults.
+The tests run the command line in this process. ``check`` prints the same message as ``fit`` if a file cannot
+be read. If a run can be read but not fitted, ``check`` reports a fault.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HANG_s = 60
 
 @pytest.fixture(scope="module", autouse=True)
 def _loaded():
-    """Load the libraries of the formats once because their import takes CPU time."""
+    """Import the libraries of the file formats once because importing takes CPU time, which is limited."""
     for module in (
         "asammdf",
         "h5py",
@@ -51,7 +51,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _awake():
-    """End a test that waits indefinitely, for example for a pipe."""
+    """End a test that waits without limit, for example for a pipe."""
 
     def ring(*_):
         raise TimeoutError
@@ -79,7 +79,7 @@ def names_in(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_bad_input_ends_in_message(case: Case, folder, monkeypatch, capfd):
+def test_invalid_input_gives_message_without_files(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)
     before = names_in(folder)
     code, out, err, spent = run(monkeypatch, capfd, *arguments, "--json")
@@ -90,7 +90,7 @@ def test_bad_input_ends_in_message(case: Case, folder, monkeypatch, capfd):
     assert "Traceback" not in err
     assert "panicked" not in err
     assert "Internal error" not in err
-    assert not re.search(r"(^|[:\n] )([^:\n]+): \2: ", err)  # A location is printed once.
+    assert not re.search(r"(^|[:\n] )([^:\n]+): \2: ", err)  # The message names a location only once.
     assert len(err) < 4000
     assert names_in(folder) == before
     assert spent < CPU_MAX_s
@@ -119,7 +119,7 @@ def test_check_reports_unreadable_file(case: Case, folder, monkeypatch, capfd):
     before = names_in(folder)
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments), "--json")
     assert code == 3, err
-    if out:  # Open questions are printed as JSON.
+    if out:  # If the runs leave open questions, they are printed as JSON.
         asked = json.loads(out)
         assert asked["questions"]
         assert (asked["runs"], asked["usable"]) == ([], False)
@@ -129,7 +129,7 @@ def test_check_reports_unreadable_file(case: Case, folder, monkeypatch, capfd):
 
 
 @pytest.mark.parametrize("case", cases(FAULTY), ids=lambda case: case.name)
-def test_check_reports_unusable_run_as_fault(case: Case, folder, monkeypatch, capfd):
+def test_check_reports_unfittable_run(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments))
     assert code == 5, err
@@ -139,8 +139,8 @@ def test_check_reports_unusable_run_as_fault(case: Case, folder, monkeypatch, ca
     assert err == ""
 
 
-def test_good_run_is_accepted(folder, monkeypatch, capfd):
-    """The cases above change a run that is valid."""
+def test_check_accepts_valid_run(folder, monkeypatch, capfd):
+    """The valid run has no fault, so the faults of the invalid cases are due to their changes."""
     code, out, _, _ = run(monkeypatch, capfd, "check", "good.csv")
     assert code == 0
     assert "can be fitted" in out

@@ -1,4 +1,4 @@
-"""Changes of the measured data that carry no information do not change the identified model."""
+"""Changes of measured data that add or remove no information do not change the identified model."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STANDARD_ERROR_RATIO_MAX = 0.05  # Parameters with a larger relative standard er
 
 @dataclass(frozen=True)
 class Case:
-    """A data set and the law that is fitted without terms. Without a law, the model is selected."""
+    """Hold a data set and the name of its hysteresis model. Without a name, the fit selects the model."""
 
     runs: Dataset
     hold_out: tuple[str, ...]
@@ -41,7 +41,7 @@ class Case:
 
 
 def short_campaign(preset: str, temperatures_degC: tuple[float, ...]) -> Dataset:
-    """Return three motions at three currents, 3 s each. The longest motion is held out."""
+    """Return runs of three motions at three currents, 3 s each. The longest stroke is held out."""
     plan = Campaign(
         motions=("sine5mm1Hz", "sine3mm2Hz", "sine15mm1Hz"),
         currents_A=(0.0, 0.5, 2.0),
@@ -59,17 +59,17 @@ def virtual_case(preset: str, temperatures_degC: tuple[float, ...]) -> Case:
     return Case(short_campaign(preset, temperatures_degC), ("*sine15mm1Hz*",))
 
 
-# In these tests the selection takes another law or other terms. The held-out error of six runs then changes
-# by 25 %.
+# Known failures: the changed data lead to another hysteresis model or other terms. The error of the six
+# held-out runs then changes by 25 %.
 KNOWN_FAILURES = {
-    *(("test_every_second_sample_is_sufficient", name) for name in ("nominal", "hard")),
-    *(("test_predicted_run_hardly_changes_model", name) for name in ("nominal", "hard")),
+    *(("test_every_second_sample_gives_similar_model", name) for name in ("nominal", "hard")),
+    *(("test_run_generated_by_model_hardly_changes_model", name) for name in ("nominal", "hard")),
 }
 
 
 @pytest.fixture(autouse=True)
 def mark_known_failures(request: pytest.FixtureRequest) -> None:
-    """Expect the failures that are known; a test that passes unexpectedly fails."""
+    """Mark the known failures as expected. A marked test that passes counts as a failure."""
     name, _, parameter = request.node.name.partition("[")
     if (name, parameter.removesuffix("]")) in KNOWN_FAILURES:
         reason = "the model selection is not stable"
@@ -87,7 +87,7 @@ def mark_known_failures(request: pytest.FixtureRequest) -> None:
     ],
 )
 def case(request: pytest.FixtureRequest) -> Case:
-    """Return the data set: the fast tests fit one law, the nightly tests select the law and its terms."""
+    """Return the data set. Fast tests fit one hysteresis law; nightly tests select law and terms."""
     if request.param == "small":
         return replace(virtual_case("nominal", (20.0,)), law="bouc-wen")
     if request.param == "selected":
@@ -105,13 +105,13 @@ def fitted(case: Case) -> FitResult:
 
 
 def held_out_percent(result: FitResult) -> float:
-    """Return the root-mean-square error of the held-out runs."""
+    """Return the root mean square of the relative errors [%] of the held-out runs."""
     errors = [error.nrmse_percent for error in result.assessment.runs if error.split == "held_out"]
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def assert_equal(first: FitResult, second: FitResult) -> None:
-    """Check that two results have the same law and bit-identical parameters."""
+    """Check that two fits have the same hysteresis model and bit-identical parameters."""
     assert second.damper.law.name == first.damper.law.name
     assert dict(second.damper.parameters) == dict(first.damper.parameters)
 
@@ -123,11 +123,11 @@ def assert_close(
     error_percent: float,
     parameter_percent: float,
 ) -> None:
-    """Check that terms, held-out errors and well-determined parameters of two results are similar.
+    """Check that terms, held-out errors and well-determined parameters of two fits are similar.
 
     Parameters
     ----------
-    error_percent, parameter_percent : largest relative differences of held-out error and parameters
+    error_percent, parameter_percent : largest relative differences of held-out error and parameters [%]
     """
     assert second.damper.law.name == first.damper.law.name
     ratio = held_out_percent(second) / held_out_percent(first)
@@ -145,7 +145,7 @@ def map_runs(runs: Dataset, change: Callable[[RigRun], RigRun]) -> Dataset:
 
 
 def written(runs: Dataset, folder: Path, *, in_millimetres: bool = False, force_sign: float = 1.0) -> Dataset:
-    """Return runs written to text files and read again, in m and N or in mm and kN."""
+    """Write runs to text files, in m and N or in mm and kN, and return the runs read from these files."""
     length, force = (1e3, 1e-3) if in_millimetres else (1.0, 1.0)
     units = ("mm", "kN") if in_millimetres else ("m", "N")
     for run in runs:
@@ -165,18 +165,18 @@ def halves(run: RigRun) -> Iterator[RigRun]:
         yield replace(part, name=f"{run.name}_{number}", source=f"{run.name}_{number}.csv")
 
 
-# Bit-identical results
+# Changes after which the parameters are bit-identical
 
 
 def test_file_order_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
-    """The reverse and a random order of the files give the same parameters."""
+    """Reversing or shuffling the list of files does not change the fitted parameters."""
     runs = list(case.runs)
     np.random.default_rng(1).shuffle(runs)
     assert_equal(fitted, case.fit(Dataset(tuple(runs))))
 
 
 def test_duplicate_file_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
-    """A second file with the same data is ignored, and a note reports the repetition."""
+    """A second file with the same data is ignored, and a note of the fit names the repetition."""
     first = next(iter(case.runs))
     repeated = case.fit(Dataset((*case.runs, replace(first, name="copy"))))
     assert_equal(fitted, repeated)
@@ -188,35 +188,35 @@ def test_worker_count_does_not_change_parameters(case: Case, fitted: FitResult) 
     assert_equal(fitted, case.fit(jobs=2))
 
 
-def test_run_in_two_files_does_not_change_parameters(case: Case, fitted: FitResult) -> None:
-    """A logger divides one training run into two files with one clock."""
+def test_split_run_gives_same_parameters(case: Case, fitted: FitResult) -> None:
+    """A logger may write one run into two files whose times continue on one clock."""
     first, *others = case.runs
     assert_equal(fitted, case.fit(Dataset((*halves(first), *others))))
 
 
-# Equal information
+# Changes that keep the information but round the data differently
 
 
-def test_time_offset_hardly_changes_model(case: Case, fitted: FitResult) -> None:
-    """Records that start at 100 s instead of 0 s give the same model."""
+def test_time_offset_hardly_changes_fitted_model(case: Case, fitted: FitResult) -> None:
+    """Runs that start at 100 s instead of 0 s give the same model."""
     shifted = map_runs(case.runs, lambda run: replace(run, time=run.time + 100.0))
     assert_close(fitted, case.fit(shifted), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_units_hardly_change_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
+def test_file_units_hardly_change_fitted_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
     """Files in mm and kN give the same model as SI units."""
     runs = written(case.runs, tmp_path, in_millimetres=True)
     assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_flipped_force_gives_same_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
-    """A load cell with the opposite sign, together with the option ``flip_force``, gives the same model."""
+def test_flip_force_corrects_sign_of_load_cell(case: Case, fitted: FitResult, tmp_path: Path) -> None:
+    """Runs with reversed force and the option ``flip_force`` give the same model as the original runs."""
     runs = written(case.runs, tmp_path, force_sign=-1.0)
     assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_mirrored_symmetric_damper_gives_mirrored_model() -> None:
-    """If the damper has no preferred direction, reversed displacement and force give the same model."""
+def test_mirrored_data_give_mirrored_model() -> None:
+    """A damper without preferred direction keeps its parameters; only the force offset changes its sign."""
     motions = {"slow": Sine(5e-3, 1.0), "fast": Sine(3e-3, 2.0), "long": Sine(15e-3, 1.0)}
     reference = REFERENCE_DAMPERS["bouc-wen"]
     damper = replace(reference, coefficients={**reference.coefficients, "offset": Constant(0.0)})
@@ -238,17 +238,17 @@ def test_mirrored_symmetric_damper_gives_mirrored_model() -> None:
     assert_close(first, second, error_percent=0.1, parameter_percent=1.0)
 
 
-# Similar information
+# Changes that add or remove little information
 
 
-def test_every_second_sample_is_sufficient(case: Case, fitted: FitResult) -> None:
-    """Every second sample is sufficient because the motions are slow."""
+def test_every_second_sample_gives_similar_model(case: Case, fitted: FitResult) -> None:
+    """Half the sampling rate is sufficient because the motions are slow."""
     coarse = map_runs(case.runs, every_second_sample)
     assert_close(fitted, case.fit(coarse), error_percent=1.0, parameter_percent=5.0)
 
 
-def test_predicted_run_hardly_changes_model(case: Case, fitted: FitResult) -> None:
-    """A run that the model itself has generated contains no new information."""
+def test_run_generated_by_model_hardly_changes_model(case: Case, fitted: FitResult) -> None:
+    """A run that the fitted model itself has generated adds no information to the data."""
     first = next(iter(case.runs))
     path = drive(Sine(4e-3, 1.5), duration=3.0, rate_Hz=500.0, command=float(first.command.max()) or 0.5)
     generated = generated_run(fitted.damper, path, first)
@@ -270,7 +270,7 @@ def every_second_sample(run: RigRun) -> RigRun:
 
 
 def generated_run(damper: Damper, path, like: RigRun) -> RigRun:
-    """Return a run that a damper has generated, with the mean temperature of another run."""
+    """Return a run whose force a damper model generates, at the mean temperature of the run ``like``."""
     if like.temperature is not None:
         kelvin = np.full(len(path), float(like.temperature.mean()))
         path = replace(path, temperature=kelvin)

@@ -1,4 +1,4 @@
-"""Fits to the data of two public rigs reach the required errors with one law for all currents."""
+"""One hysteresis model for all currents reaches the required errors on the data of two public rigs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_series_valve_reproduces_twenty_sines(judged: Assessment) -> None:
 
 @pytest.mark.data
 def test_series_valve_predicts_held_out_motions(sines: mrdamper.Dataset) -> None:
-    """Each motion is held out in turn with all of its currents."""
+    """Each motion, with all of its currents, is held out once."""
     errors = []
     for motion in ("10mm2Hz", "25mm0p25Hz", "25mm0p5Hz", "5mm3Hz"):
         fitted = mrdamper.fit(sines, "series-valve", hold_out=[f"*{motion}*"])
@@ -57,7 +57,7 @@ def test_series_valve_predicts_held_out_motions(sines: mrdamper.Dataset) -> None
 
 @pytest.mark.data
 def test_series_valve_predicts_held_out_chirp(series_valve: Identification, real_data: Path) -> None:
-    """The chirp has ten times the frequency of the slowest training run. Its run at 0 A has an offset."""
+    """The chirp reaches ten times the lowest training frequency. Its run at 0 A has a force offset."""
     chirps = mrdamper.read_runs([str(real_data / "dev" / "utfsm_chirp_*.csv")])
     errors = {error.command: error for error in mrdamper.evaluate(series_valve.damper, chirps)}
     assert errors[1.0].nrmse_percent <= 18.0
@@ -65,15 +65,15 @@ def test_series_valve_predicts_held_out_chirp(series_valve: Identification, real
 
 
 @pytest.mark.data
-def test_energy_per_cycle_agrees_with_measured_loops(judged: Assessment) -> None:
-    """The energy per cycle becomes heat. At 1 A the model agrees with each measured loop within 8 %."""
+def test_energy_per_cycle_matches_measured_loops(judged: Assessment) -> None:
+    """At 1 A, the dissipated energy of the model agrees with each measured loop within 8 %."""
     for error in judged.runs:
         if error.command == 1.0:
             assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=0.08), error.name
 
 
 @pytest.mark.data
-def test_plain_bouc_wen_is_less_accurate(sines: mrdamper.Dataset) -> None:
+def test_plain_bouc_wen_has_larger_errors(sines: mrdamper.Dataset) -> None:
     fitted = mrdamper.fit(sines, "bouc-wen")
     errors = summary(mrdamper.assess(fitted).runs)
     assert 10.0 < errors["median"] <= 13.5

@@ -1,4 +1,4 @@
-"""Temperature dependence on the virtual rig, whose damper is known.
+"""Models of dampers of the virtual rig, fitted and tested at several temperatures.
 
 The default campaign has 0 to 2 A. The training temperatures are 20, 40, 80 and 120 degC. A chirp and 60, 100
 and 123 degC are held out. An RMS error refers to the five currents of a motion at a temperature. A limit for
@@ -46,7 +46,7 @@ Errors = Mapping[tuple[str, int], float]
 
 
 def _not_met(measured: str) -> pytest.MarkDecorator:
-    """Mark a limit that is not met. If the limit is met later, the test fails until the mark is removed."""
+    """Mark a test whose limit is not met. If it is met later, the test fails until the mark is removed."""
     return pytest.mark.xfail(reason=measured, strict=True)
 
 
@@ -56,7 +56,7 @@ def errors_of(preset: str, law: str) -> Errors:
 
 
 def by_temperature(model: Identification, preset: str) -> Errors:
-    """Return the RMS error [N] of all currents by motion and temperature, without current steps."""
+    """Return, for each motion and temperature, the RMS error [N] over all currents without current steps."""
     squares: dict[tuple[str, int], list[float]] = {}
     steady = [run for run in default_campaign(preset) if run.constant_command is not None]
     for error in mrdamper.evaluate(model, steady):
@@ -73,21 +73,21 @@ def over(errors: Errors, motions: Iterable[str], temperatures: Iterable[int]) ->
 DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (SELECTED, PLAIN)]
 
 
-# ---------------------------------------------------------------------- training, held out
+# ---------------------------------------------------------------------- errors of training and held-out runs
 
 
 @pytest.mark.parametrize(
     ("preset", "law", "bar_N"),
     [("nominal", SELECTED, 25.0), ("hard", SELECTED, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
 )
-def test_sine_is_reproduced_at_trained_temperatures(preset, law, bar_N):
-    """The paper reports 65.2 to 72.6 N for its damper. The limit on ``hard`` is 35 N."""
+def test_error_of_trained_sine_is_limited(preset, law, bar_N):
+    """The errors are at most 25 to 45 N. The paper reports 65.2 to 72.6 N for its own damper."""
     errors = errors_of(preset, law)
     assert {t: round(errors["sine5mm1Hz", t], 1) for t in TRAINED if errors["sine5mm1Hz", t] > bar_N} == {}
 
 
 @pytest.mark.parametrize(("preset", "bar_N"), [("nominal", 35.0), ("hard", 55.0)])
-def test_trained_motions_are_reproduced(preset, bar_N):
+def test_errors_of_trained_motions_are_limited(preset, bar_N):
     errors = errors_of(preset, SELECTED)
     beyond = {
         (m, t): round(errors[m, t], 1) for m in TRAINED_MOTIONS for t in TRAINED if errors[m, t] > bar_N
@@ -96,7 +96,7 @@ def test_trained_motions_are_reproduced(preset, bar_N):
 
 
 @pytest.mark.parametrize(("preset", "law"), DAMPERS_AND_LAWS)
-def test_held_out_temperatures_are_predicted(preset, law):
+def test_held_out_temperatures_increase_error_little(preset, law):
     """The error is at most 1.15 times the error of the same motion at the training temperatures."""
     errors = errors_of(preset, law)
     for motion in TRAINED_MOTIONS:
@@ -106,11 +106,11 @@ def test_held_out_temperatures_are_predicted(preset, law):
 
 
 @pytest.mark.parametrize("law", [SELECTED, PLAIN])
-def test_held_out_chirp_is_predicted(law):
-    """The chirp reaches 8 Hz and 150 mm/s, four times the training speed.
+def test_held_out_chirp_increases_error_little(law):
+    """The chirp reaches 8 Hz and 150 mm/s, four times the largest speed of the training motions.
 
-    The error is at most 1.5 times the training error. At 20 degC, the lowest temperature, the default law has
-    1.57 times its training error of 15 N.
+    The error of the chirp is at most 1.5 times the training error. At 20 degC, the lowest temperature, the
+    error of the default law is 1.57 times its training error of 15 N.
     """
     errors = errors_of("nominal", law)
     trained = over(errors, TRAINED_MOTIONS, TRAINED)
@@ -122,18 +122,18 @@ def test_held_out_chirp_is_predicted(law):
     ("law", "bar_N"),
     [pytest.param(SELECTED, 35.0, marks=_not_met("40.3 N at 20 degC, 35 are asked")), (PLAIN, 55.0)],
 )
-def test_chirp_of_hard_damper_is_predicted(law, bar_N):
-    """The viscosity decreases with speed, which slower motions hardly show."""
+def test_chirp_error_of_hard_damper_is_limited(law, bar_N):
+    """The viscosity decreases at high shear rates, which the slower training motions hardly excite."""
     errors = errors_of("hard", law)
     assert {t: round(errors[CHIRP, t], 1) for t in (*TRAINED, *HELD_OUT) if errors[CHIRP, t] > bar_N} == {}
 
 
-# ----------------------------------------------------------------- without temperature dependence
+# ----------------------------------------------------------------- models without temperature dependence
 
 
 @cache
 def errors_of_unaware(preset: str, known: str) -> Errors:
-    """Return the errors of the default law without temperature, from runs at 20 degC or all training runs."""
+    """Return the errors of the default law without temperature, fitted to 20 degC or to all training runs."""
     selection = default_fit(preset, SELECTED).selection
     assert selection is not None
     chosen = selection.chosen.candidate
@@ -148,8 +148,8 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
 
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_model_without_temperature_fails_when_hot(preset, known, times):
-    """Without temperature, errors are at least 4 times (fit at 20 degC) or 2 times (all runs) as large."""
+def test_model_without_temperature_is_inaccurate_when_hot(preset, known, times):
+    """At 123 degC, errors are 4 times (fitted at 20 degC) or 2 times (fitted to all runs) as large."""
     aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
         assert unaware[motion, 123] >= times * aware[motion, 123], motion
@@ -157,14 +157,14 @@ def test_model_without_temperature_fails_when_hot(preset, known, times):
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_model_without_temperature_is_accurate_when_cold(preset):
-    """At 20 degC, its error is at most 1.5 times as large. Larger errors are thus due to temperature."""
+    """Its error at 20 degC is at most 1.5 times as large, so errors when hot are due to temperature."""
     aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, "20 degC")
     assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_fit_method_of_paper_is_less_accurate(preset):
-    """The paper uses the plain law with polynomials, a genetic algorithm and one sine."""
+def test_paper_fit_method_has_larger_errors(preset):
+    """The paper fits a Bouc-Wen model with polynomials of temperature to one sine by a genetic algorithm."""
     training, _ = default_campaign(preset).split(Campaign().hold_out)
     sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]
     assert len(sines) == 20
@@ -178,7 +178,7 @@ def test_fit_method_of_paper_is_less_accurate(preset):
         assert over(theirs, [motion], TRAINED) > over(ours, [motion], TRAINED)
 
 
-# ---------------------------------------------------------------------- noise of the displacement
+# ---------------------------------------------------------------------- noise of the measured displacement
 
 KNOWN = Damper(
     LAWS[PLAIN],
@@ -195,7 +195,7 @@ KNOWN = Damper(
 
 
 def noisy(damper: Damper, seed: int, noise_m: float) -> list[RigRun]:
-    """Return runs of the law itself with noise on displacement and force."""
+    """Return runs that the hysteresis law itself generates, with noise on displacement and force."""
     rng = np.random.default_rng(seed)
     runs = []
     for degrees in (20.0, 80.0):
@@ -224,7 +224,7 @@ def noisy(damper: Damper, seed: int, noise_m: float) -> list[RigRun]:
 
 
 def bias_of_n(preparation: Preparation | None, terms: tuple[()] | None) -> float:
-    """Return the relative mean error of the exponent for four seeds."""
+    """Return the mean relative error of the fitted Bouc-Wen exponent over four seeds."""
     found = []
     for seed in range(4):
         fitted = mrdamper.fit(noisy(KNOWN, seed, 1e-4), PLAIN, terms=terms, preparation=preparation)
@@ -233,26 +233,27 @@ def bias_of_n(preparation: Preparation | None, terms: tuple[()] | None) -> float
 
 
 @pytest.mark.parametrize("terms", [None, ()], ids=["with friction", "plain"])
-def test_noise_does_not_bias_exponent(terms):
-    """The bias is below 5 % with the default template and with the plain law."""
+def test_displacement_noise_keeps_fitted_exponent_unbiased(terms):
+    """The bias is below 5 % with the terms of the default model and without terms."""
     assert abs(bias_of_n(None, terms)) < 0.05
 
 
-# ------------------------------------------------------------ loss of force with temperature
+# ------------------------------------------------------------ loss of force at high temperatures
 
 
 def peak_of(damper: Damper, degrees: float) -> float:
-    """Return the maximum force [N] in the third second of the thermal motion at 2 A."""
+    """Return the maximum force [N] in the third second of the motion of the paper's thermal test at 2 A."""
     path = drive(THERMAL_MOTION, duration=3.0, rate_Hz=2000.0, command=2.0, temperature=degrees + KELVIN)
     return float(np.abs(simulate(damper, path)[4000:]).max())
 
 
 @pytest.mark.parametrize("thermal_motion_run", [True, False], ids=["motion trained", "motion not seen"])
 def test_card_loses_force_as_paper_states(thermal_motion_run):
-    """At 15 mm and 1 Hz the loss agrees within a percentage point. The campaign includes 130 degC.
+    """The loss of force at 15 mm and 1 Hz agrees with the paper within one percentage point.
 
-    The campaign does not contain the motion, which has 2.5 times the largest speed and three times the
-    largest stroke. The card deviates by 0.7 to 1.05 points for seeds 0 to 2, so the limit is 1.25 points.
+    The campaign includes 130 degC. If it does not contain this motion, the card extrapolates: the motion has
+    2.5 times the largest speed and three times the largest stroke of the campaign. The loss then deviates by
+    0.7 to 1.05 percentage points for seeds 0 to 2, so the limit is 1.25 points.
     """
     allowed = 0.01 if thermal_motion_run else 0.0125
     campaign = Campaign(
@@ -261,13 +262,14 @@ def test_card_loses_force_as_paper_states(thermal_motion_run):
     )
     card = mrdamper.fit([run for run, _ in measure(LUMPED["paper"], campaign)], BETTER).card()
     assert card.envelope.temperature is not None
-    assert card.envelope.temperature[1] >= 129.9 + KELVIN - 0.3  # The temperature sensor has noise.
+    # The upper limit of the envelope is 0.3 K lower at most because the temperature sensor has noise.
+    assert card.envelope.temperature[1] >= 129.9 + KELVIN - 0.3
     cold = peak_of(card.damper, 20.0)
     for degrees, lost in CLAIMED_LOSSES:
         assert 1.0 - peak_of(card.damper, degrees) / cold == pytest.approx(lost, abs=allowed), degrees
 
 
-# ---------------------------------------------------------------------- actuation
+# ---------------------------------------------------------------------- response to current steps
 
 STEPS = [(0.0, 1.0), (1.0, 2.0), (0.0, 2.0), (2.0, 1.0), (1.0, 0.0), (2.0, 0.0)]
 SPEED = 0.03  # Speed during the current steps of the campaign [m/s].
@@ -283,7 +285,7 @@ def t63_of_plant(preset: str, start: float, end: float, degrees: float) -> float
 
 
 def t63_of_model(damper: Damper, start: float, end: float, degrees: float) -> float:
-    """Return the time [s] after which 63 % of the force change due to a current step has occurred."""
+    """Return the time [s] from a current step to 63 % of the resulting force change."""
     n, at = 4000, 2000
     x = SPEED * STEP_S * (np.arange(n) - at)
     path = Trajectory(
@@ -304,7 +306,7 @@ def first_time(risen: np.ndarray, step: float) -> float:
 
 @cache
 def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]:
-    """Return the additional time [ms] of the fitted damper compared with the plant, by current step."""
+    """Return the response time of the fitted model minus the plant's [ms] for each current step."""
     damper = default_fit(preset, SELECTED).damper
     return {
         step: 1e3 * (t63_of_model(damper, *step, degrees) - t63_of_plant(preset, *step, degrees))
@@ -314,8 +316,8 @@ def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]
 
 @pytest.mark.parametrize("degrees", [20.0, 120.0])
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
-def test_mean_step_time_matches_plant(preset, degrees):
-    """Small and large steps in both directions agree within 1 ms plus half a sampling interval."""
+def test_mean_response_time_matches_plant(preset, degrees):
+    """The mean over steps of both sizes and directions agrees within 1 ms plus half a sampling interval."""
     assert abs(np.mean(list(lateness(preset, degrees).values()))) <= 2.0
 
 
@@ -326,10 +328,10 @@ def test_mean_step_time_matches_plant(preset, degrees):
     ("law", "bar_s", "seeds"), [(PLAIN, 1.2, 3), (BETTER, 1.6, 3), ("series-valve", 6.0, 1)]
 )
 def test_fit_from_one_start_is_fast(law, bar_s, seeds):
-    """Fit 5 currents, 4 temperatures and 3 motions of 4 s at 500 Hz, including the preparation.
+    """Fit 5 currents, 4 temperatures and 3 motions of 4 s at 500 Hz, including the preparation of the runs.
 
-    The CPU time is the best of eight rounds because the machine can be loaded. The default law takes 1.05 s,
-    the plain law 0.9 s.
+    The CPU time is the best of eight rounds because the machine can be loaded. The fit of the default law
+    takes 1.05 s, the fit of the plain Bouc-Wen law 0.9 s.
     """
     training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if run.constant_command is not None]
@@ -342,10 +344,10 @@ def test_fit_from_one_start_is_fast(law, bar_s, seeds):
         assert min(spent) <= bar_s, f"seed {seed}"
 
 
-# ---------------------------------------------------------------------- one motion
+# ---------------------------------------------------------------------- fit to a single motion
 
 
-def test_cost_matches_damper_with_few_data():
+def test_cost_matches_errors_with_one_motion():
     """One motion leaves parameters undetermined. A friction that is 1000 times too large must not fit."""
     runs = [run for run in default_campaign("nominal") if "sine5mm1Hz" in run.name]
     model = mrdamper.fit(runs, BETTER, hold_out=("*_060C_*",))

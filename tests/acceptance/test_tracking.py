@@ -1,7 +1,8 @@
-"""Force tracking on the virtual rig, whose damper is known.
+"""Controllers of fitted cards track a target force with dampers of the virtual rig.
 
-A card is fitted to the default campaign of the rig. Its controllers track the three targets at 20, 60, 100
-and 123 degC with two seeds of the sensor noise. A value is the worst of these eight simulations.
+Each card is fitted to the default campaign of the rig. Its controllers track the three target forces at 20,
+60, 100 and 123 degC with two seeds of the sensor noise. A score is the worst value of these eight
+simulations.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def card_of(preset: str) -> ModelCard:
 
 @cache
 def blind_card(known: str) -> ModelCard:
-    """Return a card of ``nominal`` without temperature dependence, from runs at 20 degC or from all runs."""
+    """Return a card of ``nominal`` without temperature dependence, fitted at 20 degC or to all runs."""
     training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if known == "pooled" or "_020C_" in run.name]
     assert len(runs) == (64 if known == "pooled" else 16)
@@ -67,7 +68,7 @@ def controllers_of(preset: str) -> Mapping[str, ForceController]:
 
 @cache
 def of_the_paper(preset: str) -> Mapping[str, ForceController]:
-    """Return controllers of the paper, which need a Bouc-Wen model instead of a chain."""
+    """Return the paper's controllers, which require a Bouc-Wen model instead of the default law."""
     return controllers_for(default_fit(preset, "double-bouc-wen").card())
 
 
@@ -87,40 +88,40 @@ def greatest(score: Score) -> float:
     return score.max_feasible_N
 
 
-# ---------------------------------------------------------------------- card
+# ---------------------------------------------------------------------- identified magnetic hysteresis
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
-def test_magnetic_hysteresis_is_identified(preset):
-    """The width of the hysteresis is within 15 % of the damper's width, although the driver overshoots."""
+def test_magnetic_hysteresis_width_is_identified(preset):
+    """The fitted width is within 15 % of the damper's known width, although the coil driver overshoots."""
     actuation, damper = card_of(preset).damper.actuation, LUMPED[preset]
     assert actuation is not None
     known = 2.0 * damper.play_share * damper.play_A
     assert 2.0 * HYSTERESIS_WEIGHT * actuation.hysteresis_width_A == pytest.approx(known, rel=0.15)
 
 
-# ---------------------------------------------------------------------- limits of errors
+# ---------------------------------------------------------------------- limits of force errors
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_error_is_within_limit(preset, target):
+def test_largest_force_error_is_limited(preset, target):
     assert score_of(preset, target).max_N <= MUST[preset, target][0]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_feasible_error_is_within_limit(preset, target):
-    """The paper reports 62.5 N at 900 N for its damper."""
+def test_largest_feasible_error_is_limited(preset, target):
+    """The paper reports a largest error of 62.5 N at 900 N for its own damper."""
     assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_feasible_rms_error_is_within_limit(preset, target):
+def test_feasible_rms_error_is_limited(preset, target):
     assert rmse(score_of(preset, target)) <= MUST[preset, target][2]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_targets_are_mostly_feasible(preset, target):
-    """Errors on the feasible samples are meaningful only if there are many of them."""
+    """Errors on feasible samples are meaningful only if most samples are feasible."""
     assert score_of(preset, target).feasible_share > 0.5
 
 
@@ -128,27 +129,27 @@ def test_targets_are_mostly_feasible(preset, target):
 
 
 @pytest.mark.parametrize(("known", "times"), [("at 20 degC", 4.6), ("pooled", 2.5)])
-def test_unknown_temperature_multiplies_error_at_900_N(known, times):
-    """In the paper, the largest feasible error is 4.6 times as large if the temperature is unknown."""
+def test_unknown_temperature_multiplies_tracking_error(known, times):
+    """In the paper, the largest error at 900 N is 4.6 times as large if the temperature is unknown."""
     blind = controllers_for(blind_card(known))["recommended"]
     unaware = followed(LUMPED["nominal"], blind, SCENARIOS[SLOW])
     assert greatest(unaware) >= times * greatest(score_of("nominal", SLOW))
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_causal_controller_adds_little_error(preset, target):
+def test_causal_controller_adds_little_tracking_error(preset, target):
     assert rmse(score_of(preset, target, "recommended-causal")) <= 1.3 * rmse(score_of(preset, target))
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_error_is_below_the_paper_controller(preset, target):
+def test_rms_error_is_below_paper_controller(preset, target):
     paper = rmse(score_of(preset, target, "paper"))
     assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
 
 
-# Limits of the chatter, divided by the chatter of the paper's controller. The required limit is 1.2.
-# Predictive control of ``hard`` reaches 1.27 to 1.31. Its error is 7 to 14 times smaller than the error of
-# the paper's controller.
+# Largest ratio of the chatter to the chatter of the paper's controller. The requirement is 1.2. Predictive
+# control of ``hard`` reaches 1.27 to 1.31, with an error that is 7 to 14 times smaller than the error of the
+# paper's controller.
 CHATTER = {"nominal": 1.2, "stiff": 1.2, "hard": 1.35}
 
 
@@ -163,25 +164,25 @@ def test_coil_power_and_chatter_are_limited(preset, target):
     assert ours.chatter_A_per_s <= CHATTER[preset] * paper.chatter_A_per_s
 
 
-def test_paper_controller_gives_paper_values():
-    """The paper reports 62.5 N with temperature and 289.7 N without."""
+def test_paper_controller_reproduces_paper_errors():
+    """The paper reports a largest error of 62.5 N with temperature input and 289.7 N without."""
     assert score_of("stiff", SLOW, "paper").max_N <= 85.0
     assert score_of("stiff", SLOW, "paper-unaware").max_N >= 270.0
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_stiff_damper_errors_do_not_exceed_paper(target):
+def test_stiff_damper_errors_are_below_paper(target):
     ours, paper = score_of("stiff", target), score_of("stiff", target, "paper")
     assert ours.max_N <= paper.max_N
     assert greatest(ours) <= greatest(paper)
     assert rmse(ours) <= rmse(paper)
 
 
-# ---------------------------------------------------------------------- robustness, 900 N on ``nominal``
+# ---------------------------------------------------------------------- robustness: 900 N, damper ``nominal``
 
 
 def added(controller: ForceController, scenario: Scenario) -> float:
-    """Return the additional feasible RMS error [N] due to a disturbance."""
+    """Return the additional RMS error [N] on feasible samples due to a disturbance in the scenario."""
     return rmse(followed(LUMPED["nominal"], controller, scenario)) - rmse(score_of("nominal", SLOW))
 
 
@@ -193,24 +194,25 @@ def test_thermocouple_error_adds_little_tracking_error(off_K):
 
 
 @pytest.mark.parametrize("gain", [0.9, 1.1])
-def test_damper_gain_adds_limited_error(gain):
-    """A controller without a force sensor cannot detect a damper gain. 10 % of the target is 68 N RMS.
+def test_unknown_force_gain_adds_limited_error(gain):
+    """A controller without a force sensor cannot correct a damper whose force differs by 10 %.
 
-    A weaker damper adds 61.7 N to the undisturbed error, and a stronger damper adds 64.1 N.
+    10 % of the target force is 68 N RMS. A weaker damper adds 61.7 N to the undisturbed error, a stronger
+    damper 64.1 N.
     """
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, force_gain=gain))
     assert added(controllers_of("nominal")["recommended"], scenario) <= 66.0
 
 
-def test_known_delay_adds_little_error():
+def test_known_command_delay_adds_little_error():
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, command_delay_s=0.010))
     retuned = controllers_for(card_of("nominal"), extra_delay_s=0.010)["recommended"]
     assert added(retuned, scenario) <= 6.0
 
 
-def test_slow_sampling_adds_little_error():
+def test_slow_controller_sampling_adds_little_error():
     slow = controllers_for(card_of("nominal"), period_s=0.010)["recommended"]
     assert added(slow, SCENARIOS[SLOW]) <= 8.0
 
@@ -219,7 +221,7 @@ def test_slow_sampling_adds_little_error():
 
 
 def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
-    """Return the CPU time [s] of a step, the best of several rounds because the machine can be loaded."""
+    """Return the CPU time [s] per step, the best of several rounds because the machine can be loaded."""
     best = float("inf")
     for _ in range(20):
         best = min(best, taken(job) / steps)
@@ -228,8 +230,8 @@ def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
     return best
 
 
-def test_step_takes_a_microsecond_in_c():
-    """Predictive control with a chain card takes 0.7 to 1.1 us per step, and 2 us if called from Python."""
+def test_controller_step_in_c_takes_microsecond():
+    """A step of predictive control with a chain card takes 0.7 to 1.1 us, or 2 us if called from Python."""
     controller, steps = controllers_of("nominal")["recommended"], 5000
     scenario, at = SCENARIOS[UNEVEN], 1e-3 * np.arange(steps)
     kelvin = np.full(steps, 333.15)
@@ -252,7 +254,7 @@ def test_step_takes_a_microsecond_in_c():
 
 
 def drawn_damper(rng: np.random.Generator) -> LumpedDamper:
-    """Return a damper whose parameters are within 30 % of those of a random preset."""
+    """Return a damper of a random preset with each parameter changed by up to 30 %."""
     preset = LUMPED[("nominal", "hard", "stiff")[int(rng.integers(3))]]
     no_properties = {"name", "full_current_A", "copper_per_K"}
     names = [each.name for each in fields(LumpedDamper) if each.name not in no_properties]
@@ -263,8 +265,8 @@ def drawn_damper(rng: np.random.Generator) -> LumpedDamper:
 
 
 @pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.release)])
-def test_random_dampers_are_tracked(count):
-    """Each damper is fitted at the training temperatures. The median and worst RMS errors are limited."""
+def test_random_dampers_have_limited_tracking_errors(count):
+    """Each damper is fitted at the training temperatures. Median and worst RMS error are limited."""
     rng, usual = np.random.default_rng(5), Campaign()
     held = usual.held_out_temperatures_degC
     campaign = Campaign(

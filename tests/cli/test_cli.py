@@ -1,4 +1,4 @@
-"""Use of the command line in scripts: JSON keys, exit codes, complete files."""
+"""Use of the command line in scripts: JSON keys, exit codes and complete output files."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def fit_into(out, folder):
 
 @pytest.fixture(scope="module")
 def identified(folder):
-    """Run the command ``fit`` once for all tests of its result."""
+    """Run the command ``fit`` once; all tests of its result use this run."""
     return mrdamper(*fit_into(folder / "out", folder), "--json")
 
 
@@ -79,8 +79,8 @@ def test_fit_json_has_documented_keys(identified, folder):
     assert identified.stderr == ""
 
 
-def test_closing_line_prints_wall_time(repeated):
-    """The printed time excludes the start of the interpreter."""
+def test_last_line_prints_wall_time(repeated):
+    """The printed time excludes the start of the Python interpreter."""
     text, elapsed = repeated
     printed = float(re.findall(r"^Wrote .* \(([\d.]+) s\)\.$", text, re.MULTILINE)[0])
     assert 0.3 * elapsed <= printed <= elapsed + 0.1
@@ -92,7 +92,7 @@ def test_command_without_output_folder_prints_hint(folder, identified):
 
 
 @pytest.mark.nightly
-def test_linear_algebra_uses_one_thread_by_default():
+def test_linear_algebra_uses_one_thread():
     said = {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"}
     bare = {name: value for name, value in os.environ.items() if name not in said}
     code = """if True:
@@ -115,7 +115,7 @@ def test_commands_accept_closed_streams_and_invalid_utf8(folder, tmp_path):
     place = tmp_path / "odd"
     place.mkdir()
     source = next((folder / "runs").glob("*.csv"))
-    odd = os.path.join(os.fsencode(place), b"run\xff.csv")  # noqa: PTH118 - bytes, which is no UTF-8
+    odd = os.path.join(os.fsencode(place), b"run\xff.csv")  # noqa: PTH118 - the bytes are not valid UTF-8
     with open(odd, "wb") as file:  # noqa: PTH123
         file.write(source.read_bytes())
     for closed in (">&-", "2>&-"):
@@ -138,7 +138,7 @@ def test_fit_writes_only_three_files(identified, folder):
     assert len(rows) == 1 + len(answer_of(identified)["runs"])
 
 
-def test_evaluate_reproduces_errors_of_fit(identified, folder):
+def test_evaluate_reproduces_errors_of_fit_runs(identified, folder):
     scored = answer_of(mrdamper("evaluate", folder / "out" / "card.json", folder / "runs", "--json"))
     given = {row["name"]: row for row in answer_of(identified)["runs"]}
     assert scored.keys() >= {"runs"}
@@ -148,20 +148,20 @@ def test_evaluate_reproduces_errors_of_fit(identified, folder):
         assert row["rmse_N"] == pytest.approx(given[row["name"]]["rmse_N"], rel=1e-6)
 
 
-def test_motion_text_agrees_with_python(identified, folder):
+def test_simulated_motion_text_agrees_with_python(identified, folder):
     card = folder / "out" / "card.json"
     answer = answer_of(mrdamper("simulate", card, "sine:5mm:1Hz:1V:2s", "--json"))
     force = simulate(read_card(card), "sine:5mm:1Hz:1V:2s").force
     assert answer["force_N"] == pytest.approx([force.min(), force.max()], rel=1e-9)
 
 
-def test_same_seed_gives_same_files(identified, repeated, folder):
+def test_same_seed_gives_identical_output_files(identified, repeated, folder):
     for name in ("card.json", "report.html", "errors.csv"):
         assert (folder / "again" / name).read_bytes() == (folder / "out" / name).read_bytes()
 
 
-def test_terminal_shows_errors_and_report_every_run(repeated, folder):
-    """The terminal has the verdict and the table of errors, the report has all runs and parameters."""
+def test_report_shows_every_run_and_parameter(repeated, folder):
+    """The terminal shows the verdict and the table of errors. The report shows all runs and parameters."""
     text, _ = repeated
     assert text.startswith("Held-out runs: median error")
     assert "training" in text
@@ -186,14 +186,14 @@ def test_terminal_shows_errors_and_report_every_run(repeated, folder):
         ("unknown",),
     ],
 )
-def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
+def test_wrong_usage_gives_exit_code_2(arguments, tmp_path):
     run = mrdamper(*arguments, cwd=tmp_path)
     assert run.returncode == 2
     assert run.stdout == ""
     assert list(tmp_path.iterdir()) == []
 
 
-def test_fit_and_check_have_same_questions(tmp_path):
+def test_fit_and_check_print_same_questions(tmp_path):
     (tmp_path / "run.csv").write_text("t,x,F,I\n" + "".join(f"{k},{k % 7},{k % 5},1\n" for k in range(40)))
     fit = mrdamper("fit", tmp_path / "run.csv", "--out", tmp_path / "out", "--json")
     check = mrdamper("check", tmp_path / "run.csv", "--json")
@@ -219,7 +219,7 @@ def test_internal_error_has_exit_code_1(monkeypatch, capsys, folder):
 
 
 def spoiled(folder, name, change, *, every=False):
-    """Write the runs; ``change`` modifies the columns of the first run or of all runs."""
+    """Write all runs to a folder; ``change`` modifies the columns of the first run or of every run."""
     place = folder / name
     place.mkdir()
     for number, run in enumerate(short_runs()):
@@ -239,7 +239,7 @@ def test_file_as_output_folder_is_rejected(folder, tmp_path):
     assert "is a file" in run.stderr
 
 
-def test_hold_out_pattern_without_match_is_rejected(folder, tmp_path):
+def test_unmatched_hold_out_pattern_is_rejected(folder, tmp_path):
     run = mrdamper("fit", folder / "runs", "--out", tmp_path / "out", "--hold-out", "chirp*")
     assert run.returncode == 3
     assert "chirp*" in run.stderr
@@ -260,13 +260,14 @@ def test_single_current_is_accepted_with_option(tmp_path, folder):
     assert mrdamper(*arguments, "--one-command").returncode == 0
 
 
-# ----------------------------------------------------------------------------- laws in Python and interrupts
+# ----------------------------------------------------------------------------- Python laws and interrupts
 
 
 @pytest.mark.nightly
 def test_python_law_is_fitted_and_evaluated(folder):
     run = short_runs()[-1]
-    short = {name: values[:400:4] for name, values in columns_of(run).items()}  # A law in Python is slow.
+    # Simulating a law in Python is slow.
+    short = {name: values[:400:4] for name, values in columns_of(run).items()}
     runs = [write_csv(folder / "short.csv", short)]
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(
@@ -281,8 +282,8 @@ def test_python_law_is_fitted_and_evaluated(folder):
     assert refused.returncode == 3
 
 
-def test_interrupted_search_writes_best_card(folder):
-    """An interrupt in the first search step is stated in card and report, and changes the exit code."""
+def test_interrupted_fit_writes_best_card(folder):
+    """An interrupt in the first search step is recorded in card and report, and the exit code is 4."""
 
     def interrupt(update: ProgressUpdate) -> None:
         if isinstance(update.detail, SearchState):
@@ -298,13 +299,13 @@ def test_interrupted_search_writes_best_card(folder):
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_data_list_names_sets_with_licence_and_commit():
+def test_data_list_shows_licence_and_commit():
     sets = answer_of(mrdamper("data", "list", "--json"))["datasets"]
     assert {"utfsm", "utfpr"} <= {entry["name"] for entry in sets}
     assert all(entry["licence"] and len(entry["commit"]) == 40 for entry in sets)
 
 
-def test_unknown_data_set_is_rejected():
+def test_unknown_dataset_is_rejected():
     run = mrdamper("data", "fetch", "utsfm")
     assert run.returncode == 3
     assert "utfsm" in run.stderr
@@ -314,8 +315,8 @@ def test_unknown_data_set_is_rejected():
 
 
 @pytest.mark.nightly
-def test_real_sines_are_fitted_accurately(real_data, tmp_path):
-    """Errors of 20 UTFSM sines: median below 6.5 %, worst with current below 8.5 %, worst below 17 %."""
+def test_public_sines_are_fitted_accurately(real_data, tmp_path):
+    """The limits for 20 UTFSM sines are 6.5 % (median), 8.5 % (worst with current) and 17 % (worst)."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))
     summary = answer["summary"]["training"]
@@ -326,7 +327,7 @@ def test_real_sines_are_fitted_accurately(real_data, tmp_path):
 
 
 def test_package_runs_as_module():
-    """``python -m mrdamper`` has the same messages and exit codes as the program."""
+    """``python -m mrdamper`` prints the same message and returns the same exit code as ``mrdamper``."""
     done = subprocess.run(
         [sys.executable, "-m", "mrdamper", "evaluate"], capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""Help of the command line: width, complete sentences, examples that are valid, exit codes."""
+"""Help texts of the command line: width, complete sentences, valid examples, and exit codes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def option_texts(name: str) -> Iterator[tuple[str, str]]:
             yield parameter.opts[0], re.sub(r"\s*\[default: .*\]$", "", parameter.help or "")
 
 
-def test_command_list_has_each_command():
+def test_command_groups_contain_every_command():
     assert sorted(name for names in GROUPS.values() for name in names) == sorted(cli.commands)
 
 
@@ -44,8 +44,8 @@ def test_help_fits_80_columns(name):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_option_text_is_a_sentence(name):
-    """A text begins with an imperative and ends with a full stop."""
+def test_help_text_of_option_is_sentence(name):
+    """The text begins with an imperative and ends with a full stop."""
     for option, text in option_texts(name):
         assert re.match(r"[A-Z][a-z]+ .*(\.|\.\.\.)$", text, re.DOTALL), f"{option}: {text!r}"
         assert text.split()[0] not in {"Of", "For", "The", "A", "In", "What"}, f"{option}: {text!r}"
@@ -61,8 +61,8 @@ def test_help_ends_with_examples_and_exit_codes(name):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_examples_are_valid_commands(name):
-    """Click accepts the options and arguments of each example."""
+def test_examples_in_help_are_valid_commands(name):
+    """Click accepts the options and arguments of each example in the help."""
     for arguments in EXAMPLES[name]:
         command: click.Command = cli
         for word in name.split():

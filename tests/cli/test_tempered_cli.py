@@ -1,4 +1,4 @@
-"""The commands ``rig`` and ``fit`` with runs at several temperatures, and rejected inputs."""
+"""The command ``rig`` writes runs at several temperatures, and ``fit`` identifies a card from them."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ held_out_motions = []
 duration_s = 2.0
 """
 TEMPERED = ("viscosity", "yield_force")
-"""Coefficients that depend on temperature in each law fitted to such runs."""
-LAW = ("--law", "bouc-wen", "--term", "none")  # The selection takes ten times as long and has separate tests.
+"""Coefficients that depend on temperature in each law that is fitted to runs at several temperatures."""
+# Selecting the law takes ten times as long and has separate tests.
+LAW = ("--law", "bouc-wen", "--term", "none")
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +48,13 @@ def measured(folder) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def identified(folder, measured) -> dict[str, Any]:
-    """Fit the runs of the rig, with the held-out runs that the rig proposes."""
+    """Fit the runs of the rig and hold out the runs that the rig proposes."""
     hold_out = [word for pattern in measured["hold_out"] for word in ("--hold-out", pattern)]
     return answer_of(mrdamper("fit", folder / "runs", *hold_out, *LAW, "--out", folder / "out", "--json"))
 
 
 def changed(folder: Path, into: Path, change: Callable[[dict[str, str]], None], glob: str = "*.csv") -> Path:
-    """Copy runs to another folder with changed rows. ``change`` can also remove or rename columns."""
+    """Copy runs to another folder and change their rows. ``change`` may also remove or rename columns."""
     into.mkdir()
     for path in sorted((folder / "runs").glob("*.csv")):
         if not path.match(glob):
@@ -84,18 +85,18 @@ def without_temperature(row: dict[str, str]) -> None:
     del row["temperature_degC"]
 
 
-# -------------------------------------------------------------------------------- from rig to card
+# -------------------------------------------------------------------------------- fit of the rig's runs
 
 
 @pytest.mark.nightly
-def test_fit_holds_out_runs_of_rig(measured, identified):
+def test_fit_holds_out_proposed_runs(measured, identified):
     held = {run["name"] for run in measured["runs"] if run["held_out"]}
     assert {run["name"] for run in identified["runs"] if run["split"] == "held_out"} == held
     assert held
     assert all("_090C_" in name for name in held)
 
 
-def test_every_run_has_error_and_temperature(measured, identified):
+def test_fit_reports_errors_and_temperatures(measured, identified):
     soaked = {run["name"]: run["temperature_degC"] for run in measured["runs"]}
     assert len(identified["runs"]) == len(soaked) == 21
     for run in identified["runs"]:
@@ -103,7 +104,7 @@ def test_every_run_has_error_and_temperature(measured, identified):
         assert 0.0 < run["rmse_N"] < 100.0
 
 
-def test_intermediate_temperature_is_predicted_accurately(identified):
+def test_fit_predicts_held_out_temperature_accurately(identified):
     def rmse(split: str) -> float:
         rows = [run for run in identified["runs"] if run["split"] == split and run["current_A"] is not None]
         return float(np.sqrt(np.mean([run["rmse_N"] ** 2 for run in rows])))
@@ -122,8 +123,8 @@ def test_card_has_temperature_range_and_dependence(identified):
     assert "assumed" not in card["notes"]
 
 
-def test_card_has_actuation_from_current_steps(identified):
-    """Coil driver, eddy currents and fluid of the virtual rig need 13.5 ms to reach 63 %."""
+def test_card_has_response_time_of_current(identified):
+    """The coil driver, eddy currents and fluid of the virtual rig need 13.5 ms for 63 % of a force change."""
     card = read_card(Path(identified["card"]))
     actuation = card.damper.actuation
     assert actuation is not None
@@ -134,7 +135,7 @@ def test_card_has_actuation_from_current_steps(identified):
 # --------------------------------------------------------------------- assumed temperature dependence
 
 
-def test_temperature_dependence_of_fluid_is_marked_assumed(folder, identified, tmp_path):
+def test_card_marks_temperature_dependence_as_assumed(folder, identified, tmp_path):
     place = changed(folder, tmp_path / "plain", without_temperature)
     for path in place.iterdir():
         if "_020C_" not in path.name:
@@ -157,7 +158,7 @@ def test_temperature_dependence_of_fluid_is_marked_assumed(folder, identified, t
 
 
 def refused(ended: CompletedProcess[str], *parts: str) -> None:
-    """Assert that a command ended with exit code 3, one complete message, and no standard output."""
+    """Check that a command ended with exit code 3, one complete message, and no standard output."""
     assert ended.returncode == 3, ended.stdout + ended.stderr
     assert ended.stdout == ""
     assert ended.stderr.startswith("mrdamper: ")
@@ -175,7 +176,7 @@ def test_single_temperature_message_names_missing_tests(folder, measured, tmp_pa
 
 
 @pytest.mark.nightly
-def test_single_temperature_fit_has_note(folder, measured, tmp_path):
+def test_fit_at_single_temperature_has_note(folder, measured, tmp_path):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
     for path in place.iterdir():
         if "_020C_" not in path.name:

@@ -1,4 +1,4 @@
-"""Simple plants and controllers for tests, independent of the package."""
+"""Ideal plants and simple controllers with a known response, for tests of the control loop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrdamper.control.protocol import Measurement, Reference
 
 
 class Ideal:
-    """A damper without memory or lag: F = (low + gain I) sign(v) + viscosity v."""
+    """An ideal damper without memory or lag: F = (low + gain I) sign(v) + viscosity v."""
 
     def __init__(self, *, low=50.0, gain=800.0, viscosity=0.0, step_s=1e-4):
         self.low, self.gain, self.viscosity, self.step_s = low, gain, viscosity, step_s
@@ -77,7 +77,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class OnOff(Constant):
-    """A controller that returns 2 A while the force has the sign of the target and is too small, else 0 A."""
+    """A controller that returns 2 A while the force is below the target in its direction, otherwise 0 A."""
 
     name: str = "on-off"
     needs_force: bool = True
@@ -89,7 +89,7 @@ class OnOff(Constant):
 
 @dataclass(frozen=True)
 class Inverse(Constant):
-    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain, with the previewed target F* if available."""
+    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain. F* is the previewed target, if available."""
 
     name: str = "inverse"
     low: float = 50.0
@@ -102,7 +102,7 @@ class Inverse(Constant):
 
 @dataclass(frozen=True)
 class Recording(Constant):
-    """A controller that returns a ramp of current and records all its inputs in ``LAST``."""
+    """A controller that returns a current ramp and records its inputs (target and readings) in ``LAST``."""
 
     name: str = "recording"
     needs_force: bool = True

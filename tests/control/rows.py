@@ -1,4 +1,4 @@
-"""Input rows for controllers (target, preview, displacement, temperature, force), and their commands."""
+"""Create input rows for controllers (target, preview, displacement, temperature, force), and run them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def told(
     noise: float = 10e-6,
     seed: int = 1,
 ) -> FloatArray:
-    """Return input rows for ``run``: the non-periodic motion, and a target in phase with its velocity."""
+    """Return input rows for ``run``: a non-periodic motion, and a target force in phase with its velocity."""
     t = controller.period_s * np.arange(round(seconds / controller.period_s))
     rng = np.random.default_rng(seed)
     rows = np.full((len(t), 5), np.nan)
@@ -33,7 +33,7 @@ def told(
 
 
 def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float = ROOM) -> bytes:
-    """Return the state at mid-stroke after 0.5 s of constant velocity: the hysteresis is fully developed."""
+    """Return the controller state after 0.5 s at constant velocity, with fully developed hysteresis."""
     t = controller.period_s * np.arange(round(0.5 / controller.period_s))
     rows = np.full((len(t), 5), np.nan)
     rows[:, 0] = rows[:, 1] = 0.0
@@ -44,7 +44,7 @@ def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float 
 def answer(
     controller: ForceController, state: bytes, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
 ) -> float:
-    """Continue the motion at constant velocity for 60 ms with a constant target; return the last command."""
+    """Continue at constant velocity for 60 ms with a constant target, and return the last command."""
     rows = even(controller, wanted, speed, kelvin=kelvin)
     return float(controller.run(state, rows)[1][-1])
 
@@ -52,7 +52,7 @@ def answer(
 def even(
     controller: ForceController, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
 ) -> FloatArray:
-    """Return input rows of 60 ms: constant velocity from mid-stroke, measured force equal to the target."""
+    """Return rows of 60 ms at constant velocity from mid-stroke. The measured force equals the target."""
     rows = np.full((round(0.06 / controller.period_s), 5), wanted)
     rows[:, 2] = speed * controller.period_s * (1.0 + np.arange(len(rows)))
     rows[:, 3] = kelvin

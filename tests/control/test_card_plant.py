@@ -1,4 +1,4 @@
-"""The damper of a card as a plant: stepwise simulation equals the simulation of a whole record."""
+"""A card simulated step by step as a plant has the same force as the simulation of a whole record."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ def swing(t):
 
 @pytest.mark.system
 @pytest.mark.parametrize("law", list(LAWS))
-def test_plant_equals_causal_simulation(law):
-    """The difference is below 1e-3 of the peak force at 10 kHz. Acceleration is computed from velocity."""
+def test_stepwise_plant_equals_causal_simulation(law):
+    """The difference is below 1e-3 of the peak at 10 kHz. Acceleration is computed from velocity."""
     whole = path(swing)
     expected = simulate(damper(law), whole, form="causal")
     force = in_blocks(CardPlant(damper(law)), whole, 10)
@@ -92,22 +92,24 @@ def test_plant_equals_causal_simulation(law):
 
 
 @pytest.mark.parametrize("width", [0.0, 0.05])
-def test_plant_force_follows_delayed_current(width):
+def test_plant_delays_current_like_causal_simulation(width):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035, hysteresis_width_A=width)
-    whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))  # The actuation starts in steady state.
+    # The simulation assumes that the current is constant before the record.
+    whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))
     expected = simulate(damper(lag=lag), whole, form="causal")
     force = in_blocks(CardPlant(damper(lag=lag)), whole, 10)
-    # The plant holds the command during a step. The record interpolates it, which is half a step later.
+    # The plant holds the command during a step, whereas the simulation of the record interpolates it. The
+    # interpolated command changes half a step later.
     assert np.abs(force - expected)[1:].max() < 2e-3 * np.abs(expected).max()
 
 
 @pytest.mark.system
 @pytest.mark.parametrize("size", [1, 7, 1000])
-def test_block_size_does_not_change_force(size):
+def test_plant_force_ignores_block_size(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     together = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))
-    # Blocks of one sample move the turning points to samples.
+    # A block of one sample detects a turning point only at the next sample.
     near = 1e-6 * np.abs(together).max() if size == 1 else 1e-8
     assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(together, abs=near)
 
@@ -122,7 +124,7 @@ def test_copied_plant_is_independent():
     assert np.abs(strong).max() > 2.0 * np.abs(weak).max()
 
 
-def test_unsuitable_law_is_refused():
+def test_plant_rejects_unsuitable_law():
     own = replace(damper("bingham"), law=replace(LAWS["bingham"], name="own", kernel=None, python=object()))  # type: ignore[arg-type]  # never called
     for unsuitable, message in (
         (own, "which is in Python"),
@@ -134,8 +136,8 @@ def test_unsuitable_law_is_refused():
 
 @pytest.mark.system
 @pytest.mark.parametrize("exponent", [0.1, 1.2])
-def test_series_valve_comes_to_rest(exponent):
-    """The slope of the shear-thinning force is infinite at rest. The solver still finds a finite force."""
+def test_series_valve_force_decays_at_rest(exponent):
+    """The slope of the shear-thinning force is infinite at rest, but the solver returns a finite force."""
     t = 1e-4 * np.arange(12_000)
     x = 3e-3 * np.exp(-12.0 * t) * np.sin(60.0 * t)
     x[9000:] = x[9000]

@@ -1,4 +1,4 @@
-"""Configuration of controllers: same fields in Python and kernel, and rejected values."""
+"""The configuration of controllers has the same fields in Python and kernel, and limits its values."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ KERNEL = Path(core.__file__).parent / "kernel"
 RECOMMENDED = controllers_for(DOUBLE)["recommended"]
 
 
-def test_python_flags_equal_flags_of_kernel():
+def test_python_and_kernel_flags_are_equal():
     header = (KERNEL / "controller.h").read_text(encoding="utf-8")
     kernel = {name: int(value) for name, value in re.findall(r"\bMRD_(\w+) = (\d+)", header)}
     assert {name: int(flag) for name, flag in Flag.__members__.items()} == kernel
 
 
-def test_configuration_has_same_fields_as_kernel():
-    """The C header is written by hand. Names and order must be the same as in the dataclasses."""
+def test_configuration_fields_equal_fields_of_kernel():
+    """The C header is written by hand. Its names and order must equal the fields of the dataclasses."""
     header = (KERNEL / "controller_config.h").read_text(encoding="utf-8")
     structs = re.findall(r"typedef struct \{\n(.*?)\} mrd_config_(\w+);", header, re.DOTALL)
     kernel = {part: re.findall(r"^ +\w+ (\w+);", members, re.MULTILINE) for members, part in structs}
@@ -41,7 +41,7 @@ def test_configuration_has_same_fields_as_kernel():
         (CHAIN, "recommended", (0, 1, 1)),
     ],
 )
-def test_compile_options_exclude_unused_parts(damper, name, expected):
+def test_compile_options_exclude_unused_controller_parts(damper, name, expected):
     options = compile_options(controllers_for(damper)[name].config)
     assert tuple(options.values()) == expected
 
@@ -62,6 +62,6 @@ def test_compile_options_exclude_unused_parts(damper, name, expected):
         {"faults__frozen_samples": 2**31},
     ],
 )
-def test_value_out_of_range_is_refused(values):
+def test_invalid_configuration_value_is_rejected(values):
     with pytest.raises(ValueError, match="configuration or tables are out of their range"):
         changed(RECOMMENDED, **values)

@@ -1,4 +1,4 @@
-"""Controllers: the computed current gives the target force, and the command stays within its limits."""
+"""Controllers: their current gives the target force, and their command stays within its limits."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ temperatures = st.floats(280.0, 400.0) | anything
 forces = st.floats(-2000.0, 2000.0) | anything
 
 
-# --- Inverse of the model ---------------------------------------------------------------------------------
+# --- Inverse of the damper model ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("damper", [DOUBLE, SERIES, CHAIN], ids=lambda damper: damper.law.name)
-def test_card_of_one_temperature_gives_same_current(damper):
-    """At 20 degC a damper needs the same current with and without temperature factors."""
+def test_card_without_temperature_gives_same_current(damper):
+    """At 20 degC, the reference temperature, the current is the same without temperature dependence."""
     forms = {
         name: form.form if isinstance(form, TemperatureDependent) else form
         for name, form in damper.coefficients.items()
@@ -66,7 +66,7 @@ def test_card_of_one_temperature_gives_same_current(damper):
     [("double-bouc-wen", "recommended"), ("double-bouc-wen", "paper"), ("series-valve", "recommended")],
 )
 @pytest.mark.parametrize("speed", [0.03, -0.03])
-def test_current_rises_with_target_force(law, name, speed):
+def test_controller_current_rises_with_target_force(law, name, speed):
     made = OF[law][name]
     state = at_speed(made, speed)
     wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 3500.0, 81)
@@ -78,18 +78,18 @@ def test_current_rises_with_target_force(law, name, speed):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n not in ("pi", "clipped-on-off")])
 @pytest.mark.parametrize("speed", [0.03, -0.03])
-def test_force_along_motion_gets_no_current(name, speed):
-    """A semi-active damper cannot push."""
+def test_target_along_motion_gives_zero_current(name, speed):
+    """A semi-active damper cannot push in the direction of the motion."""
     made = ALL[name]
     assert answer(made, at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
 
 
-# --- States -----------------------------------------------------------------------------------------------
+# --- Controller states --------------------------------------------------------------------------------------
 
 
 @every_controller
-def test_single_steps_equal_one_run(law, name):
-    """A step returns a new state and does not change its input state."""
+def test_single_steps_equal_one_controller_run(law, name):
+    """A step returns a new state and does not change the state that is passed in."""
     made = OF[law][name]
     rows = told(made, 0.2)
     rows[:, 4] = 50.0
@@ -108,7 +108,7 @@ def test_single_steps_equal_one_run(law, name):
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_pickled_controller_gives_identical_state(single):
+def test_pickled_controller_gives_identical_states(single):
     made = replace(RECOMMENDED, single=single)
     rows = told(made, 0.5)
     again = pickle.loads(pickle.dumps(made))
@@ -116,8 +116,8 @@ def test_pickled_controller_gives_identical_state(single):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_single_precision_gives_same_command(name):
-    """The difference is below 2 mA in 99.9 % of samples; with prediction, which has kinks, in 99 %."""
+def test_single_precision_gives_same_controller_command(name):
+    """The difference is below 2 mA in 99.9 % of the samples (predictive control, which has kinks: 99 %)."""
     made = ALL[name]
     rows = told(made, 5.0)
     rows[:, 4] = 0.8 * rows[:, 0]
@@ -127,7 +127,7 @@ def test_single_precision_gives_same_command(name):
     assert (single == single.astype(np.float32)).all()
 
 
-def test_instruction_sets_give_identical_states():
+def test_instruction_sets_give_identical_controller_states():
     rows, before = told(RECOMMENDED, 1.0), core.level()
     found = set()
     try:
@@ -139,7 +139,7 @@ def test_instruction_sets_give_identical_states():
     assert len(found) == 1
 
 
-def test_invalid_state_bytes_are_rejected():
+def test_invalid_controller_state_bytes_are_rejected():
     with pytest.raises(ValueError, match="not a controller's state"):
         RECOMMENDED.step(b"no state", Reference(0.0), Measurement(0.0, ROOM))
 
@@ -154,8 +154,8 @@ def test_invalid_state_bytes_are_rejected():
     repeats=st.integers(1, 60),
     single=st.booleans(),
 )
-def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
-    """The command is within its limits, and a reading outside the limits of its sensor is flagged."""
+def test_any_reading_gives_valid_command(which, rows, repeats, single):
+    """The command is within its limits, and a flag marks a reading outside the limits of its sensor."""
     law, name = which
     made = replace(OF[law][name], single=single)
     inputs = np.repeat(np.array(rows), repeats, axis=0)
@@ -167,7 +167,7 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
         "cold": limits.cold_limit,
         "hot": limits.hot_limit,
     }
-    if single:  # Single precision rounds readings and limits.
+    if single:  # Single precision rounds readings and their limits.
         with np.errstate(over="ignore"):
             inputs = inputs.astype(np.float32).astype(np.float64)
             number = {key: float(np.float32(value)) for key, value in number.items()}
@@ -188,28 +188,29 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
 @every_law
 @examples(25)
 @given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
-def test_tracking_recovers_from_invalid_readings(law, rows):
-    """22 s after invalid readings, the command is the same as without invalid readings.
+def test_command_recovers_from_invalid_readings(law, rows):
+    """22 s after invalid readings, the command is the same as if they had been valid.
 
-    The effect of a jump by a metre on the estimated frequency decays with a time constant of 1 s. The valid
-    temperatures have noise because a constant reading after a jump counts as a stuck sensor.
+    A displacement jump of a metre disturbs the estimated frequency, which recovers with a time constant of 1
+    s. The valid temperatures have noise because a constant reading after a jump counts as a stuck sensor.
     """
     bad = np.column_stack([np.array(rows), np.full(len(rows), np.nan)])
     made = OF[law]["recommended"]
     good = told(made, 22.5, noise=0.0)
     good[:, 3] += 0.05 * np.random.default_rng(2).standard_normal(len(good))
-    # A prediction can be spread over several samples. Therefore both runs have the same number of samples.
+    # Both runs have the same number of samples because predictive control may spread a computation over
+    # several samples.
     before = np.tile(good[:1], (len(bad), 1))
     clean, after = (made.run(made.run(made.start(), each)[0], good)[1] for each in (before, bad))
     assert np.abs(after - clean)[22_000:].max() < 0.02
 
 
-def test_non_finite_state_is_reset_with_flag():
-    """A state that contains NaN gives the result of a new state, with a flag."""
+def test_controller_resets_state_that_contains_nan():
+    """The commands equal the commands from a new state, and a flag marks the reset."""
     rows = told(RECOMMENDED, 0.2)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
     damaged = np.frombuffer(state, dtype=np.float64).copy()
-    damaged[0] = math.nan  # estimated displacement
+    damaged[0] = math.nan  # The estimated displacement is the first number of the state.
     _, current, flags = RECOMMENDED.run(damaged.tobytes(), rows)
     assert flags[0] & Flag.INTERNAL_FAULT
     assert not (flags[1:] & Flag.INTERNAL_FAULT).any()
@@ -219,7 +220,7 @@ def test_non_finite_state_is_reset_with_flag():
 def faulted(
     column: int, value: float, *, seconds: float = 1.0, at: float = 0.5
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Return commands and flags if a reading is constant from ``at`` on, and commands without the fault."""
+    """Return commands and flags if a reading is constant from ``at`` on, and commands without this fault."""
     good = told(RECOMMENDED, seconds)
     bad = good.copy()
     bad[round(at / PERIOD) :, column] = value
@@ -228,7 +229,7 @@ def faulted(
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e3, 100.0])
-def test_invalid_temperature_is_replaced(value):
+def test_invalid_temperature_is_replaced_by_estimate(value):
     current, flags, clean = faulted(3, value)
     assert (flags[500:] & Flag.NO_TEMPERATURE).all()
     assert not (flags[:500] & Flag.NO_TEMPERATURE).any()
@@ -236,8 +237,8 @@ def test_invalid_temperature_is_replaced(value):
 
 
 @pytest.mark.parametrize(("at", "accepted"), [(0.5, 2.5), (3.0, 6.0)])
-def test_temperature_jump_is_accepted_later(at, accepted):
-    """A jump by 60 K is accepted after 2 s, or after the duration of the valid readings if this is longer."""
+def test_temperature_jump_is_accepted_after_delay(at, accepted):
+    """A jump by 60 K is accepted after 2 s, or later if valid readings have lasted longer than 2 s."""
     current, flags, clean = faulted(3, ROOM + 60.0, seconds=accepted + 1.0, at=at)
     begin, end = round(at / PERIOD), round(accepted / PERIOD)
     assert (flags[begin : end - 10] & Flag.TEMPERATURE_JUMP).all()
@@ -245,7 +246,7 @@ def test_temperature_jump_is_accepted_later(at, accepted):
     assert not (flags[end + 10 :] & Flag.TEMPERATURE_JUMP).any()
 
 
-def test_missing_temperature_is_replaced_by_nominal_value():
+def test_missing_temperature_becomes_nominal_temperature():
     made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
     rows = told(made, 6.0)
     rows[500:, 3] = np.nan
@@ -255,7 +256,7 @@ def test_missing_temperature_is_replaced_by_nominal_value():
     assert made.estimate(state).temperature == pytest.approx(363.15)
 
 
-def test_temperature_outside_tables_uses_their_edge():
+def test_temperature_outside_tables_uses_table_edge():
     edge, beyond = (told(RECOMMENDED, 0.5, kelvin=k) for k in (398.15, 420.0))
     _, current, flags = RECOMMENDED.run(RECOMMENDED.start(), beyond)
     np.testing.assert_allclose(current, RECOMMENDED.run(RECOMMENDED.start(), edge)[1], atol=1e-12)
@@ -264,7 +265,7 @@ def test_temperature_outside_tables_uses_their_edge():
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
 def test_missing_displacement_gives_fall_back_command(value):
-    """The motion is extrapolated for 120 ms. Then the command is the fall-back until the motion is known."""
+    """The motion is extrapolated for 120 ms. Then the fall-back is used until the motion is known again."""
     current, flags, clean = faulted(2, value)
     assert (flags[500:] & Flag.NO_DISPLACEMENT).all()
     assert np.abs(current - clean)[500:510].max() < 0.1
@@ -277,8 +278,8 @@ def test_missing_displacement_gives_fall_back_command(value):
     assert not (flags[750:] & Flag.MOTION_UNKNOWN).any()
 
 
-def test_stuck_displacement_sensor_is_detected_in_motion():
-    """A constant displacement of a damper at rest is not a fault."""
+def test_stuck_displacement_is_flagged_in_motion():
+    """A constant displacement reading is valid if the damper is at rest."""
     frozen = told(RECOMMENDED, 1.0)[500, 2]
     _, flags, _ = faulted(2, float(frozen))
     assert (flags[525:] & Flag.FROZEN).all()
@@ -289,19 +290,19 @@ def test_stuck_displacement_sensor_is_detected_in_motion():
 
 
 @pytest.mark.parametrize("name", ["clipped-on-off", "pi"])
-def test_missing_force_disables_the_feedback(name):
+def test_missing_force_reading_disables_force_feedback(name):
     made = ALL[name]
     _, current, flags = made.run(made.start(), told(made, 1.0))
     assert (flags & Flag.NO_FORCE).all()
     assert (current == 0.0).all()
 
 
-# --- Rules ------------------------------------------------------------------------------------------------
+# --- Design rules -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
-def test_preview_equals_prediction_horizon(period):
-    """The preview equals the prediction horizon. An additional delay lengthens the preview by this delay."""
+def test_target_preview_equals_prediction_horizon(period):
+    """An additional command delay lengthens the preview by this delay."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
     expected = horizon_end(made["recommended"].config.prediction)
     assert expected > LAGS.response_time(0.5)
@@ -310,8 +311,8 @@ def test_preview_equals_prediction_horizon(period):
     assert later["recommended"].preview_s == pytest.approx(expected + 0.01, abs=2e-5)
 
 
-def test_causal_controller_extrapolates_a_parabola():
-    """A target that is a parabola in time gives the same command with and without preview."""
+def test_causal_controller_extrapolates_target_as_parabola():
+    """A target that is a parabola in time gives the same command with and without a preview of the target."""
     t = PERIOD * np.arange(1500)
 
     def target(at: Any) -> Any:
@@ -324,8 +325,8 @@ def test_causal_controller_extrapolates_a_parabola():
     np.testing.assert_allclose(causal[800:], known[800:], atol=1e-6)
 
 
-def test_scaled_controller_scales_the_force():
-    """If target and all parts of the force are doubled, the command stays the same (no spring or offset)."""
+def test_scaled_controller_gives_scaled_force():
+    """If target and all force parts are doubled, the command stays the same (no spring, no offset)."""
     bare = at_once(DOUBLE).with_parameters({"stiffness.value": 0.0, "offset.c0": 0.0, "offset.c1": 0.0})
     made = controllers_for(bare)["recommended"]
     twice = made.scaled(2.0, 2.0, 2.0)
@@ -339,12 +340,12 @@ def test_scaled_controller_scales_the_force():
     ("wanted", "force", "expected"),
     [(800.0, 500.0, 2.0), (800.0, 900.0, 0.0), (-800.0, 900.0, 0.0), (-800.0, -500.0, 2.0)],
 )
-def test_clipped_on_off_returns_zero_or_maximum(wanted, force, expected):
+def test_clipped_controller_returns_zero_or_maximum(wanted, force, expected):
     made = ALL["clipped-on-off"]
     assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 
 
-# --- Rejected dampers -------------------------------------------------------------------------------------
+# --- Unsupported dampers ------------------------------------------------------------------------------------
 
 
 UNMOVED = {"yield_force": Constant(300.0), "second_force": Constant(200.0)}
@@ -374,6 +375,6 @@ def other(**coefficients: ParameterLaw) -> Damper:
         (replace(DOUBLE, actuation=Actuation(0.01, 0.01)), PERIOD, "largest command is unknown"),
     ],
 )
-def test_unsuitable_damper_is_refused(damper, period, message):
+def test_controllers_reject_unsuitable_damper(damper, period, message):
     with pytest.raises(InputError, match=message):
         controllers_for(damper, period_s=period)

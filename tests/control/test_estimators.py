@@ -1,4 +1,4 @@
-"""Estimators compared with the Riccati equation, closed forms, the card's actuation, and Python versions."""
+"""Estimators of controllers agree with the Riccati equation, closed forms, a card's actuation and Python."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ PERIOD = 1e-3
 MOVED = MOTIONS["nonperiodic"]
 
 
-# --- Motion -----------------------------------------------------------------------------------------------
+# --- Motion filter ------------------------------------------------------------------------------------------
 
 
 @examples(30)
 @given(period=st.floats(2e-4, 1e-2), noise=st.floats(1e-7, 1e-4), density=st.floats(0.05, 100.0))
-def test_filter_covariance_solves_riccati_equation(period, noise, density):
-    """The reference is SciPy's solver, in units in which all values have a similar size."""
+def test_motion_filter_covariance_solves_riccati_equation(period, noise, density):
+    """The reference is SciPy's solution, with units such that all values have a similar size."""
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     power = (density / noise) ** 2 * period**5
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
@@ -45,8 +45,8 @@ def test_filter_covariance_solves_riccati_equation(period, noise, density):
     )
 
 
-def test_white_jerk_causes_stated_velocity_error():
-    """The RMS velocity error in 40 s with white jerk and 10 um noise equals the stated error within 5 %."""
+def test_motion_filter_has_stated_velocity_error():
+    """The RMS error for white jerk and 10 um noise in 40 s equals the value of the covariance within 5 %."""
     rng, reference = np.random.default_rng(3), MotionFilter(PERIOD)
     stated = math.sqrt(reference.covariance[1, 1])
     n = 40_000
@@ -84,8 +84,8 @@ def test_controller_motion_estimate_matches_python_filter():
 
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 4e-3])
-def test_observer_follows_actuation_of_card(period):
-    """The reference is the card's actuation on a time grid that is 100 times finer."""
+def test_current_observer_follows_actuation_of_card(period):
+    """The reference is the actuation of the card on a time grid that is 100 times finer."""
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(0.0, 2.0, 30), 5)
     observer = AppliedCurrent(LAGS, period)
@@ -95,7 +95,8 @@ def test_observer_follows_actuation_of_card(period):
         found.append(state.applied)
     fine = np.concatenate([np.zeros(100), np.repeat(command, 100)])
     whole = LAGS.apply(fine, period / 100.0)[100:]
-    # A dead time that ends between two samples is interpolated, with an error of a fraction of a period.
+    # If the dead time ends between two samples, the observer interpolates with an error of a fraction of a
+    # period.
     blur = 0.6 * period * 2.0 / (LAGS.rise_s + LAGS.second_s)
     assert np.abs(found - whole[99::100]).max() < max(2e-3, blur)
 
@@ -116,8 +117,8 @@ def test_controller_applied_current_matches_python_observer():
 
 @pytest.mark.parametrize("wide_hysteresis_width_A", [0.0, 0.15])
 @pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
-def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_width_A):
-    """The estimated current is within 8 mA of the card's actuation on a grid of 10 us; the limit is 2 A."""
+def test_controller_follows_freewheeling_saturating_current(damper, wide_hysteresis_width_A):
+    """The estimate is within 8 mA of the card's actuation on a grid of 10 us. The largest current is 2 A."""
     lags = Actuation(
         0.004,
         0.001,
@@ -144,15 +145,15 @@ def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_
     np.testing.assert_allclose(applied[1:], fine[99::100][: len(applied) - 1], atol=8e-3)
 
 
-# --- Disturbance ------------------------------------------------------------------------------------------
+# --- Disturbance observer -----------------------------------------------------------------------------------
 
 
-def test_observer_follows_a_first_order_lag():
-    """The estimate of a constant additional force rises as 1 - exp(-t / T) to its full value."""
+def test_disturbance_estimate_has_first_order_lag():
+    """The estimate of a constant additional force F rises as F [1 - exp(-t / T)]."""
     made = controllers_for(DOUBLE)["recommended-observer"]
     state, surplus, found = made.start(), 40.0, []
     for k in range(2000):
-        # The measured force is the model's force after the step plus the additional force.
+        # The measured force is the force of the model after the step plus the additional force.
         row = np.array([[300.0, 300.0, 2e-5 * k, 300.0, np.nan]])
         after = made.run(state, row)[0]
         row[0, 4] = made.estimate(after).force + surplus

@@ -1,4 +1,4 @@
-"""A stuck thermometer is detected by the heat balance. A damper in thermal balance causes no alarm."""
+"""The heat balance detects a stuck thermometer and raises no alarm if the damper is in thermal balance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mrdamper.thermal.model.transient import simulate_network
 from tests.oracles.closed_form import constant_heating
 from tests.support.cards import DOUBLE
 
-PERIOD, ROOM = 5e-3, 293.15  # The long period limits half an hour to 360,000 steps.
+PERIOD, ROOM = 5e-3, 293.15  # The long period limits a run of half an hour to 360,000 steps.
 MOTION = Sine(15e-3, 1.0)
 PAPER = read_drawing("paper")
 WHOLE = Heating.paper()
@@ -46,7 +46,7 @@ def rows(seconds: float, *, current: float = 2.0, kelvin: Any = ROOM) -> FloatAr
 
 
 def power_of(kelvin: float, current: float = 2.0) -> float:
-    """Return the mechanical power of the damper [W], averaged over whole periods of the motion."""
+    """Return the mechanical power of the damper [W], averaged over whole periods of its motion."""
     told = rows(4.0, current=current, kelvin=kelvin)
     quiet = model(NO_HEATING)
     force = quiet.run(quiet.start(), told)[1]
@@ -54,7 +54,7 @@ def power_of(kelvin: float, current: float = 2.0) -> float:
 
 
 def first(flags: NDArray[np.int64]) -> float:
-    """Return the time of the first flag [s], which is infinite if no flag was raised."""
+    """Return the time of the first raised flag [s], or infinity."""
     raised = np.flatnonzero(flags & FROZEN)
     return PERIOD * float(raised[0]) if raised.size else math.inf
 
@@ -63,38 +63,39 @@ def first(flags: NDArray[np.int64]) -> float:
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_stuck_thermometer_is_flagged_after_5_kelvin(single):
-    """A constant reading is flagged when the damper should be 5 K warmer, with zero to maximum heat loss."""
+def test_stuck_thermometer_is_flagged_at_5_kelvin(single):
+    """The flag is raised once the damper should be 5 K warmer. The assumed heat loss is zero to maximum."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
     soonest = 5.0 * WHOLE.capacity_J_K / heat
     loss = WHOLE.loss_ratio_max * WHOLE.loss_W_K
-    # C dT/dt = P - G T with T(t) = 5 K
+    # Time after which C dT/dt = P - G T gives T = 5 K
     latest = -WHOLE.capacity_J_K / loss * math.log(1.0 - 5.0 * loss / heat)
     assert 40.0 < soonest * 0.99 < first(flags) < latest * 1.01 < 60.0
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_and_model_detect_stuck_sensor_equally():
+def test_controller_detects_stuck_sensor_like_model():
     """Both raise the flag at the same time within 5 %, although the controller sums the work term by term."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
     told = np.full((len(t), 5), np.nan)
-    told[:, 0] = told[:, 1] = 5000.0 * np.sign(MOTION.velocity(t))  # infeasible: always 2 A
+    # The target is infeasible, so the command is always 2 A.
+    told[:, 0] = told[:, 1] = 5000.0 * np.sign(MOTION.velocity(t))
     told[:, 2], told[:, 3] = MOTION.displacement(t), ROOM
     reference = first(model().run(model().start(), rows(75.0))[2])
     assert first(made.run(made.start(), told)[2]) == pytest.approx(reference, rel=0.05)
 
 
-def test_temperature_of_stuck_sensor_is_extrapolated():
-    """The estimate rises like the temperature of one heat capacity. A recovered sensor is used after 2 s."""
+def test_heat_balance_extrapolates_stuck_temperature():
+    """The estimate rises like a single heat capacity. A recovered sensor is used again after 2 s."""
     made = model(extrapolate_temperature=True)
     state, _, flags = made.run(made.start(), rows(500.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
     expected = constant_heating(500.0, heat, WHOLE.loss_W_K, WHOLE.capacity_J_K, ambient=ROOM, start=ROOM)
     risen = made.estimate(state).temperature - ROOM
-    # The force falls with temperature, so the estimate rises less than with constant power.
+    # The force falls with temperature, so the estimate rises less than at constant power.
     assert 0.85 * (float(expected) - ROOM) < risen < float(expected) - ROOM
     assert flags[-1] & FROZEN
     state, _, flags = made.run(state, rows(4.0, kelvin=ROOM + 12.0))
@@ -102,14 +103,14 @@ def test_temperature_of_stuck_sensor_is_extrapolated():
     assert made.estimate(state).temperature == pytest.approx(ROOM + 12.0, abs=0.1)
 
 
-def test_extrapolation_ends_at_the_temperature_limit():
+def test_extrapolated_temperature_ends_at_its_limit():
     made = model(replace(WHOLE, loss_W_K=0.0, capacity_J_K=100.0), extrapolate_temperature=True)
     state, force, _ = made.run(made.start(), rows(600.0))
     assert made.estimate(state).temperature == pytest.approx(423.15)
     assert np.isfinite(force).all()
 
 
-def test_model_flags_without_changing_the_force():
+def test_stuck_flag_leaves_force_unchanged():
     told = rows(100.0)
     plain, none = model(), model(NO_HEATING)
     _, force, flags = plain.run(plain.start(), told)
@@ -119,11 +120,11 @@ def test_model_flags_without_changing_the_force():
     assert not (quiet & FROZEN).any()
 
 
-# --- No false alarm ---------------------------------------------------------------------------------------
+# --- No false alarms ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kelvin", [253.15, ROOM, 353.15])
-def test_damper_at_rest_may_have_constant_temperature(kelvin):
+def test_constant_temperature_at_rest_is_valid(kelvin):
     told = rows(900.0, current=0.0, kelvin=kelvin)
     told[:, 0] = told[:, 1] = 0.0
     made = model()
@@ -132,7 +133,7 @@ def test_damper_at_rest_may_have_constant_temperature(kelvin):
 
 @cache
 def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArray:
-    """Simulate heating from ambient with the zone network; return the fluid temperature [K] by sample."""
+    """Simulate heating from ambient with the thermal network. Return the fluid temperature [K] by sample."""
     network = zone_network(drawing)
     warm = [float(k) for k in np.linspace(drawing.surroundings.ambient, 400.0, 5)]
     powers = [power_of(k, current) for k in warm]
@@ -147,8 +148,8 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
 @pytest.mark.nightly
 @pytest.mark.parametrize("fins", [True, False])
 @pytest.mark.parametrize("step_K", [0.1, 1.0, 3.0])
-def test_coarse_thermometer_is_not_reported_stuck(fins, step_K):
-    """The damper warms for half an hour to thermal balance. Its reading is rounded and has no noise."""
+def test_coarse_temperature_reading_is_valid(fins, step_K):
+    """The damper warms for half an hour until thermal balance. The reading is rounded and has no noise."""
     drawing = PAPER if fins else PAPER.with_sink(None)
     made = model(Heating.from_drawing(drawing))
     kelvin = np.round(warming(drawing, 1800.0, 1.0) / step_K) * step_K
@@ -156,8 +157,8 @@ def test_coarse_thermometer_is_not_reported_stuck(fins, step_K):
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
-def test_wrong_heat_loss_causes_no_false_alarm(wrong):
-    """In thermal balance the reading is constant for 15 min. The assumed heat loss is wrong by 30 to 40 %."""
+def test_wrong_heat_loss_raises_no_alarm(wrong):
+    """In thermal balance, the reading is constant for 15 min. The assumed loss is wrong by 30 to 40 %."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))
     assert first(made.run(made.start(), rows(900.0, current=1.0, kelvin=kelvin))[2]) == math.inf
@@ -166,7 +167,7 @@ def test_wrong_heat_loss_causes_no_false_alarm(wrong):
 # --- Values of the heat balance ---------------------------------------------------------------------------
 
 
-def test_heat_balance_has_values_of_geometry():
+def test_heat_balance_uses_values_of_geometry():
     bare = Heating.from_drawing(PAPER.with_sink(None))
     assert bare.capacity_J_K == pytest.approx(zone_network(PAPER.with_sink(None)).total_capacity)
     assert WHOLE.loss_W_K > 3.0 * bare.loss_W_K
@@ -176,6 +177,6 @@ def test_heat_balance_has_values_of_geometry():
     assert driver.config("V", extrapolate=True).coil_heat == pytest.approx(0.25 * PAPER.coil.resistance)
 
 
-def test_invalid_capacity_is_refused():
+def test_invalid_heat_capacity_is_rejected():
     with pytest.raises(InputError, match="capacity_J_K is nan"):
         replace(WHOLE, capacity_J_K=math.nan)

@@ -27,8 +27,8 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 # --- Hold and delays --------------------------------------------------------------------------------------
 
 
-def test_exact_inverse_has_only_the_hold_error():
-    """Holding a command for a period P causes an error of at most P times the max slope 2 pi f A."""
+def test_exact_inverse_has_only_hold_error():
+    """Holding a command for a period P causes a force error of at most P times the maximum slope 2 pi f A."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3
@@ -44,7 +44,7 @@ def test_hold_error_is_proportional_to_period():
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(2.0, rel=0.1)
 
 
-def test_preview_of_half_period_halves_the_error():
+def test_half_period_preview_halves_error():
     late = run_loop(Ideal(), Inverse(), SHORT)
     centred = run_loop(Ideal(), Inverse(preview_s=5e-4), SHORT)
     inside = attainable_range(Ideal(), late.course, 20.0, 2.0).feasible(late.course.target)
@@ -54,8 +54,8 @@ def test_preview_of_half_period_halves_the_error():
 
 @pytest.mark.system
 @given(late=st.integers(0, 137))
-def test_delay_shifts_the_command(late):
-    """The delay may be a fraction of a sample. The current is zero before the first command arrives."""
+def test_command_delay_shifts_applied_current(late):
+    """The delay is any number of simulation steps. The current is zero until the first command arrives."""
     scenario = replace(SHORT, duration_s=0.3, unscored_s=0.0)
     at_once = run_loop(Ideal(), Recording(), scenario).current
     delay = Disturbance(command_delay_s=late * 1e-4)
@@ -72,7 +72,7 @@ def test_command_is_held_between_samples():
 
 
 @given(current=st.floats(-5.0, 5.0), step=st.sampled_from([0.0, 0.01, 0.1]))
-def test_driver_saturates_and_rounds(current, step):
+def test_current_driver_saturates_and_rounds_command(current, step):
     scenario = replace(SHORT, duration_s=0.02, unscored_s=0.0, disturbance=Disturbance(command_step_A=step))
     given_A = run_loop(Ideal(), Constant(current), scenario).current
     assert np.ptp(given_A) == 0.0
@@ -82,18 +82,18 @@ def test_driver_saturates_and_rounds(current, step):
         assert given_A[0] / step == pytest.approx(round(given_A[0] / step), abs=1e-9)
 
 
-def test_plant_lag_delays_the_force():
-    """A lag T delays a slowly rising current by T. The tolerance is half of the sampling period."""
+def test_plant_lag_delays_rising_force():
+    """A first-order lag T delays a slow current ramp by T. The tolerance is half of the sampling period."""
     run = run_loop(Lagging(0.01), Recording(slope=0.5), SHORT)
     size = np.abs(run.force) - 50.0
     late = run.course.time[2000:2400] - size[2000:2400] / (800.0 * 0.5)
     assert late == pytest.approx(0.01, abs=1.01e-3)
 
 
-# --- Readings ---------------------------------------------------------------------------------------------
+# --- Sensor readings ----------------------------------------------------------------------------------------
 
 
-def test_controller_gets_target_now_and_ahead():
+def test_controller_gets_present_and_previewed_target():
     run_loop(Ideal(), Recording(preview_s=0.016), SHORT)
     time = 1e-3 * np.arange(1000)
     wanted = np.array([(w.now, w.ahead) for w, _ in LAST])
@@ -104,7 +104,7 @@ def test_controller_gets_target_now_and_ahead():
 
 
 def test_noise_free_sensors_return_true_values():
-    """The measured force is the force of the preceding time step. Other readings are values at the sample."""
+    """The measured force is the force of the preceding step. Other readings are values at the sample."""
     run = run_loop(Ideal(), Recording(), SHORT)
     seen = [s for _, s in LAST]
     expected = MOTIONS["sine5mm1Hz"].displacement(1e-3 * np.arange(1000))
@@ -113,8 +113,8 @@ def test_noise_free_sensors_return_true_values():
     assert [s.force for s in seen] == [0.0, *run.force[9:-1:10]]
 
 
-def test_noise_has_the_specified_standard_deviation():
-    """Tolerances are four standard errors: s / sqrt(2 n) of a standard deviation, s / sqrt(n) of a mean."""
+def test_sensor_noise_has_specified_standard_deviation():
+    """The tolerances are four standard errors: s / sqrt(2 n) of a deviation s, s / sqrt(n) of a mean."""
     scenario = replace(SHORT, sensors=Sensing(temperature_offset_K=5.0, lost_share=0.0), duration_s=4.0)
     run_loop(Ideal(), Recording(), scenario)
     seen = [s for _, s in LAST]
@@ -125,7 +125,7 @@ def test_noise_has_the_specified_standard_deviation():
     assert np.mean(kelvin) == pytest.approx(298.15, abs=4 * 0.3 / np.sqrt(4000))
 
 
-def test_dropout_leaves_other_sensors_unchanged():
+def test_sensor_dropout_leaves_other_sensors_unchanged():
     run_loop(Ideal(), Recording(), replace(SHORT, sensors=Sensing()))
     whole = list(LAST)
     lost = Sensing(dropouts=(Dropout("temperature", 0.2, 0.3),))
@@ -137,7 +137,7 @@ def test_dropout_leaves_other_sensors_unchanged():
 
 
 @pytest.mark.parametrize("sensor", ["displacement", "temperature", "force"])
-def test_stuck_sensor_repeats_its_reading(sensor):
+def test_frozen_sensor_repeats_its_last_reading(sensor):
     frozen = Sensing(dropouts=(Dropout(sensor, 0.2, 0.3, "frozen"),))
     run_loop(Ideal(), Recording(), replace(SHORT, sensors=frozen))
     read = [getattr(s, sensor) for _, s in LAST]
@@ -146,7 +146,7 @@ def test_stuck_sensor_repeats_its_reading(sensor):
 
 
 @pytest.mark.parametrize(("sensor", "by"), [("displacement", 1e-3), ("temperature", -7.5), ("force", 80.0)])
-def test_sensor_offset_lasts_for_stated_time(sensor, by):
+def test_sensor_offset_lasts_for_specified_time(sensor, by):
     read = []
     for faults in ((), (Dropout(sensor, 0.2, 0.3, "shifted", by),)):
         run_loop(Ideal(), Recording(), replace(SHORT, sensors=Sensing(dropouts=faults)))
@@ -156,7 +156,7 @@ def test_sensor_offset_lasts_for_stated_time(sensor, by):
 
 
 @pytest.mark.parametrize("sensor", ["displacement", "temperature", "force"])
-def test_lost_samples_have_the_stated_rate(sensor):
+def test_lost_samples_occur_at_specified_rate(sensor):
     run_loop(Ideal(), Recording(), replace(SHORT, duration_s=4.0, sensors=Sensing(lost_share=0.1)))
     lost = np.isnan([getattr(s, sensor) for _, s in LAST]).mean()
     assert lost == pytest.approx(0.1, abs=4 * np.sqrt(0.09 / 4000))
@@ -171,18 +171,18 @@ def test_measured_displacement_is_delayed_and_quantised():
     assert read / 1e-5 == pytest.approx(np.round(read / 1e-5), abs=1e-6)
 
 
-def test_gain_of_damper_scales_force_and_reading():
+def test_force_gain_scales_force_and_reading():
     plain = run_loop(Ideal(), Recording(), SHORT)
     strong = run_loop(Ideal(), Recording(), replace(SHORT, disturbance=Disturbance(force_gain=1.1)))
     assert strong.force == pytest.approx(1.1 * plain.force)
     assert LAST[500][1].force == pytest.approx(1.1 * plain.force[4999])
 
 
-# --- Plants and the loop in C -----------------------------------------------------------------------------
+# --- Plants, and the control loop in C ----------------------------------------------------------------------
 
 
-def test_same_seed_repeats_run_without_changing_plant():
-    """Equal seeds give identical runs, different seeds different runs. The given plant does not change."""
+def test_same_seed_repeats_controlled_run():
+    """Equal seeds give identical runs, different seeds different runs. The plant object is unchanged."""
     plant = Plant(PRESETS["nominal"])
     before, noisy = plant.state, replace(SHORT, sensors=Sensing())
     first, again, other = (run_loop(plant, OnOff(), replace(noisy, seed=seed)).force for seed in (1, 1, 2))
@@ -208,7 +208,7 @@ _NAMES = ("recommended", "recommended-causal", "recommended-observer", "predicti
 
 
 class _AnyPlant:
-    """A virtual damper without the interface to C."""
+    """A virtual damper without the interface that the loop in C requires."""
 
     def __init__(self, plant: Plant) -> None:
         self.step_s, self.advance_many = plant.step_s, plant.advance_many
@@ -217,8 +217,8 @@ class _AnyPlant:
 
 @pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
 @pytest.mark.parametrize("disturbed", [False, True])
-def test_loop_in_c_equals_loop_in_python(preset, disturbed):
-    """Both loops give identical bits, also with delays, quantised currents, sensor faults and gains."""
+def test_control_loop_in_c_equals_python(preset, disturbed):
+    """Both loops give identical bits, also with delays, quantised currents, sensor faults and force gains."""
     scenario = Scenario(duration_s=0.4, unscored_s=0.1, temperature_degC=60.0)
     if disturbed:
         disturbance = Disturbance(force_gain=1.1, command_delay_s=3.7e-3, command_step_A=0.01)
@@ -233,8 +233,8 @@ def test_loop_in_c_equals_loop_in_python(preset, disturbed):
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
-def test_batched_loops_match_single_loops(preset):
-    """The comparison has seven controllers (one in Python), with and without delays."""
+def test_batched_control_loops_match_single_loops(preset):
+    """Seven controllers, one of them in Python, are compared with and without delays."""
     scenario = Scenario(duration_s=0.3, unscored_s=0.1, temperature_degC=60.0)
     late = replace(scenario, seed=7, sensors=_FAULTS, disturbance=Disturbance(command_delay_s=3.7e-3))
     plant, made = Plant(PRESETS[preset]), controllers_for(DOUBLE)
@@ -253,7 +253,7 @@ def test_batched_loops_match_single_loops(preset):
 FAR = replace(SHORT, motion="sine:2500mm:1Hz")
 
 
-def test_batched_loops_need_one_motion():
+def test_batched_control_loops_require_same_motion():
     with pytest.raises(InputError, match="only seed, sensors and disturbance may differ"):
         run_loops(Ideal(), [OnOff()], [SHORT, replace(SHORT, temperature_degC=60.0)])
 
@@ -265,7 +265,7 @@ def test_batched_loops_need_one_motion():
         (Ideal(), Constant(float("nan")), SHORT, "controller 'constant': its current is nan at sample 0"),
     ],
 )
-def test_invalid_sample_stops_the_loop(plant, controller, scenario, message):
+def test_control_loop_rejects_invalid_values(plant, controller, scenario, message):
     with pytest.raises(InputError, match=message):
         run_loop(plant, controller, scenario)
 
@@ -278,7 +278,7 @@ def test_invalid_sample_stops_the_loop(plant, controller, scenario, message):
         (3.3e-4, r"expected a whole number of the plant's steps of 0\.1 ms, such as 0\.3 ms"),
     ],
 )
-def test_unsuitable_period_is_refused(period, message):
+def test_unsuitable_control_period_is_rejected(period, message):
     with pytest.raises(InputError, match=message):
         steps_per_sample(period, 1e-4)
 
@@ -316,7 +316,7 @@ command_delay_s = 0.005
 
 def test_scenario_is_read_from_toml():
     scenario = Scenario.from_mapping(tomllib.loads(TOML))
-    assert scenario.motion == "sine3mm2Hz"  # This value is from the scenario in ``like``.
+    assert scenario.motion == "sine3mm2Hz"  # The scenario named by ``like`` supplies this value.
     assert scenario.target == SineTarget(700, 2, -10)
     assert scenario.sensors.dropouts == (Dropout("displacement", 1.5, 1.6),)
     assert scenario.disturbance.command_delay_s == 0.005

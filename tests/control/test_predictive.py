@@ -1,6 +1,6 @@
-"""The real-time model of the law ``chain``, and the predictive controller.
+"""The real-time model of the chain law, and the predictive controller that uses this model.
 
-Values in the docstrings were measured when the test was written. The test has a wider bound.
+Values in the docstrings were measured when the test was written. Each test has a wider limit.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def without(**terms: float) -> Damper:
     return other(at_once(CHAIN), **terms)
 
 
-# The cavity opens above half an ampere.
+# With these values, the cavity opens at currents above 0.5 A.
 HOLLOW = {"cavity_length": 0.03, "cavity_force": 600.0, "bubble_length": 2e-5}
 CHARGED = other(CHAIN, **HOLLOW | {"cavity_force": 950.0})
 
@@ -50,7 +50,7 @@ CHARGED = other(CHAIN, **HOLLOW | {"cavity_force": 950.0})
 def feasible_rms(
     model: Damper, scenario: Scenario, name: str = "predictive", *, of: Damper | None = None, **given: float
 ) -> float:
-    """Return the RMS error [N] while the target is feasible. ``of`` is the damper of the controller."""
+    """Return the RMS error [N] on feasible samples. ``of`` is the damper model of the controller."""
     plant = CardPlant(model)
     made = controllers_for(of or model, largest=2.0, **given)[name]  # type: ignore[arg-type]
     course = reference_trajectory(scenario, plant.step_s)
@@ -70,10 +70,10 @@ def feasible_rms(
     ],
 )
 @pytest.mark.parametrize("rate", [500, 5000])
-def test_tabulated_chain_force_matches_kernel_law(model: Damper, rate: int) -> None:
+def test_tabulated_chain_force_matches_kernel(model: Damper, rate: int) -> None:
     """The tables change the force by 0.05 % (RMS) and at most by 0.4 % of the RMS force.
 
-    With a cavity, the maximum is 2.5 % because the time at which the cavity closes differs by microseconds.
+    With a cavity, the largest error is 2.5 % because the cavity closes some microseconds earlier or later.
     """
     x, v, a, current, kelvin = (each[:: 5000 // rate] for each in driven(3.0, 5000))
     truth = simulate(model, Trajectory(1.0 / rate, x, v, a, current, temperature=kelvin))
@@ -93,7 +93,7 @@ def test_symmetric_chain_is_odd_in_motion() -> None:
 
 
 @pytest.mark.parametrize("amperes", [0.0, 2.0])
-def test_chain_dissipates_work(amperes: float) -> None:
+def test_realtime_chain_dissipates_work(amperes: float) -> None:
     t = 1e-3 * np.arange(2001)
     x, v = 5e-3 * np.sin(2 * np.pi * t), 0.01 * np.pi * np.cos(2 * np.pi * t)
     force = forces(at_once(CHAIN), 1000, x, v, np.array(amperes), np.array(333.15), single=True)
@@ -101,15 +101,16 @@ def test_chain_dissipates_work(amperes: float) -> None:
 
 
 @pytest.mark.parametrize("model", [CHAIN, CHARGED, SERIES, *DAMPERS.values()], ids=lambda d: d.law.name)
-def test_feasible_target_is_tracked(model: Damper) -> None:
-    """The error is 0.3 to 0.6 % of the amplitude at 60 degC, without model error and almost without noise."""
+def test_predictive_controller_tracks_feasible_target(model: Damper) -> None:
+    """At 60 degC, with an exact model and almost no noise, the error is 0.3 to 0.6 % of the amplitude."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0, sensors=QUIET)
     plant, made = CardPlant(model), controllers_for(model)["predictive"]
     course = reference_trajectory(scenario, plant.step_s)
     reach = attainable_range(plant, course, 60.0, 2.0)
     run = run_loop(plant, made, scenario, course)
     inside = reach.feasible(course.target, margin_N=100.0)
-    settled = np.convolve(inside, np.ones(1000), "full")[: len(inside)] >= 1000  # feasible for 0.1 s
+    # The target has been feasible for 0.1 s.
+    settled = np.convolve(inside, np.ones(1000), "full")[: len(inside)] >= 1000
     settled[: course.scored_from] = False
     assert settled.sum() > 1000
     assert np.sqrt(np.mean(run.error[settled] ** 2)) < 0.01 * 900.0
@@ -117,10 +118,10 @@ def test_feasible_target_is_tracked(model: Damper) -> None:
 
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "seconds"), [("sine-1100N-2Hz", 2.0), ("non-periodic", 4.0)])
-def test_predictive_controller_beats_recommended_with_exact_model(name: str, seconds: float) -> None:
-    """The predictive controller has an error of 4.2 N RMS at 123 degC, ``recommended`` 9.1 N.
+def test_predictive_controller_beats_recommended_controller(name: str, seconds: float) -> None:
+    """With an exact model, the RMS error at 123 degC is 4.2 N (predictive) and 9.1 N (recommended).
 
-    The controller ``recommended`` uses only a part of the modelled hysteresis.
+    The controller ``recommended`` compensates only a part of the modelled hysteresis.
     """
     scenario = replace(SCENARIOS[name], temperature_degC=123.0, duration_s=seconds)
     predicted, robust = (feasible_rms(DOUBLE, scenario, each) for each in ("predictive", "recommended"))
@@ -129,8 +130,8 @@ def test_predictive_controller_beats_recommended_with_exact_model(name: str, sec
 
 
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
-def test_free_wheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
-    """A controller with a free-wheeling model has half the error of one with a first-order fall."""
+def test_freewheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
+    """A controller whose model includes free-wheeling has half the error of one with a first-order fall."""
     wheels = Actuation(
         0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
     )
@@ -141,10 +142,10 @@ def test_free_wheeling_model_halves_tracking_error(freewheel_time_s: float, satu
     assert feasible_rms(model, scenario) < 0.5 * feasible_rms(model, scenario, of=assumed)
 
 
-def test_velocity_of_harmonic_motion_is_accurate() -> None:
-    """The velocity error of a 2 Hz sine of 3 mm with 10 um noise is 0.4 mm/s RMS.
+def test_velocity_estimate_of_sine_is_accurate() -> None:
+    """The RMS error is 0.4 mm/s for a sine of 3 mm and 2 Hz with a noise of 10 um.
 
-    A filter that does not estimate the frequency has an error of 0.9 mm/s.
+    A filter that does not estimate the frequency of the motion has an error of 0.9 mm/s.
     """
     made = controllers_for(CHAIN)["predictive"]
     rate, turn = 1000, 4.0 * np.pi
@@ -160,7 +161,7 @@ def test_velocity_of_harmonic_motion_is_accurate() -> None:
 
 
 @pytest.mark.parametrize("model", EVERY, ids=lambda d: d.law.name)
-def test_jump_of_target_saturates_the_command(model: Damper) -> None:
+def test_target_jump_saturates_command_at_limit(model: Damper) -> None:
     made = controllers_for(model)["predictive"]
     rows = told(made, 1.0)
     rows[600:, 1] = 1e6
@@ -177,19 +178,19 @@ def test_implicit_laws_have_no_paper_controller(model: Damper) -> None:
         check_name("paper", model.law.name)
 
 
-def test_chain_tables_contain_all_coefficients_of_model() -> None:
-    """A coefficient that is missing in the tables would be ignored in exported code."""
+def test_chain_tables_contain_all_coefficients() -> None:
+    """Exported code would ignore a coefficient that is missing in the tables."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
     assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 
 
-def test_unsupported_dependence_is_refused() -> None:
+def test_chain_rejects_current_dependent_gap() -> None:
     bent = replace(CHAIN, coefficients={**CHAIN.coefficients, "gap": Polynomial((1e-4, 1e-5))})
     with pytest.raises(InputError, match=r"gap of this chain card depends on the command"):
         controllers_for(bent)
 
 
-def test_chain_model_recovers_from_missing_readings() -> None:
+def test_chain_model_recovers_from_missing_displacement() -> None:
     made = changed(realtime_model(CHAIN), heating__heat_capacity=0.0)
     x, v, _, current, kelvin = driven(1.0, 1000)
     rows = np.column_stack([x, v, current, kelvin])
@@ -202,7 +203,7 @@ def test_chain_model_recovers_from_missing_readings() -> None:
 
 @pytest.mark.system
 def test_known_bus_period_reduces_tracking_error() -> None:
-    """With a displacement bus of 50 Hz, the error rises by 3 N if its period is known, otherwise by 36 N."""
+    """If displacement arrives at 50 Hz, the error rises by 3 N with a configured period, else by 36 N."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     slow = replace(scenario, sensors=Sensing(displacement_hold_s=0.02))
     plain = feasible_rms(DOUBLE, scenario)
@@ -211,8 +212,8 @@ def test_known_bus_period_reduces_tracking_error() -> None:
 
 
 @pytest.mark.system
-def test_motion_is_extrapolated_through_a_dropout() -> None:
-    """100 ms without displacement readings increase the error by less than 40 N at 900 N, 1 Hz, 60 degC."""
+def test_motion_is_extrapolated_during_displacement_dropout() -> None:
+    """A dropout of the displacement for 100 ms adds less than 40 N of error at 900 N, 1 Hz and 60 degC."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     lost = Sensing(dropouts=(Dropout("displacement", 1.13, 1.23),))
     with_dropout = feasible_rms(DOUBLE, replace(scenario, sensors=lost))

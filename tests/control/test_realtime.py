@@ -1,4 +1,4 @@
-"""The damper model for microcontrollers: force of the law, in both precisions, for any reading."""
+"""The damper model for microcontrollers has the force of its law and stays finite for any readings."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def rows_for(
 
 
 def wandering(seconds: float, low: float, high: float, every: float, seed: int = 1) -> FloatArray:
-    """Return a piecewise linear signal with random corner values; it begins at ``low``."""
+    """Return a piecewise linear signal with random corner values that begins at ``low``."""
     t = PERIOD * np.arange(round(seconds / PERIOD))
     knots = np.random.default_rng(seed).uniform(low, high, int(seconds / every) + 2)
     knots[0] = low
@@ -74,22 +74,22 @@ def wandering(seconds: float, low: float, high: float, every: float, seed: int =
 
 
 def error_percent(model: RealtimeDamper, law: FloatArray, rows: FloatArray) -> float:
-    """Return the max force error in % of the peak force; the first 0.2 s are ignored."""
+    """Return the largest force error in % of the peak force, without the first 0.2 s."""
     force = model.run(model.start(), rows)[1]
     return 100.0 * float(np.abs(force - law)[200:].max() / np.abs(law).max())
 
 
-# --- Force ------------------------------------------------------------------------------------------------
+# --- Force of the real-time model ---------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", DAMPERS)
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("single", [False, True])
-def test_force_follows_the_law(law, told, single):
-    """The error is below 0.25 % of the peak force with actuation, reversals, and 293 to 390 K at 16 K/s.
+def test_realtime_force_follows_hysteresis_law(law, told, single):
+    """With actuation, reversals, and 293 to 390 K at 16 K/s, the error is below 0.25 % of the peak force.
 
-    An error of 0.2 % arises because the model holds the command during a sample, whereas the law
+    An error of 0.2 % arises because the real-time model holds the command during a sample, whereas the law
     interpolates it. The temperature filter is disabled.
     """
     damper, seconds = DAMPERS[law], 6.0
@@ -104,8 +104,8 @@ def test_force_follows_the_law(law, told, single):
 
 @pytest.mark.parametrize("yields", [True, False])
 @pytest.mark.parametrize("law", [*DAMPERS, "series-valve", "chain"])
-def test_passive_card_follows_the_law(law, yields):
-    """A card of runs at zero current can be exported as a model, but no controller can be made from it."""
+def test_realtime_passive_card_follows_law(law, yields):
+    """A card of runs at zero current can be exported as a damper model, but it has no controller."""
     damper = passive({**DAMPERS, "series-valve": SERIES, "chain": CHAIN}[law], yields=yields)
     card = card_of(damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
     path = drive(MOVED, duration=2.0 - PERIOD, rate_Hz=1e3, command=0.0, temperature=333.15)
@@ -120,8 +120,8 @@ def test_passive_card_follows_the_law(law, yields):
 @pytest.mark.parametrize(
     "motion", [Sine(15e-3, 1.0), Sine(2e-3, 10.0), Sine(0.5e-3, 20.0), Road("C", 20.0, 3)]
 )
-def test_estimated_velocity_adds_small_force_error(law, motion):
-    """Estimating the velocity adds 0.15 % of the peak force up to 20 Hz. On a road (56 Hz) it is 1 % RMS."""
+def test_estimated_velocity_adds_little_force_error(law, motion):
+    """Estimating the velocity adds 0.15 % of the peak up to 20 Hz. On a road (56 Hz), the RMS is 1 %."""
     damper = at_once(DAMPERS[law])
     path = drive(motion, duration=3.0 - PERIOD, rate_Hz=1e3, command=1.0, temperature=ROOM)
     force = simulate(damper, path, form="causal")
@@ -141,10 +141,10 @@ def test_estimated_velocity_adds_small_force_error(law, motion):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("dead_time", "bound"), [(0.003, 0.1), (0.0035, 0.25)])
-def test_stepped_current_gives_force_of_law(dead_time, bound):
-    """The reference is the law on a grid that is 50 times finer, so that current steps are almost ideal.
+def test_realtime_force_follows_current_steps(dead_time, bound):
+    """The reference is the law on a time grid that is 50 times finer, so that current steps are almost ideal.
 
-    The bound is wider if the dead time ends between two samples.
+    The limit is wider if the dead time ends between two samples.
     """
     fine, seconds = 50, 1.2
     n = round(seconds / PERIOD)
@@ -158,8 +158,8 @@ def test_stepped_current_gives_force_of_law(dead_time, bound):
     assert error_percent(realtime_model(damper), law, rows) < bound
 
 
-def test_model_equals_the_observer_of_controller():
-    """With the commands of a controller, model and observer have the same applied current and force."""
+def test_realtime_model_equals_controller_observer():
+    """With the commands of a controller, model and observer have identical applied current and force."""
     made = controllers_for(DOUBLE)["recommended"]
     model = RealtimeDamper(made.config, made.tables)  # Both have the same motion filter.
     state, observed, command = made.start(), model.start(), 0.0
@@ -175,7 +175,7 @@ def test_model_equals_the_observer_of_controller():
 
 @both_precisions
 @given(seed=st.integers(0, 10_000), current=st.floats(0.0, 2.0))
-def test_model_dissipates_energy(model, seed, current):
+def test_realtime_model_dissipates_energy(model, seed, current):
     """The work in a whole period of the motion is positive."""
     motion = Sine(np.random.default_rng(seed).uniform(1e-4, 2e-2), 2.0)
     rows = rows_for(motion, 2.0, current=current)
@@ -184,7 +184,7 @@ def test_model_dissipates_energy(model, seed, current):
 
 
 @pytest.mark.parametrize(("told", "bound"), [(True, 1e-5), (False, 2e-4)])
-def test_single_precision_gives_same_force(told, bound):
+def test_single_precision_gives_same_model_force(told, bound):
     current, kelvin = wandering(20.0, 0.0, 2.0, 0.25), np.linspace(293.0, 340.0, 20_000)
     rows = rows_for(MOVED, 20.0, current=current, kelvin=kelvin, told=told)
     double, single = (model.run(model.start(), rows)[1] for model in (MODEL, SINGLE))
@@ -192,11 +192,11 @@ def test_single_precision_gives_same_force(told, bound):
     assert (single == single.astype(np.float32)).all()
 
 
-# --- States -----------------------------------------------------------------------------------------------
+# --- States of the real-time model --------------------------------------------------------------------------
 
 
 @both_precisions
-def test_kept_state_continues_the_run(model):
+def test_saved_state_continues_realtime_run(model):
     rows = rows_for(MOVED, 0.6, current=wandering(0.6, 0.0, 2.0, 0.1))
     state, forces, kept = model.start(), [], b""
     for k, row in enumerate(rows):
@@ -213,13 +213,13 @@ def test_kept_state_continues_the_run(model):
 
 
 @pytest.mark.parametrize(("model", "other"), [(MODEL, SINGLE), (SINGLE, MODEL)])
-def test_state_of_other_precision_is_refused(model, other):
+def test_model_state_of_other_precision_is_rejected(model, other):
     with pytest.raises(ValueError, match="not a controller's state"):
         model.step(other.start(), 0.0, 0.0, 0.0, ROOM)
 
 
 @both_precisions
-def test_instruction_sets_give_identical_states(model):
+def test_instruction_sets_give_identical_model_states(model):
     rows, before = rows_for(MOVED, 0.5), core.level()
     found = set()
     try:
@@ -235,7 +235,7 @@ def test_instruction_sets_give_identical_states(model):
 
 
 def expected_flags(model: RealtimeDamper, row: tuple[float, ...]) -> Flag:
-    """Return the flags that follow from a row alone."""
+    """Return the flags that follow from the readings of one row alone."""
 
     def rounded(value: float) -> float:
         with np.errstate(over="ignore"):
@@ -262,7 +262,7 @@ def expected_flags(model: RealtimeDamper, row: tuple[float, ...]) -> Flag:
 @both_precisions
 @examples(50)
 @given(rows=rows_of_anything, repeats=st.integers(1, 60))
-def test_any_reading_gives_a_finite_force(model, rows, repeats):
+def test_any_reading_gives_finite_force(model, rows, repeats):
     told = np.repeat(np.array(rows), repeats, axis=0)
     state, force, flags = model.run(model.start(), told)
     assert (np.abs(force) < 1e6).all()
@@ -280,10 +280,10 @@ def test_any_reading_gives_a_finite_force(model, rows, repeats):
 # A speed of 2 km/s is a sensor fault. It must not change the estimated temperature.
 @example([(0.0, 0.0, 0.0, 280.0)] * 17 + [(1.0, 0.0, 0.0, 293.15), (0.0, math.nan, 0.0, 0.0)])
 @given(rows=rows_of_anything)
-def test_force_recovers_from_invalid_readings(rows):
+def test_model_force_recovers_from_invalid_readings(rows):
     """A wrong temperature is used for at most 2 s, then the filter removes its effect in 0.2 s.
 
-    Half a second without current sets the magnetic hysteresis of both models to the same value.
+    Half a second without current resets the magnetic hysteresis of both models to the same value.
     """
     good = rows_for(MOVED, 3.8)
     good[:500, 2] = 0.0
@@ -304,10 +304,10 @@ def test_missing_current_is_held_for_30_ms():
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 7.0, None])
-def test_missing_displacement_is_integrated(value):
-    """Only the spring force needs displacement. After 120 ms the motion is unknown.
+def test_missing_displacement_is_integrated_from_velocity(value):
+    """Only the spring force needs displacement. After 120 ms, the motion counts as unknown.
 
-    The value None is a sensor that repeats its last reading.
+    The value None represents a sensor that repeats its last reading.
     """
     rows = rows_for(Sine(5e-3, 1.0), 1.0)
     clean = MODEL.run(MODEL.start(), rows)[1]
@@ -319,15 +319,15 @@ def test_missing_displacement_is_integrated(value):
     assert (flags[650:700] & Flag.MOTION_UNKNOWN).all()
 
 
-def test_stopped_damper_is_not_reported_stuck():
-    """A constant displacement is not a fault if the velocity is zero."""
+def test_constant_displacement_at_rest_is_valid():
+    """A constant displacement reading is not a fault if the velocity is zero."""
     rows = rows_for(MOVED, 2.0)
     rows[700:, 0], rows[700:, 1] = rows[700, 0], 0.0
     assert not (MODEL.run(MODEL.start(), rows)[2] & (Flag.FROZEN | Flag.MOTION_UNKNOWN)).any()
 
 
 @pytest.mark.parametrize("value", [math.inf, 1e4])
-def test_invalid_velocity_is_estimated(value):
+def test_invalid_velocity_is_replaced_by_estimate(value):
     rows = rows_for(MOVED, 1.0)
     rows[:, 1] = value
     estimated = MODEL.run(MODEL.start(), rows_for(MOVED, 1.0, told=False))[1]

@@ -1,4 +1,4 @@
-"""Design rules of controllers: lags compared with matrix exponentials, horizons with response times."""
+"""Design rules of controllers: sampled lags equal matrix exponentials, and horizons cover response times."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from mrdamper.models.damper import OperatingEnvelope
 from tests.support.cards import DOUBLE
 
 lags = st.floats(5e-4, 0.03)
-NO_LAG_S = 1e-9  # The matrix exponential needs a positive lag.
+NO_LAG_S = 1e-9  # The smallest lag, because the matrix exponential requires a positive lag
 
 
 def of_two_lags(first: float, second: float, time: float) -> tuple[float, float, float, float]:
-    """Return four coefficients of two lags in series during a time step, by the matrix exponential.
+    """Return four coefficients of two lags in series during a time step, from the matrix exponential.
 
-    1, 2: the remaining fractions of the first and the second gap to a constant command, for which
-    g1' = -g1 / T1 and g2' = (g1 - g2) / T2. 3: the fraction of the first gap that enters the second gap.
-    4: the gap of the second lag to a ramp r' = 1 / time from rest, for which g' = 1 / time - g / T2.
+    1, 2: the remaining fractions of the first and the second gap to a constant command, with g1' = -g1 / T1
+    and g2' = (g1 - g2) / T2. 3: the fraction of the first gap that is added to the second gap. 4: the gap of
+    the second lag to a ramp r' = 1 / time from rest, with g' = 1 / time - g / T2.
     """
     one, two = max(first, NO_LAG_S), max(second, NO_LAG_S)
     gaps = expm(time * np.array([[-1.0 / one, 0.0], [1.0 / two, -1.0 / two]]))
@@ -49,7 +49,7 @@ def of_two_lags(first: float, second: float, time: float) -> tuple[float, float,
     rise=lags, fall=lags, second=st.floats(0.0, 0.02), delay=st.floats(0.0, 0.01),
     period=st.sampled_from([2e-4, 1e-3, 4e-3]),
 )  # fmt: skip
-def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, period):
+def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, delay, period):
     second = 0.0 if second < 1e-5 else second
     actuation = Actuation(
         rise, fall, second, delay, freewheel_time_s=0.04, saturation=1.6, hysteresis_width_A=0.02
@@ -65,8 +65,8 @@ def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, perio
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_equal_and_missing_lags_are_continuous_limits():
-    """Two equal lags give t/T exp(-t/T) in the second lag. A missing lag has no remainder."""
+def test_sampled_lags_are_continuous_at_limits():
+    """With two equal lags, the second gap receives the fraction t/T exp(-t/T). A zero lag leaves no gap."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
@@ -79,8 +79,8 @@ def test_equal_and_missing_lags_are_continuous_limits():
 
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
 @pytest.mark.parametrize(("delay", "dead"), [(0.0, 0.0), (0.0034, 0.004)])
-def test_horizon_covers_the_response_time(wheel, delay, dead):
-    """The horizon begins after the dead time in whole periods. The lags are exact in each time step."""
+def test_prediction_horizon_covers_response_time(wheel, delay, dead):
+    """The horizon begins after the dead time in whole periods. The lags are exact in each of its steps."""
     actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, freewheel_time_s=wheel)
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
@@ -91,7 +91,7 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
             max(span, without.response_time(SETTINGS.freewheel_ratio, 2.0, 0.0)),
             3 + 3 * SETTINGS.freewheel_stretch,
         )
-    span = min(span, 122e-3 - dead)  # max number of samples in the delay line
+    span = min(span, 122e-3 - dead)  # The delay line has a maximum number of samples.
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
     assert found.step == pytest.approx(span / parts)
@@ -101,15 +101,15 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
 
 
 @pytest.mark.parametrize(("period", "dead"), [(1e-3, 2e-3), (2e-3, 2e-3), (5e-3, 0.0)])
-def test_short_dead_time_is_dropped(period, dead):
-    """A dead time of 1.6 ms at 200 Hz is ignored because a delay of a whole period would be too long."""
+def test_short_dead_time_is_not_predicted(period, dead):
+    """A dead time of 1.6 ms is ignored at 200 Hz because a delay of a whole period would be too long."""
     quick = Actuation(2e-3, 5e-3, 2e-3, 1.6e-3, largest_command=2.0)
     motion = motion_of(period, period, 1e-5, 30.0, is_harmonic=True)
     assert prediction_of(quick, period, motion, 500.0).dead == pytest.approx(dead)
 
 
-def test_feedback_gains_follow_skogestad():
-    """The time constant of the closed loop is its dead time d: K = T / (2 k d), integral time min(T, 8 d)."""
+def test_feedback_gains_follow_skogestad_rules():
+    """The closed loop has the dead time d as time constant: K = T / (2 k d), integral time min(T, 8 d)."""
     actuation = Actuation(0.03, 0.02, 0.002, 0.001)
     dead, force_per_ampere = 0.001 + 0.002 + 1e-3, 700.0
     for slow in (actuation, replace(actuation, rise_s=0.1)):
@@ -129,23 +129,23 @@ def test_safety_times_become_sample_counts():
     warm = safety.thermometer(axes, heat)
     assert (warm.recover_samples, warm.nominal) == (600, 340.0)
     assert warm.change_max == pytest.approx(0.03)
-    assert warm.hold_samples == round(600.0 / 2e-3)  # heat capacity divided by loss
+    assert warm.hold_samples == round(600.0 / 2e-3)  # Heat capacity divided by heat loss
 
 
 def test_slow_bus_counts_as_stuck_later():
-    """A sensor that repeats its readings for 40 ms counts as stuck after 2.5 times 40 ms."""
+    """A sensor that repeats its readings for 40 ms by design counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100
     assert slow.config.motion.holds_readings
 
 
 @pytest.mark.parametrize(("noise", "density"), [(0.0, SETTINGS.jerk_density), (1e-5, 0.0), (1e-5, math.nan)])
-def test_filter_rejects_zero_noise_or_jerk(noise, density):
+def test_motion_filter_rejects_zero_noise(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
         motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)
 
 
-def test_sampling_slower_than_the_lag_is_refused():
+def test_sampling_slower_than_lag_is_rejected():
     actuation = Actuation(0.02, 0.02)
     slowest = actuation.response_time(0.95)
     check_sampling(actuation, slowest)

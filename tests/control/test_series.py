@@ -1,4 +1,4 @@
-"""The law ``series-valve`` on microcontrollers: real-time model compared with the kernel, and controllers."""
+"""The series-valve law on microcontrollers: its model agrees with the kernel, and it has controllers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.support.cards import LAGS, SERIES, changed
 
 KELVIN = 333.15
 AT_ONCE = Actuation(0.0, 0.0, largest_command=2.0)
-# The spring settles in 0.1 ms, and the valve force is almost Coulomb friction.
+# With these values, the series spring settles in 0.1 ms, and the valve force is almost Coulomb friction.
 STIFF: dict[str, ParameterLaw] = {
     "gap_stiffness": Constant(1.6e8), "gap": Constant(1.3e-5), "gap_corner": Constant(7.5e-6),
     "leak_damping": Constant(1.9e4), "leak_exponent": Constant(1.01), "yield_velocity": Constant(1.5e-5),
@@ -41,12 +41,12 @@ ALL = controllers_for(damper())
 RECOMMENDED = ALL["recommended"]
 
 
-# --- Tables -----------------------------------------------------------------------------------------------
+# --- Tables of functions ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("exponent", [0.2, 0.95, 1.0, 1.5])
-def test_power_table_is_accurate(exponent: float) -> None:
-    """The error is 1e-5 in all octaves. Below the first octave the table is linear."""
+def test_tabulated_power_function_is_accurate(exponent: float) -> None:
+    """The relative error is 1e-5 in all octaves. Below the first octave, the table is linear."""
     power = tabulate_power(exponent)
     u = np.geomspace(power.least, 7.9, 20_001)
     assert np.abs(power.evaluate(u) / u**exponent - 1.0).max() < 1e-5
@@ -63,13 +63,13 @@ def test_tabulated_functions_match_tanh_and_gaussian() -> None:
     assert np.abs(tables.fade.evaluate(u) - np.exp(-u * u)).max() < 2e-5
 
 
-# --- Model ------------------------------------------------------------------------------------------------
+# --- Real-time model ----------------------------------------------------------------------------------------
 
 
 def forces(
     model: Damper, rate: int, *columns: FloatArray, single: bool = False, **values: float
 ) -> FloatArray:
-    """Return the real-time model's force [N] along displacement, velocity, current and temperature."""
+    """Return the force [N] of the real-time model for displacement, velocity, current and temperature."""
     at_once = Safety(smooth_s=1e-6, slew_K_s=1e6, jump_K=1e3)
     made = realtime_model(model, period_s=1.0 / rate, largest=2.0, safety=at_once, heating=NO_HEATING)
     made = replace(changed(made, **values), single=single)
@@ -77,7 +77,7 @@ def forces(
 
 
 def driven(seconds: float, rate: int) -> tuple[FloatArray, ...]:
-    """Return random motion with reversals, current between minimum and maximum, and a temperature ramp."""
+    """Return a random motion with reversals, currents between minimum and maximum, and a temperature ramp."""
     t = np.arange(round(seconds * rate) + 1) / rate
     rng = np.random.default_rng(3)
     hertz, size, phase = rng.uniform(0.3, 6.0, 12), rng.standard_normal(12), rng.uniform(0.0, 6.28, 12)
@@ -91,21 +91,21 @@ def driven(seconds: float, rate: int) -> tuple[FloatArray, ...]:
 @pytest.mark.system
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize(("rate", "soft", "stiff"), [(100, 2.0, 2.0), (1000, 0.15, 0.4), (5000, 0.1, 0.15)])
-def test_model_follows_the_law(rate: int, soft: float, stiff: float, single: bool) -> None:
-    """The reference is the kernel's law at 20 kHz. Limits are RMS errors in % of the RMS force."""
+def test_realtime_series_valve_follows_law(rate: int, soft: float, stiff: float, single: bool) -> None:
+    """The reference is the law of the kernel at 20 kHz. The limits are RMS errors in % of the RMS force."""
     seconds, fine = 4.0, 20_000
     x, v, a, current, kelvin = driven(seconds, fine)
     step = fine // rate
     for model, bound in ((damper(None), soft), (damper(None, **STIFF), stiff)):
         truth = simulate(model, Trajectory(1.0 / fine, x, v, a, current, temperature=kelvin))[::step]
         force = forces(model, rate, *(each[::step] for each in (x, v, current, kelvin)), single=single)
-        # The first force has no inertia because the acceleration is a difference.
+        # The first force has no inertia because the acceleration is a difference of velocities.
         error = (force - truth)[1:]
         assert 100.0 * np.sqrt(np.mean(error**2) / np.mean(truth**2)) < bound
 
 
-def test_error_falls_with_the_step() -> None:
-    """The two-stage method converges with order two, down to the error of the tables."""
+def test_series_valve_converges_with_step_size() -> None:
+    """The two-stage method converges with order two until the error of the tables dominates."""
     fine = 40_000
     x, v, a, _, _ = driven(2.0, fine)
     model = damper(None, mass=Constant(0.0))
@@ -120,8 +120,8 @@ def test_error_falls_with_the_step() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e9, 1e12])
-def test_any_spring_is_stable(stiffness: float) -> None:
-    """At 1 kHz without a dashpot, the force at constant speed reaches the steady force of the valve."""
+def test_any_spring_keeps_series_valve_stable(stiffness: float) -> None:
+    """At 1 kHz, without a dashpot and at constant speed, the force reaches the steady force of the valve."""
     model = damper(None, gap_stiffness=Constant(stiffness), leak_damping=Constant(0.0), mass=Constant(0.0))
     t = 1e-3 * np.arange(1200)
     x: FloatArray = np.asarray(0.03 * (t - 0.6), dtype=np.float64)
@@ -137,7 +137,7 @@ def test_any_spring_is_stable(stiffness: float) -> None:
 
 
 @pytest.mark.parametrize("amperes", [0.0, 0.7, 2.0])
-def test_closed_cycle_dissipates_work(amperes: float) -> None:
+def test_realtime_series_valve_dissipates_work(amperes: float) -> None:
     t = 1e-3 * np.arange(2001)
     motion = MOTIONS["sine5mm1Hz"]
     x, v = motion.displacement(t), motion.velocity(t)
@@ -149,7 +149,7 @@ def test_closed_cycle_dissipates_work(amperes: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["recommended", "recommended-causal", "pi"])
-def test_single_precision_agrees_within_a_milliampere(name: str) -> None:
+def test_single_precision_changes_command_below_milliampere(name: str) -> None:
     made = ALL[name]
     rows = told(made, 3.0, amplitude=700.0, kelvin=KELVIN)
     rows[:, 4] = 0.8 * rows[:, 0]
@@ -158,7 +158,7 @@ def test_single_precision_agrees_within_a_milliampere(name: str) -> None:
     assert double.max() > 0.5
 
 
-def test_gains_scale_parts_of_force() -> None:
+def test_force_gains_scale_parts_of_force() -> None:
     rows = told(RECOMMENDED, 0.4, kelvin=KELVIN)
     aged = RECOMMENDED.scaled(1.2, 0.7, 2.0)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
@@ -185,6 +185,6 @@ def test_infeasible_target_is_flagged(wanted: float, infeasible: bool) -> None:
         ({"yield_force": Polynomial((60.0, 900.0, -300.0))}, "falls with the command above 1.5"),
     ],
 )
-def test_law_without_inverse_is_refused(changed: dict[str, ParameterLaw], message: str) -> None:
+def test_law_without_inverse_has_no_controllers(changed: dict[str, ParameterLaw], message: str) -> None:
     with pytest.raises(InputError, match=message):
         controllers_for(damper(**changed))

@@ -1,4 +1,4 @@
-"""Targets that are scaled to the force of a damper."""
+"""Target forces and motions are scaled to the force and stroke of a damper."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from tests.control.loops import Ideal
 
 
 def targets_of(*, low: float, gain: float) -> list[Any]:
-    """Return the targets of an ideal damper up to 2 A."""
+    """Return the targets for an ideal damper with currents up to 2 A."""
     return [each.target for each in size_targets(Ideal(low=low, gain=gain), 2.0)]
 
 
 @pytest.mark.parametrize("size", [1.0, 2.0])
-def test_targets_scale_with_the_damper(size):
-    """A damper with (50 + 800 I) sign v gets targets up to 1650 N in both directions, without offset."""
+def test_target_amplitude_scales_with_damper_force(size):
+    """A damper with the force (50 + 800 I) sign(v) gets targets up to 1650 N in both directions."""
     found = targets_of(low=50.0 * size, gain=800.0 * size)
     assert [each.amplitude_N for each in found] == pytest.approx([1650.0 * size * s for s in SHARES.values()])
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_knee_velocity_of_target_scales_with_motion():
-    """If the stroke doubles at the same frequency, the knee velocity of the target doubles."""
+def test_target_knee_velocity_scales_with_motion():
+    """If the stroke doubles at the same frequency, the velocity at the knee of the target doubles."""
     one, two = (
         size_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
         for motion in ("sine5mm1Hz", "sine:10mm:1Hz")
@@ -39,8 +39,8 @@ def test_knee_velocity_of_target_scales_with_motion():
     assert two.velocity_m_s == pytest.approx(2.0 * one.velocity_m_s, abs=2e-4)  # type: ignore[attr-defined]
 
 
-def test_motions_fill_stroke_and_speed():
-    """The amplitude is 80 % of the nearer stroke limit. If the range excludes zero, there is no motion."""
+def test_proposed_motions_fill_stroke_and_speed():
+    """The amplitude is 80 % of the nearer stroke limit. A stroke range without zero gives no motion."""
     slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
     assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")
     time = np.linspace(0.0, 10.0, 20_001)
@@ -52,8 +52,8 @@ def test_motions_fill_stroke_and_speed():
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
-def test_gas_damper_reaches_its_targets(degrees: float) -> None:
-    """The gas force of the hot damper is 50 % larger; 68 to 92 % of the samples are feasible."""
+def test_targets_are_feasible_for_monotube_damper(degrees: float) -> None:
+    """The gas force of the hot damper is 50 % larger. 68 to 92 % of the samples are feasible."""
     damper = PRESETS["hydraulic-monotube"]
     plant = Plant(damper)
     for target in size_targets(plant, damper.highest_A, default_campaign(damper).motions):

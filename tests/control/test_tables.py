@@ -1,4 +1,4 @@
-"""Tables of controllers: accuracy of the tabulated functions, and size."""
+"""Tables of functions in controllers are accurate and small."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ every_law = pytest.mark.parametrize("law", TABULATED)
 
 
 def force_of_law(damper, current, kelvin, x, v, w):
-    """Return the force [N] at several currents from the formula of the law, and the viscous force."""
+    """Return the force [N] at several currents and the viscous force, from the formula of the law."""
     c = dict(zip(damper.law.names, damper.coefficients_at(current, kelvin), strict=True))
     fade = np.exp(-((v / c["stribeck_velocity"]) ** 2))
     viscous = c["viscosity"] * v * (max(abs(v), 1e-300) / 0.1) ** (c["viscous_exponent"] - 1.0)
@@ -41,7 +41,7 @@ def force_of_law(damper, current, kelvin, x, v, w):
 
 
 def force_of_tables(tables: DamperTables, kelvin, x, v, w):
-    """Return the force [N] at the currents of the tables, added up as in the kernel."""
+    """Return the force [N] at the currents of the tables, summed as in the kernel."""
     speed, side = abs(v), 1.0 if v >= 0.0 else -1.0
     saturation = float(tables.speed.saturation.evaluate(speed))
     yields = w[0] if tables.elements else side * saturation
@@ -56,8 +56,8 @@ def force_of_tables(tables: DamperTables, kelvin, x, v, w):
 
 @pytest.mark.system
 @every_law
-def test_table_force_equals_the_law(law):
-    """At the currents and temperatures of the table, with full hysteresis, the error is below 0.02 N."""
+def test_table_force_equals_force_of_law(law):
+    """At currents and temperatures of the table, with full hysteresis, the error is below 0.02 N."""
     damper = DAMPERS[law]
     tables = tabulate(damper, 2.0)
     x, v = 3e-3, -0.02
@@ -69,8 +69,8 @@ def test_table_force_equals_the_law(law):
 @pytest.mark.nightly
 @pytest.mark.parametrize("exponent", [None, 0.6, 1.9])
 @every_law
-def test_interpolated_force_error_is_below_thousandth(law, exponent):
-    """The error limit holds at any current, temperature, hysteresis and speed up to 0.3 m/s."""
+def test_interpolated_table_force_is_accurate(law, exponent):
+    """At any current, temperature, hysteresis and speed up to 0.3 m/s, the error is below 0.1 % of peak."""
     damper = DAMPERS[law]
     if exponent is not None:
         forms: dict[str, ParameterLaw] = {
@@ -93,15 +93,15 @@ def test_interpolated_force_error_is_below_thousandth(law, exponent):
 
 @pytest.mark.system
 @every_law
-def test_tables_need_less_than_8_kilobytes(law):
+def test_controller_tables_need_under_8_kilobytes(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
     numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.lookups)
     assert 4 * numbers < 8192
 
 
 @every_law
-def test_functions_of_speed_are_accurate(law):
-    """Viscous power law, both friction terms and the yield-force function have errors below 1e-5."""
+def test_tabulated_functions_of_speed_are_accurate(law):
+    """The viscous power law, both friction terms and the yield-force function have errors below 1e-5."""
     tables = tabulate(DAMPERS[law], 2.0)
     side = np.tanh(SPEEDS / 8e-4)
     expected = {
@@ -121,8 +121,8 @@ def test_functions_of_speed_are_accurate(law):
 @pytest.mark.system
 @examples(6)
 @given(kappa=st.floats(-1.0, 0.9), n=st.floats(0.3, 6.0))
-def test_curve_tables_equal_the_kernel(kappa, n):
-    """The error of the hysteresis variable w is below 3e-4, also after one and two reversals."""
+def test_tabulated_hysteresis_curve_equals_kernel(kappa, n):
+    """The error of the hysteresis variable w is below 3e-4, also after one and after two reversals."""
     tables = universal_curve(kappa, n)
     tau = np.linspace(0.0, 8.0, 4001)
     up, down = (core.curve(kappa, n, side * tau)[0] for side in (1.0, -1.0))
@@ -140,8 +140,8 @@ def test_curve_tables_equal_the_kernel(kappa, n):
     assert np.abs(tables.loading.evaluate(np.maximum(again, 0.0)) - tables.loading.evaluate(tau)).max() < 3e-4
 
 
-def test_cubics_are_of_fourth_order():
-    """To reduce the error to a hundredth, about three times as many cells are necessary."""
+def test_lookup_cubics_have_fourth_order():
+    """An error that is 100 times smaller requires about three times as many cells."""
     cells = [len(fit_lookup(np.sin, np.cos, 3.0, error).cell) for error in (1e-3, 1e-5, 1e-7)]
     assert cells[0] < cells[1] < cells[2] < 150
     made = fit_lookup(np.sin, np.cos, 3.0, 1e-5)
@@ -149,8 +149,8 @@ def test_cubics_are_of_fourth_order():
     assert np.abs(made.evaluate(u) - np.sin(u)).max() < 1.2e-5
 
 
-def test_rising_table_never_falls():
-    """A cubic without limiter would overshoot at the corner. Beyond its end the function is constant."""
+def test_table_of_rising_function_never_falls():
+    """A cubic without limiter would overshoot at the corner. Beyond its end, the function is constant."""
     made = tabulate_lookup(
         lambda u: np.minimum(u, 0.3), lambda u: np.where(u < 0.3, 1.0, 0.0), 1e-3, 1.0, rising=True
     )
@@ -161,18 +161,18 @@ def test_rising_table_never_falls():
 
 
 @pytest.mark.parametrize("largest", [0.0, float("nan")])
-def test_table_needs_positive_largest_command(largest):
+def test_tables_require_positive_largest_command(largest):
     with pytest.raises(InputError, match="largest command is"):
         tabulate(DOUBLE, largest)
 
 
-def test_table_contains_quarters_of_largest_current():
+def test_tables_contain_quarters_of_largest_current():
     tables = tabulate(DOUBLE, 3.3)
     np.testing.assert_allclose(tables.currents[list(tables.quarters)], 3.3 * np.arange(5) / 4, rtol=1e-15)
 
 
 @pytest.mark.parametrize("end", [0, -1])
-def test_temperature_outside_tables_uses_the_end(end):
+def test_temperature_outside_tables_uses_end_column(end):
     tables = tabulate(DOUBLE, 2.0, temperatures=(280.0, 390.0))
     at = float(tables.temperatures[end])
     np.testing.assert_array_equal(tables.evaluate(at + (70.0 if end else -70.0)), tables.evaluate(at))

@@ -1,4 +1,4 @@
-"""Runs that the kernel computes in batches, as in a closed loop, compared with runs in one call."""
+"""The kernel computes the same force for a run in several batches, as in a closed loop, and in one call."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ PATIENCE = 1_000_000
 
 
 def values_of(name: str) -> np.ndarray:
-    """Return typical coefficients of a law."""
+    """Return typical coefficients of the law of this name."""
     given = {**TYPICAL[name], **FRICTION}
     return np.array([given.get(c.name, c.default or 0.0) for c in LAWS[name].coefficients])
 
 
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("size", [2, 7, 300])
-def test_batches_match_whole_run(name, size):
-    """The force is bit-identical for any division of the run into batches."""
+def test_batches_give_force_of_whole_run(name, size):
+    """The force is bit-identical for any division of the samples into batches."""
     path, law, values = replace(random_drive(5), dead_band=1e-5), LAWS[name].kernel or 0, values_of(name)
     motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
     columns = (path.displacement, path.velocity, path.acceleration)

@@ -1,8 +1,8 @@
-"""The universal curve of the Bouc-Wen law: quadrature, closed form, and its own equation.
+"""The universal curve of the Bouc-Wen law equals its quadrature, its closed form, and its own equation.
 
 The curve is the hysteresis variable w versus the normalised travel tau, with exponent n and unloading shape
 kappa. The reference integrates the travel over q = -ln(1 - u), which removes the singularity at u = 1.
-Travel, slope and the derivatives by kappa and n (tangents) are exact to rounding, also next to w = 1, where
+Travel, slope and the derivatives by kappa and n (tangents) are exact to rounding, also next to w = 1. There,
 ``scipy.special.hyp2f1`` loses digits.
 """
 
@@ -28,7 +28,7 @@ kappas = st.floats(-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Branch:
-    """Exact points of u' = 1 - k u^n, u(0) = 0, with their tangents."""
+    """Exact points of a branch with u' = 1 - k u^n and u(0) = 0, and its derivatives by k and n."""
 
     travel: np.ndarray
     u: np.ndarray
@@ -38,8 +38,9 @@ class Branch:
 
 
 def exact_branch(k: float, n: float, *, below: float = 1.0) -> Branch:
-    """Return exact points with u < below, by 16-point Gauss-Legendre on panels of q."""
-    power = math.ceil(4.0 / n) if n < 4.0 else 1  # u = (1 - exp(-q))^power: smooth at zero for small n too
+    """Return exact points with u < ``below`` from 16-point Gauss-Legendre quadrature on intervals of q."""
+    # u = (1 - exp(-q))^power is smooth at zero for small n, too.
+    power = math.ceil(4.0 / n) if n < 4.0 else 1
     edges = np.linspace(0.0, 34.0, 301)
     nodes, weights = np.polynomial.legendre.leggauss(16)
     width = np.diff(edges)[:, None]
@@ -71,7 +72,7 @@ def exact_branch(k: float, n: float, *, below: float = 1.0) -> Branch:
 # ----------------------------------------------------------------------------------- reference solution
 
 
-def test_reference_matches_elementary_cases():
+def test_reference_curve_matches_elementary_functions():
     """The curve is 1 - exp(-tau) for n = 1 and tanh(tau) for n = 2.
 
     With kappa = -1 and n = 2 it falls as tan(tau).
@@ -83,7 +84,7 @@ def test_reference_matches_elementary_cases():
 
 
 @pytest.mark.parametrize("n", [0.2, 0.3, 0.7, 3.3, 20.0])
-def test_reference_matches_hypergeometric_form(n):
+def test_reference_curve_matches_hypergeometric_function(n):
     rise, fall = exact_branch(1.0, n, below=1.0 - 1e-6), exact_branch(-0.6, n)
     by_series = [bouc_wen_distance(w, -0.6, n) for w in rise.u[::10]]
     np.testing.assert_allclose(rise.travel[::10], by_series, rtol=1e-8, atol=1e-8)
@@ -92,11 +93,11 @@ def test_reference_matches_hypergeometric_form(n):
     )
 
 
-# ----------------------------------------------------------------------------------------------- values
+# ---------------------------------------------------------------------------------------- values of the curve
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_curve_matches_the_closed_form(n):
+def test_kernel_curve_matches_reference_curve(n):
     """The table is designed for an error of 5e-7. The largest measured error is 2e-7 (exponent n = 0.2)."""
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n)
@@ -105,8 +106,8 @@ def test_curve_matches_the_closed_form(n):
 
 
 @given(kappa=kappas, n=exponents)
-def test_curve_is_monotonic_and_bounded(kappa, n):
-    """The falling side is tabulated to the first knot at or below w = -1, because no state is below -1."""
+def test_kernel_curve_is_monotonic_and_bounded(kappa, n):
+    """The falling side is tabulated to the first knot at or below w = -1 because no state is below -1."""
     tau = np.concatenate(
         [np.linspace(-150.0, -3.0, 300), np.linspace(-3.0, 3.0, 4001), np.linspace(3.0, 150.0, 300)]
     )
@@ -122,7 +123,7 @@ def test_curve_is_monotonic_and_bounded(kappa, n):
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_slope_satisfies_the_equation(n):
+def test_slope_of_curve_satisfies_differential_equation(n):
     """dY/dtau = 1 - w^n (1 - kappa |w|^n on the falling side).
 
     The slope is the derivative of a table with an error of 5e-7. For n < 0.7 the curve has a corner at zero
@@ -137,7 +138,7 @@ def test_slope_satisfies_the_equation(n):
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_tangents_match_the_reference(n):
+def test_derivatives_of_curve_match_reference(n):
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n, below=1.0 - 1e-9)
         _, _, by_kappa, by_n = core.curve(kappa, n, rise.travel)
@@ -145,5 +146,5 @@ def test_tangents_match_the_reference(n):
         assert np.abs(by_n - rise.by_n).max() < 1e-6 * max(1.0, np.abs(rise.by_n).max())
         _, _, by_kappa, by_n = core.curve(kappa, n, -fall.travel)
         for found, exact in ((by_n, -fall.by_n), (by_kappa, -fall.by_k)):
-            bar = 1e-6 if kappa < 1.0 else 6e-6  # end of the table at 100 yield displacements
+            bar = 1e-6 if kappa < 1.0 else 6e-6  # The table ends at 100 yield displacements.
             assert np.abs(found - exact).max() < bar * max(1.0, np.abs(exact).max()), kappa

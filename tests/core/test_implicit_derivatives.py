@@ -1,4 +1,4 @@
-"""The hand-written derivatives of the implicit laws in C, compared with differences of the force."""
+"""The hand-written C derivatives of the implicit laws agree with difference quotients of the force."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from mrdamper.models.laws import LAWS
 
 STATES = 1000
 SAMPLES = 12
-STEP_RATIO = 1e-5  # Step of the differences divided by the coefficient.
+STEP_RATIO = 1e-5  # Step of the difference quotients, divided by the coefficient
 
-# Lower and upper limit of each coefficient. If both are positive, the logarithm is distributed uniformly.
+# Lower and upper limit of each coefficient. If both are positive, its logarithm is distributed uniformly.
 VALVE = {
     **{
         "stiffness": (0.0, 2e3),
@@ -37,7 +37,7 @@ CHAIN = {
     **{"knee": (0.1, 1.0), "cavity_length": (0.03, 0.2), "cavity_force": (200.0, 2e3)},
     **{"bubble_length": (1e-4, 1e-2), "bypass": (1e-5, 1e-3)},
 }
-# A term is disabled in half of the states by its coefficient.
+# These coefficients are zero in half of the states, which disables their terms.
 OPTIONAL = (
     *("thinning", "thinning_force", "orifice", "asymmetry", "flow_asymmetry", "position_curvature"),
     *("bristle_share", "bristle_spread", "friction_force", "static_excess", "memory_force", "gas_force"),
@@ -46,7 +46,7 @@ OPTIONAL = (
 
 
 def random_coefficients(name: str, draw: np.random.Generator) -> FloatArray:
-    """Return coefficients of shape (STATES, m). A third of the dashpots has the exponent 1."""
+    """Return coefficients of shape (STATES, m). A third of the dashpots have the exponent 1."""
     table = np.tile([c.default or 0.0 for c in LAWS[name].coefficients], (STATES, 1))
     for key, (lower, upper) in (CHAIN if name == "chain" else VALVE).items():
         column = table[:, LAWS[name].names.index(key)]
@@ -61,7 +61,7 @@ def random_coefficients(name: str, draw: np.random.Generator) -> FloatArray:
 
 
 def random_records(draw: np.random.Generator) -> list[core.Record]:
-    """Return one short motion per state, of four sines each, at three sample rates."""
+    """Return one short motion of four sines per state, at three sample rates."""
     records = []
     for state in range(STATES):
         rate_Hz = (500.0, 1000.0, 2000.0)[state % 3]
@@ -76,7 +76,7 @@ def random_records(draw: np.random.Generator) -> list[core.Record]:
 
 @pytest.mark.parametrize("name", ["series-valve", "chain"])
 def test_implicit_derivatives_match_central_differences(name):
-    """Compare at the last sample of 1,000 random motions and models; the largest deviation is 3e-4."""
+    """The last samples of 1,000 random motions and models are compared. The largest deviation is 3e-4."""
     draw, law = np.random.default_rng(0), LAWS[name].kernel or 0
     records, values = random_records(draw), random_coefficients(name, draw)
     ends, nothing = [record.samples - 1 for record in records], [np.zeros(r.samples) for r in records]

@@ -1,6 +1,7 @@
-"""The laws of the kernel: independent integrator, closed forms, conservation laws, limits, identical bits.
+"""Hysteresis laws of the kernel agree with an independent integrator, closed forms and conservation laws.
 
-Values in the docstrings were measured when the test was written.
+Limits and special cases, and identical bits on all processors, are tested as well. Values in the docstrings
+were measured when the test was written.
 """
 
 from __future__ import annotations
@@ -99,12 +100,12 @@ def damper(name: str, /, **changed: float) -> Damper:
 
 
 def bare(name: str, **values: float) -> Damper:
-    """Return a law without common terms."""
+    """Return a damper with this law and without the terms that all laws have in common."""
     return Damper(LAWS[name], {key: Constant(value) for key, value in values.items()})
 
 
 def random_motion(seed: int, size: float = 0.01) -> Harmonics:
-    """Return a motion of five tones from 0.3 to 4 Hz with strokes of about ``size`` [m]."""
+    """Return a motion of five sines from 0.3 to 4 Hz with strokes of about ``size`` [m]."""
     draw = np.random.default_rng(seed)
     frequencies = draw.uniform(0.3, 4.0, 5)
     amplitudes = size / (1.0 + frequencies) * draw.uniform(0.3, 1.0, 5)
@@ -116,7 +117,7 @@ def random_drive(seed: int, *, size: float = 0.01, rate: float = 1000.0, duratio
 
 
 def with_command(trajectory: Trajectory, seed: int = 0) -> Trajectory:
-    """Return the same motion under a command that wanders smoothly between 0.1 and 0.9."""
+    """Return the same motion with a command that varies smoothly between 0.1 and 0.9."""
     phase = np.random.default_rng(seed).uniform(0.0, 6.0)
     return replace(trajectory, command=0.5 + 0.4 * np.sin(2.0 * math.pi * 0.8 * trajectory.time + phase))
 
@@ -142,18 +143,18 @@ def relative(found, expected) -> float:
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [
-        ("bouc-wen", 1e-7),  # measured 1e-8
-        ("dahl", 5e-7),  # 1.4e-7: the table at n = 1
-        ("bouc-wen-saturating", 5e-7),  # 1.3e-7
+        ("bouc-wen", 1e-7),  # The measured error is 1e-8.
+        ("dahl", 5e-7),  # The measured error is 1.4e-7, the error of the table at n = 1.
+        ("bouc-wen-saturating", 5e-7),  # The measured error is 1.3e-7.
         ("double-bouc-wen", 1e-7),
         ("bingham", 1e-14),
         ("tanh", 1e-14),
     ],
 )
-def test_law_matches_an_adaptive_integrator(name, tolerance, rate):
+def test_law_matches_adaptive_integrator(name, tolerance, rate):
     """The reference is LSODA on the same Hermite interpolant. Errors are relative to the peak force.
 
-    The laws have no integration step, so that the error does not depend on the rate.
+    These laws have no integration step, so the error does not depend on the sample rate.
     """
     trajectory = random_drive(1, rate=rate)
     d = damper(name, **FRICTION)
@@ -165,12 +166,12 @@ def test_law_matches_an_adaptive_integrator(name, tolerance, rate):
     ("name", "tolerance"),
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
 )
-def test_varying_command_matches_the_integrator(name, tolerance):
-    """Kernel and integrator agree if rho is an exponential function of the current.
+def test_law_with_varying_command_matches_integrator(name, tolerance):
+    """Kernel and integrator agree if the coefficient rho is an exponential function of the current.
 
-    The kernel uses the mean of rho over a sample interval, which has order two: the error is 7e-6 of the peak
-    force at 1 kHz and 1.1e-4 at 250 Hz. The errors of lugre and spencer at 1 kHz, which include the errors of
-    their internal steps, are 1.6e-5 and 3.5e-5.
+    The kernel uses the mean of rho over a sample interval, which has order two. The error is 7e-6 of the peak
+    force at 1 kHz and 1.1e-4 at 250 Hz. The errors of lugre and spencer at 1 kHz are 1.6e-5 and 3.5e-5, which
+    include the errors of their internal steps.
     """
     trajectory = with_command(random_drive(3))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
@@ -200,8 +201,8 @@ def test_series_valve_converges_with_order_two():
 
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "largest", "finest"), [("lugre", 1e-4, 2e-7), ("spencer", 2e-4, 2e-7)])
-def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
-    """The rms error falls by four if the step is halved, down to the table error of spencer, 7e-8 at 1/16 ms.
+def test_lugre_and_spencer_have_second_order(name, largest, finest):
+    """Halving the step divides the rms error by four, down to the table error of spencer (7e-8 at 1/16 ms).
 
     At 1 ms, the largest error (at reversals) is 5.5e-5 of the peak force for lugre and 9.6e-5 for spencer.
     The rms error is 1.5e-5 and 1.6e-5.
@@ -222,15 +223,15 @@ def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
 
 
 def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float]]:
-    """Return the exact reversals of a sine in the format of ``bouc_wen_closed_form``."""
+    """Return sample index and displacement at the reversals of a sine, for ``bouc_wen_closed_form``."""
     times = np.arange(0.25, motion.frequency * duration, 0.5) / motion.frequency
     return [(int(t * rate), float(motion.displacement(t))) for t in times]
 
 
 @pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 1e-4)])
 @pytest.mark.parametrize(("rho", "kappa", "n"), [(1500.0, -0.4, 1.6), (2000.0, -0.9, 0.3), (1e4, -0.9, 0.8)])
-def test_bouc_wen_matches_its_closed_form(rate, tolerance, rho, kappa, n):
-    """Relative to the largest force, the error is up to 1.7e-7 at 1 kHz and up to 6e-5 at 100 Hz."""
+def test_bouc_wen_force_matches_formula(rate, tolerance, rho, kappa, n):
+    """The error is at most 1.7e-7 of the largest force at 1 kHz and 6e-5 at 100 Hz."""
     motion = Sine(0.010, 1.7)
     trajectory = drive(motion, duration=1.5, rate_Hz=rate, command=0.0)
     exact = bouc_wen_closed_form(
@@ -241,8 +242,8 @@ def test_bouc_wen_matches_its_closed_form(rate, tolerance, rho, kappa, n):
 
 
 @pytest.mark.parametrize("rate", [250.0, 1000.0])
-def test_spencer_without_yield_matches_closed_form(rate):
-    """(c0 + c1) y' + k0 y = c0 x' + k0 x on a sine, from rest.
+def test_spencer_without_yield_matches_formula(rate):
+    """The reference solves (c0 + c1) y' + k0 y = c0 x' + k0 x for a sine x, from rest.
 
     The error is 5.6e-5 of the peak force at 250 Hz and 3.5e-6 at 1 kHz.
     """
@@ -258,8 +259,8 @@ def test_spencer_without_yield_matches_closed_form(rate):
 
 
 @pytest.mark.parametrize("speed", [1e-3, 5e-3, 0.02, -0.1])
-def test_sliding_bristles_follow_the_stribeck_curve(speed):
-    """After many yield displacements F = Fy [1 + fs exp(-(v/vf)^2)], whatever the bristles' damping."""
+def test_sliding_lugre_follows_stribeck_curve(speed):
+    """After many yield displacements F = Fy [1 + fs exp(-(v/vf)^2)], for any damping of the bristles."""
     t = np.arange(400) * (0.05 / abs(speed) / 400)
     path = Trajectory(t[1], speed * t, np.full(400, speed), np.zeros(400), np.zeros(400))
     force = simulate(damper("lugre", viscosity=0.0, stiffness=0.0, offset=0.0), path)
@@ -268,8 +269,8 @@ def test_sliding_bristles_follow_the_stribeck_curve(speed):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_force_at_rest_follows_yield_force_partly(share):
-    """At standstill the force takes this fraction of a change of the yield force. Sliding adds the rest."""
+def test_resting_force_follows_yield_force_partly(share):
+    """At rest, only a fraction of a yield-force change acts. The rest acts when the damper slides."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
     v = np.where((time < 1.0) | (time > 2.0), 0.01, 0.0)
@@ -286,10 +287,10 @@ def test_force_at_rest_follows_yield_force_partly(share):
     assert force[-1] == pytest.approx(600.0, rel=1e-3)
 
 
-def test_slot_creeps_linearly_to_its_yield_force():
-    """With a sharp knee the force is speed divided by creep below any yield force, and constant above.
+def test_chain_creeps_linearly_below_yield_force():
+    """With a sharp knee, the force is speed divided by creep below the yield force, and constant above.
 
-    Beyond the valve the force is the squared speed divided by the bypass.
+    With a bypass, the force in excess of the valve is the squared speed divided by the bypass coefficient.
     """
     for level in (200.0, 800.0):
         for speed in (5e-4, 2e-3, 0.05):
@@ -312,10 +313,10 @@ def test_slot_creeps_linearly_to_its_yield_force():
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
 def test_chain_converges_with_order_one(off):
-    """The steps are 1/2, 1/8 and 1/32 ms.
+    """Three steps of 1/2, 1/8 and 1/32 ms are compared.
 
-    The corner, and terms for which the reference integrator fails, are disabled. The first 20 ms are ignored
-    because the gas of the cavity is compressed first.
+    The corner of the yield force, and terms for which the reference integrator fails, are disabled. The first
+    20 ms are ignored because the gas of the cavity is compressed first.
     """
     trajectory = random_drive(0, duration=0.6)
     d = damper("chain", **FRICTION, **dict.fromkeys(("creep", "knee", "bypass", *off), 0.0))
@@ -334,8 +335,8 @@ def test_chain_converges_with_order_one(off):
 
 
 @every_law
-def test_force_is_odd_in_the_motion(name):
-    """The law is odd without preload, gas, cavity and dependence on position."""
+def test_law_force_is_odd_in_motion(name):
+    """A law is odd if it has no preload, gas, cavity or dependence on position."""
     one_sided = {"offset": 0.0, **ONE_SIDED.get(name, {})}
     d, there = damper(name, **FRICTION, **one_sided), random_drive(4)
     back = replace(
@@ -356,8 +357,10 @@ def test_force_is_odd_in_the_motion(name):
     rate=st.sampled_from([13.0, 100.0, 1000.0]),
     seed=st.integers(0, 99),
 )
-def test_states_are_bounded(name, rho, kappa, n, excess, fade, series, size, rate, seed):
-    """Without other terms |F| <= Fy (1 + static excess), at any stroke, step and shape."""
+def test_hysteresis_force_never_exceeds_yield_force(
+    name, rho, kappa, n, excess, fade, series, size, rate, seed
+):
+    """Without other terms, |F| <= Fy (1 + static excess) for any stroke, step and shape of the curve."""
     trajectory = random_drive(seed, size=size, rate=rate, duration=60.0 / rate)
     if name == "lugre":
         own = {"static_excess": excess, "fade_velocity": fade, "bristle_damping": 0.0}
@@ -373,7 +376,7 @@ def test_states_are_bounded(name, rho, kappa, n, excess, fade, series, size, rat
 def work_of_last_cycle(
     d: Damper, motion: Sine, *, form: Literal["record", "causal"] = "record"
 ) -> tuple[float, float]:
-    """Return the dissipated work of the third cycle [J], and 4 A max |F| [J] with the amplitude A."""
+    """Return the dissipated work of the third cycle [J], and 4 A max|F| [J] for the amplitude A."""
     per_cycle = 400
     trajectory = drive(
         motion, duration=3.0 / motion.frequency, rate_Hz=per_cycle * motion.frequency, command=0.0
@@ -439,7 +442,8 @@ PASSIVE = {
         **{"friction_force": positive, "friction_stiffness": decades(1e4, 1e8)},
         **{"static_excess": st.floats(0, 3), "fade_velocity": decades(1e-4, 1.0), "memory_force": positive},
         **{"memory_stiffness": decades(1e2, 1e6), "gas_force": st.floats(-500, 500)},
-        **{"gas_length": decades(0.2, 2.0)},  # no free play in series: docs/laws.md explains why
+        # There is no free play in series for the reason given in docs/laws.md.
+        **{"gas_length": decades(0.2, 2.0)},
         **{"creep": decades(1e-8, 1e-4), "knee": st.floats(0, 1)},
         **{"cavity_length": decades(1e-3, 0.3), "cavity_force": decades(10.0, 1e4)},
         **{"bubble_length": decades(1e-6, 1e-2)},
@@ -454,11 +458,13 @@ PASSIVE = {
 @given(
     data=st.data(), motion=sines, viscosity=positive, stiffness=positive, coulomb=positive, breakaway=positive
 )
-def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, coulomb, breakaway):
-    """For all admissible coefficients the damper dissipates energy in a closed cycle.
+def test_any_coefficients_dissipate_work_per_cycle(
+    name, data, motion, viscosity, stiffness, coulomb, breakaway
+):
+    """In a closed cycle, a damper with any admissible coefficients dissipates energy.
 
-    The trapezoidal rule with 400 samples has an error of 1e-4 of the area of the box around the loop. The
-    area of a thin loop can be smaller than this error.
+    The trapezoidal rule with 400 samples has an error of 1e-4 of 4 A max|F|, the area of the box around the
+    force loop. The area of a thin loop can be smaller than this error.
     """
     own = {key: data.draw(value, label=key) for key, value in PASSIVE[name].items()}
     common = {"viscosity": viscosity, "stiffness": stiffness, "coulomb_friction": coulomb}
@@ -476,8 +482,8 @@ def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, 
     size=decades(1e-4, 0.1),
     seed=st.integers(0, 99),
 )
-def test_bristles_are_passive_on_any_motion(rho, excess, fade, damping, size, seed):
-    """Work from rest is never negative with viscosity >= static excess x bristle damping, on any motion.
+def test_lugre_is_passive_on_any_motion(rho, excess, fade, damping, size, seed):
+    """The work from rest is never negative if viscosity >= static excess x bristle damping.
 
     The trapezoidal rule at 1/16 ms has an error of 2e-3 of the dissipated work.
     """
@@ -492,7 +498,7 @@ def test_bristles_are_passive_on_any_motion(rho, excess, fade, damping, size, se
 @examples(25)
 @given(data=st.data(), size=decades(1e-4, 0.1), seed=st.integers(0, 99))
 def test_chain_is_passive_while_current_changes(data, size, seed):
-    """Work from rest is never negative on any motion and current when force must be built up by travel."""
+    """Work from rest is never negative for any motion and current if the force builds up only by travel."""
     own = {key: data.draw(value, label=key) for key, value in PASSIVE["chain"].items()}
     own |= {"gas_force": 0.0, "follow_share": 0.0}
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in own.items()}
@@ -508,13 +514,13 @@ def test_chain_is_passive_while_current_changes(data, size, seed):
 # ------------------------------------------------------------------------------ limits and special cases
 
 
-def test_dahl_is_a_case_of_bouc_wen():
+def test_dahl_is_case_of_bouc_wen():
     trajectory = random_drive(5)
     as_bouc_wen = damper("bouc-wen", kappa=-1.0, n=1.0)
     np.testing.assert_array_equal(simulate(damper("dahl"), trajectory), simulate(as_bouc_wen, trajectory))
 
 
-def test_saturating_law_without_rate_force_is_bouc_wen():
+def test_saturating_law_reduces_to_bouc_wen():
     trajectory = random_drive(6)
     plain = damper("bouc-wen", kappa=-0.8, n=0.7)
     without = damper("bouc-wen-saturating", rate_force=0.0, yield_force=500.0)
@@ -522,29 +528,29 @@ def test_saturating_law_without_rate_force_is_bouc_wen():
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_lugre_without_excess_and_damping_is_dahl(rate):
-    """Both laws are exact at any step: lugre by an exponential, dahl by its table (1.5e-7)."""
+def test_lugre_reduces_to_dahl(rate):
+    """Both laws are exact for any step: lugre uses an exponential, dahl a table with an error of 1.5e-7."""
     trajectory = random_drive(5, rate=rate)
     bristles = damper("lugre", static_excess=0.0, bristle_damping=0.0)
     assert relative(simulate(bristles, trajectory), simulate(damper("dahl"), trajectory)) < 5e-7
 
 
-def test_spencer_with_rigid_dashpot_is_bouc_wen():
-    """At 1e12 N s/m, the position of reversals within a step causes an error of 1e-5 of the peak at 1 ms."""
+def test_rigid_spencer_damper_equals_bouc_wen():
+    """At 1e12 N s/m, reversals between the samples of 1 ms cause an error of 1e-5 of the peak force."""
     trajectory = random_drive(5)
     inner = {"viscosity": 2500.0, "stiffness": 5600.0}
-    # The inner spring is unstretched where the run starts.
+    # The inner spring is unstretched at the start of the run.
     offset = 40.0 - 5000.0 * float(trajectory.displacement[0])
     expected = simulate(bare("bouc-wen", yield_force=800.0, offset=offset, **inner, **HYSTERESIS), trajectory)
     off = [
         relative(simulate(damper("spencer", series_damping=c1), trajectory), expected) for c1 in (1e7, 1e8)
     ]
-    assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)  # proportional to 1 / c1
+    assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)  # The deviation is proportional to 1 / c1.
     assert relative(simulate(damper("spencer", series_damping=1e12), trajectory), expected) < 1e-4
 
 
 def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
-    """Return the rig's damper at one voltage in normalised coefficients."""
+    """Return the reference damper of the rig at one voltage, with normalised coefficients."""
     limit = math.sqrt(k.a / (k.beta + k.gamma))
     return bare(
         "spencer",
@@ -569,12 +575,12 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
         (Sine(10e-3, 2.0), 2.25, 4e-3, 1e-3),
     ],
 )
-def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rms):
-    """The reference is the program of the virtual rig at 20 kHz, with textbook coefficients (3 kN damper).
+def test_spencer_matches_independent_runge_kutta_program(motion, voltage, largest, rms):
+    """The reference is the program of the virtual rig at 20 kHz with textbook coefficients of a 3 kN damper.
 
-    The kernel has 1 kHz. The largest errors in the three cases are 1e-4, 6e-4 and 2.2e-3 of the peak force.
-    The rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. The time of a reversal within a
-    millisecond causes these errors because the loop is steep (yield displacement 21 um).
+    The kernel runs at 1 kHz. The largest errors in the three cases are 1e-4, 6e-4 and 2.2e-3 of the peak
+    force. The rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. They are due to the unknown time
+    of a reversal within a millisecond, because the loop is steep (yield displacement 21 um).
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (
@@ -590,7 +596,7 @@ def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rm
     assert np.sqrt(np.mean(off**2)) < rms * np.std(expected)
 
 
-def test_steep_bouc_wen_is_dry_friction():
+def test_steep_bouc_wen_equals_dry_friction():
     """For rho -> infinity, the force is the yield force with the sign of the velocity."""
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
@@ -600,7 +606,7 @@ def test_steep_bouc_wen_is_dry_friction():
 
 
 def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarray:
-    """Return the force of the valve of the series law if its travel equals the travel of the damper."""
+    """Return the valve force of the series law if the valve travels as far as the damper (rigid spring)."""
     x, v = trajectory.displacement, trajectory.velocity
     shape = np.tanh(v / c["yield_velocity"]) + c["thinning"] * np.abs(v) ** c["thinning_exponent"] * np.sign(
         v
@@ -613,16 +619,16 @@ def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarra
     [{"gap": 0.0, "gap_corner": 1e-9, "gap_stiffness": 1e12}, {"leak_damping": 1e12, "leak_exponent": 1.0}],
     ids=["stiff spring, no gap", "large leak"],
 )
-def test_rigid_series_law_is_its_valve(rigid):
+def test_rigid_series_law_equals_valve(rigid):
     trajectory = random_drive(8)
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
     found = simulate(damper("series-valve", **rigid), trajectory)
-    # The step behind a rigid spring uses the mean velocity of its last 0.3 ms, which has order one.
-    # The error is 100 N if the valve changes sign within a step, 6e-3 of the peak away from reversals,
-    # and 1e-3 in the middle of the strokes.
+    # A step with a rigid spring uses the mean velocity of its last 0.3 ms, which has order one. The error is
+    # 100 N if the valve changes sign within a step, 6e-3 of the peak away from reversals, and 1e-3 in the
+    # middle of the strokes.
     moving = np.abs(trajectory.velocity) > 1e-2
-    moving[:5] = False  # the spring starts unstretched
+    moving[:5] = False  # The spring is unstretched at the start.
     assert np.abs(found - expected)[moving].max() < 1e-2 * np.abs(expected).max()
     assert np.median(np.abs(found - expected)) < 1e-3 * np.abs(expected).max()
 
@@ -631,8 +637,8 @@ def test_rigid_series_law_is_its_valve(rigid):
 
 
 @every_law
-def test_causal_form_matches_the_record(name):
-    """The limit is 1e-4 of the peak force at 1 kHz; the measured error is 1e-15.
+def test_causal_simulation_matches_whole_record(name):
+    """The required limit is 1e-4 of the peak force at 1 kHz, and the measured error is 1e-15.
 
     Both forms reverse at the extremum of the same cubic, which is known from the next sample on.
     """
@@ -642,8 +648,8 @@ def test_causal_form_matches_the_record(name):
 
 
 @pytest.mark.parametrize("name", ["bouc-wen", "bouc-wen-saturating", "double-bouc-wen"])
-def test_causal_form_matches_with_varying_command(name):
-    """Rho is its mean over a sample interval in both forms: they agree to rounding."""
+def test_causal_simulation_matches_with_varying_command(name):
+    """Both forms use the mean of rho over a sample interval, so they agree to rounding."""
     trajectory = with_command(random_drive(1))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
     d = Damper(
@@ -652,11 +658,11 @@ def test_causal_form_matches_with_varying_command(name):
     assert relative(simulate(d, trajectory, form="causal"), simulate(d, trajectory)) < 1e-12
 
 
-# ---------------------------------------------------------------------------------------------- tangents
+# -------------------------------------------------------------------------------- derivatives by coefficients
 
 
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
-    """Generate central differences of fourth order with three steps. The curvature decides which is best."""
+    """Generate fourth-order central differences with three steps. The best step depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -669,7 +675,7 @@ def worst_tangent(column: np.ndarray, force_at, value: float) -> float:
 
 
 @every_law
-def test_tangents_match_central_differences(name):
+def test_force_derivatives_match_central_differences(name):
     trajectory = open_drive(random_drive(0, size=0.02, rate=500.0))
     d = damper(name, **FRICTION)
     values = coefficients_of(d)
@@ -688,7 +694,7 @@ def test_tangents_match_central_differences(name):
 
 
 @every_law
-def test_squared_errors_match_single_runs(name):
+def test_batched_squared_errors_match_single_runs(name):
     draw = np.random.default_rng(0)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
@@ -705,8 +711,8 @@ def test_squared_errors_match_single_runs(name):
 
 
 @every_law
-def test_gram_sums_match_single_runs(name):
-    """The reference is S S^T of each run by NumPy. The rows of S are the tangents and the residual."""
+def test_summed_gram_matrix_matches_single_runs(name):
+    """The reference is the sum of S S^T by NumPy. The rows of S are force derivatives and residual."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
@@ -730,8 +736,8 @@ def test_gram_sums_match_single_runs(name):
 @pytest.mark.parametrize("name", ["series-valve", "chain"])
 @examples(25)
 @given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4))
-def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
-    """Residuals of batched and single runs are bit-identical; tangents agree within the search tolerance."""
+def test_vectorised_gram_sums_match_single_runs(name, data, seed, candidates):
+    """The residuals are bit-identical with single runs. Derivatives agree within the search tolerance."""
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
@@ -753,7 +759,7 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
             rows = [*columns, measured[k] - force]
             scored = np.array(rows)[:, starts[k] :]
             size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
-            # A smaller norm is a rounding error.
+            # A smaller norm is only a rounding error.
             told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)
             size[: len(told)] = np.maximum(size[: len(told)], told)
             pairs, expected = np.outer(size, size), scored @ scored.T
@@ -763,7 +769,7 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
 
 @pytest.fixture
 def _level() -> Iterator[None]:
-    """Restore the instruction set level after a test."""
+    """Restore the instruction set level of the processor after a test."""
     before = core.level()
     yield
     core.use_level(before)
@@ -771,8 +777,8 @@ def _level() -> Iterator[None]:
 
 @pytest.mark.usefixtures("_level")
 @every_law
-def test_instruction_sets_give_identical_results(name):
-    """The compiler does not fuse or reorder operations, so that all machines compute the same card."""
+def test_instruction_sets_give_identical_forces(name):
+    """The compiler does not fuse or reorder operations, so that fits on all machines give the same card."""
     trajectory = random_drive(2)
     d = damper(name, **FRICTION)
     values = coefficients_of(d)
@@ -807,7 +813,7 @@ def test_instruction_sets_give_identical_results(name):
 
 
 def test_dead_band_removes_false_reversals():
-    """Noise of 0.1 mm on a 10 mm sine at 1 kHz gives 1800 pieces; the motion has seven."""
+    """Noise of 0.1 mm divides a sine of 10 mm at 1 kHz into 1800 pieces. The motion itself has seven."""
     clean = drive(Sine(0.010, 1.0), duration=3.0, rate_Hz=1000.0, command=0.0)
     noisy = clean.displacement + np.random.default_rng(0).normal(scale=1e-4, size=len(clean))
     d = bare("bouc-wen", yield_force=1.0, rho=1500.0, kappa=-0.4, n=1.6)
@@ -839,8 +845,8 @@ def dashpot(**values: float) -> Damper:
 
 
 @given(exponent=exponents, viscosity=st.floats(1.0, 1e4), seed=st.integers(0, 20))
-def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
-    """F = c0 v0 |v/v0|^m sgn v. At v0 = 0.1 m/s, c0 is force divided by speed for any exponent."""
+def test_viscous_force_is_power_of_velocity(exponent, viscosity, seed):
+    """F = c0 v0 |v/v0|^m sign(v). At v0 = 0.1 m/s, c0 is force divided by speed for any exponent m."""
     trajectory = random_drive(seed, duration=0.1)
     v = trajectory.velocity
     expected = viscosity * 0.1 * np.abs(v / 0.1) ** exponent * np.sign(v)
@@ -851,7 +857,7 @@ def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
 
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
-def test_viscous_force_and_tangents_are_additive(name, varying):
+def test_viscous_force_and_derivatives_are_additive(name, varying):
     """dF/dc0 is the power of velocity. The derivative by the exponent is the force times ln(|v| / v0)."""
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
@@ -873,10 +879,10 @@ def test_viscous_force_and_tangents_are_additive(name, varying):
 
 @examples(30)
 @given(motion=sines, exponent=exponents, viscosity=positive)
-def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
+def test_dashpot_work_matches_formula(motion, exponent, viscosity):
     """The work per cycle of a sine is c0 v0^(1-m) (A w)^m 4 A times the integral of sin^(m+1).
 
-    The trapezoidal rule over 400 samples has an error of 3e-4 at m = 0.05, from the corner of |v|^m at
+    The trapezoidal rule over 400 samples has an error of 3e-4 at m = 0.05 because |v|^m has a corner at
     reversals.
     """
     work, _ = work_of_last_cycle(dashpot(viscosity=viscosity, viscous_exponent=exponent), motion)
@@ -889,7 +895,7 @@ def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
 # --------------------------------------------------------------------- special cases and rejected inputs
 
 
-def test_double_law_reduces_to_a_single_element():
+def test_double_law_reduces_to_single_element():
     trajectory = random_drive(5)
     one = damper("bouc-wen", **{"kappa": -0.6, "n": 0.9, "rho": 6000.0, "yield_force": 550.0})
     alone = damper("double-bouc-wen", yield_force=550.0, second_force=0.0)
@@ -898,8 +904,8 @@ def test_double_law_reduces_to_a_single_element():
         np.testing.assert_allclose(simulate(other, trajectory), simulate(one, trajectory), atol=1e-9)
 
 
-def test_workspace_changes_no_result():
-    """One table is used for equal kappa and n. A different shape, or tangents, require a new table."""
+def test_reused_workspace_does_not_change_force():
+    """A table is reused for equal kappa and n. A different shape, or derivatives, require a new table."""
     record, workspace = core.open_record(random_drive(2)), core.Workspace()
     for name in ("bouc-wen", "double-bouc-wen", "spencer", "bouc-wen"):
         c, places = coefficients_of(damper(name)), range(len(LAWS[name].names))
@@ -910,7 +916,7 @@ def test_workspace_changes_no_result():
                 np.testing.assert_array_equal(one, other)
 
 
-def test_shape_that_varies_with_the_command_raises():
+def test_current_dependent_curve_shape_raises():
     plain = damper("bouc-wen")
     d = replace(plain, coefficients={**plain.coefficients, "n": Polynomial((1.5, 0.2))})
     with pytest.raises(ValueError, match="kappa and n must be constant over a run"):

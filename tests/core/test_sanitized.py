@@ -1,4 +1,4 @@
-"""The C code with sanitizers and without compiler warnings."""
+"""The C code of kernel and binding compiles without warnings."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def compile_with(compiler: Path, *arguments: str | Path) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("optimised", ["-O1", "-O3"])
 @pytest.mark.parametrize("file", ["kernel.c", "implicit_run.c"])
-def test_kernel_compiles_without_a_warning(tool, tmp_path, file, optimised):
+def test_kernel_compiles_without_warning(tool, tmp_path, file, optimised):
     source = CORE / "kernel" / file
     compile_with(tool("gcc"), "-std=c99", optimised, *WARNINGS, "-c", source, "-o", tmp_path / "kernel.o")
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("file", ["levels.c", "steps.c", "closed_loop.c", "single.c"])
-def test_binding_compiles_without_a_warning(tool, tmp_path, file):
+def test_python_binding_compiles_without_warning(tool, tmp_path, file):
     options = ["-DMRD_SINGLE"] if file == "single.c" else ["-DMRD_HAVE_X86_LEVELS"]
     source, include = CORE / "binding" / file, f"-I{CORE / 'kernel'}"
     compile_with(

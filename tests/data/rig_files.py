@@ -1,4 +1,4 @@
-"""One run written in every format by the format's own library, for tests of the readers."""
+"""Write one run in every file format with the usual library of the format, for tests of the readers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
 
 
 def in_rig_units(run: RigRun = RUN) -> dict[str, np.ndarray]:
-    """Return the channels of a run in the units of ``UNITS``."""
+    """Return the channels of a run in the units of ``UNITS`` by role."""
     return {
         "time": run.time,
         "displacement": 1e3 * run.displacement,
@@ -31,7 +31,7 @@ def in_rig_units(run: RigRun = RUN) -> dict[str, np.ndarray]:
 
 
 def titled(run: RigRun = RUN) -> dict[str, np.ndarray]:
-    """Return the channels under headers with name and unit."""
+    """Return the channels of a run by header, which has name and unit (for example ``force_kN``)."""
     return {f"{role}_{UNITS[role]}": values for role, values in in_rig_units(run).items()}
 
 
@@ -96,7 +96,7 @@ def write_mat73(path: Path) -> None:
 
 
 def save_mat73(path: Path, variables: Mapping[str, Any]) -> None:
-    """Save as MATLAB -v7.3: HDF5 after a header, arrays of structures and cells as references."""
+    """Save variables as MATLAB -v7.3: HDF5 after a MATLAB header, with structures and cells as references."""
     import h5py
 
     with h5py.File(path, "w", userblock_size=512) as file:

@@ -1,4 +1,4 @@
-"""Runs compared with their names, with published dampers and with each other."""
+"""Runs are compared with their file names, with published dampers and with each other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.support.campaigns import make_run
 def run_of(
     name: str = "run", frequency: float = 2.0, stroke_m: float = 0.020, current: float = 0.5, **fields: Any
 ) -> RigRun:
-    """Return a sine with a force of 1 kN."""
+    """Return a run with a sinusoidal motion and a force of 1 kN."""
     run = make_run(Sine(0.5 * stroke_m, frequency), duration=4.0 / frequency + 0.3)
     return replace(run, name=name, command=np.full(len(run), current), **fields)
 
@@ -34,7 +34,7 @@ def noisy(run, seed, gain=1.0):
     return replace(run, force=gain * run.force + grain)
 
 
-# ------------------------------------------------------------------------------------------- declared
+# --------------------------------------------------------------------------------------- values in file names
 
 DECLARED = {
     "frequency": ("3Hz", "time", 2.0 / 3.0),
@@ -46,8 +46,8 @@ DECLARED = {
 
 @pytest.mark.parametrize("place", ["run", "file", "folder"])
 @pytest.mark.parametrize("quantity", DECLARED)
-def test_signals_that_contradict_names_are_reported(place, quantity):
-    """The run has 2 Hz, 20 mm, 0.5 A and 40 degC."""
+def test_run_contradicting_its_name_is_reported(place, quantity):
+    """The run has 2 Hz, a stroke of 20 mm, 0.5 A and 40 degC. A name states another value."""
     text, channel, size = DECLARED[quantity]
     run = warm(run_of(f"test_{text}_b" if place == "run" else "run"), 40.0)
     source = {"run": "run.csv", "file": f"test_{text}.csv", "folder": f"of {text}/run.csv"}[place]
@@ -56,8 +56,8 @@ def test_signals_that_contradict_names_are_reported(place, quantity):
     assert finding.size == pytest.approx(size, rel=5e-3)
 
 
-def test_noisy_sine_keeps_its_frequency():
-    """Noise of 5 % of the amplitude crosses each level many times in a stroke."""
+def test_frequency_of_noisy_sine_is_found():
+    """Noise of 5 % of the amplitude crosses each displacement many times within a stroke."""
     run = run_of("sine_2.1Hz")
     noise = 5e-4 * np.random.default_rng(4).standard_normal(len(run))
     (finding,) = find_against_names([replace(run, displacement=run.displacement + noise)])
@@ -70,7 +70,7 @@ def test_noisy_sine_keeps_its_frequency():
     [("time_scale", "frequency", 0.015), ("displacement_scale", "stroke_m", 0.04)],
 )
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_deviating_run_of_motion_is_found(kind, quantity, least, sign):
+def test_deviating_stroke_or_frequency_is_found(kind, quantity, least, sign):
     usual = {"frequency": 2.0, "stroke_m": 0.020}
     others = [run_of(f"{current:g}", current=current) for current in (0.0, 0.5, 1.0)]
 
@@ -92,14 +92,14 @@ def test_deviating_run_of_motion_is_found(kind, quantity, least, sign):
 
 
 @pytest.mark.parametrize(("role", "factor"), [("force", 0.1), ("displacement", 1 / 25.4), ("command", 100.0)])
-def test_implausible_damper_names_the_channel(role, factor):
+def test_implausible_force_or_command_names_channel(role, factor):
     run = run_of()
     (finding,) = find_implausible_damper([replace(run, **{role: factor * getattr(run, role)})])
     assert finding.channel == ("current" if role == "command" else role)
     assert list(find_implausible_damper([run])) == []
 
 
-# ------------------------------------------------------------------------------------------- each other
+# ------------------------------------------------------------------------------------------- two dampers
 
 
 @pytest.mark.parametrize(
@@ -112,10 +112,10 @@ def test_implausible_damper_names_the_channel(role, factor):
     ],
     ids=["command", "stroke", "frequency", "temperature"],
 )
-def test_two_dampers_are_found_by_force_range(alike):
-    """Force ranges of similar runs may differ by 15 %.
+def test_force_range_reveals_second_damper(alike):
+    """The force ranges of similar runs may differ by 15 %. A larger difference indicates a second damper.
 
-    Runs are similar if the currents differ by at most 20 mA, strokes and frequencies by 3 %, temperatures by
+    Runs are similar if currents differ by at most 20 mA, strokes and frequencies by 3 %, and temperatures by
     3 K.
     """
     first = run_of("first") if alike(0.0).temperature is None else warm(run_of("first"), 20.0)
@@ -146,7 +146,7 @@ def test_different_motion_or_current_is_no_second_damper(change):
 
 
 def test_held_out_second_damper_is_reported():
-    """The fit does not use the run. A pair of training runs has precedence."""
+    """The finding states that the fit does not use this run. Differing training runs have priority."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])
     assert (finding.kind, finding.run) == ("two_dampers", "other")
@@ -173,7 +173,7 @@ def copies(runs):
         (-2.0, "the force times -2"),
     ],
 )
-def test_scaled_copy_is_found(gain, said):
+def test_scaled_copy_of_run_is_found(gain, said):
     first = replace(run_of("first"), force=run_of().force + 100.0)
     copy = replace(first, name="copy", force=gain * first.force + 7.0, displacement=first.displacement + 3e-4)
     (found,) = copies([first, copy])
@@ -183,7 +183,7 @@ def test_scaled_copy_is_found(gain, said):
 
 
 def delayed(frequency, delay_s, *, stroke_m=0.02, name="run", current=0.0):
-    """Return a sine whose force crosses its middle ``delay_s`` after each reversal."""
+    """Return a sine whose force crosses its mean value ``delay_s`` after each reversal of the motion."""
     time = np.arange(round(4.6 / frequency * 2000.0)) / 2000.0
     phase = 2.0 * np.pi * frequency * time + 0.3
     force = 1e3 * np.cos(phase - 2.0 * np.pi * frequency * delay_s)
@@ -194,7 +194,7 @@ def delayed(frequency, delay_s, *, stroke_m=0.02, name="run", current=0.0):
 
 
 def lag_of(runs):
-    """Return kind, size [ms] and run of the reported delay, if there is one."""
+    """Return kind, size [ms] and run of the reported delays."""
     return [
         (f.kind, 1e3 * (f.size or 0.0), f.run)
         for f in compare(runs)
@@ -204,22 +204,23 @@ def lag_of(runs):
 
 @pytest.mark.parametrize(
     ("delays", "told"),
-    [  # frequency [Hz]: delay [ms]
-        ({2.0: 40.0}, None),  # One frequency does not separate delay from compliance.
-        ({2.0: -2.1}, -2.1),  # No mechanism makes the force early.
+    [  # Frequency [Hz]: delay of the force [ms]
+        ({2.0: 40.0}, None),  # A single frequency does not separate a delay from compliance.
+        ({2.0: -2.1}, -2.1),  # No mechanism can make the force lead the motion.
         ({1.0: 10.4, 2.0: 10.4}, 10.4),
-        ({1.0: 40.0, 2.0: 20.0}, None),  # The delay is a fraction of the period.
+        # The delay is proportional to the period, which indicates compliance.
+        ({1.0: 40.0, 2.0: 20.0}, None),
         ({1.0: 52.0, 2.0: 32.0}, 12.0),
         ({1.0: 35.0, 2.0: 15.0}, None),  # A linear fit gives -5 ms, a quadratic fit 8.3 ms.
-        ({1.0: 15.0, 2.0: 0.0}, -5.0),  # The force is early in addition to viscosity.
+        ({1.0: 15.0, 2.0: 0.0}, -5.0),  # The force leads the motion in addition to viscous damping.
     ],
 )
-def test_delay_is_extrapolated_to_zero_period(delays, told):
+def test_force_delay_excludes_compliance(delays, told):
     runs = [
         delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
         for k, (f, ms) in enumerate(delays.items())
     ]
-    larger = delayed(2.0, 0.03, name="larger", current=1.0)  # The current differs.
+    larger = delayed(2.0, 0.03, name="larger", current=1.0)  # A run at a different current is not compared.
     found = lag_of([larger, *runs])
     expected = [] if told is None else [("force_late" if told > 0.0 else "force_early", told, runs[0].name)]
     assert [(kind, pytest.approx(size, abs=0.012), run) for kind, size, run in found] == expected

@@ -1,4 +1,4 @@
-"""Cells of a text: delimiters, quotes and numbers."""
+"""Cells of text files: delimiters, quotes and spellings of numbers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read(rows, delimiter, decimal, count, end="\n"):
     st.integers(2, 4),
     st.sampled_from(["\n", "\r\n"]),
 )
-def test_text_is_split_at_delimiters(rows, delimiter, decimal, count, end):
+def test_rows_are_split_at_delimiters(rows, delimiter, decimal, count, end):
     rows = [[cell.replace(delimiter, "") for cell in row] for row in rows]
     kept = [row for row in rows if any(cell.strip(' \t"') for cell in row[:count])]
     for k, cells in enumerate(read(rows, delimiter, decimal, count, end)):
@@ -65,7 +65,7 @@ def test_text_is_split_at_delimiters(rows, delimiter, decimal, count, end):
         ("1.234,5", ",", 1234.5),
         ("-1'234'567.5", ".", -1234567.5),
         ("1,234,567", ".", 1234567.0),
-        ("1,234", ".", None),  # 1.234 or 1234
+        ("1,234", ".", None),  # The comma may be a decimal sign (1.234) or a thousands separator (1234).
         ("1.234", ",", None),
         ("12,34.5", ".", None),
         ("1.0D+02", ".", 100.0),

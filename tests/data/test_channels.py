@@ -1,4 +1,4 @@
-"""Channel maps: their meaning, and the messages about invalid maps."""
+"""Channel maps: meaning of their entries, and messages about invalid maps."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ from mrdamper.errors import InputError
         ("filtered_force_N", None),
     ],
 )
-def test_header_gives_role_and_unit(header, said):
+def test_column_header_gives_role_and_unit(header, said):
     assert parse_header(header) == said
 
 
@@ -59,7 +59,7 @@ def test_unit_converts_to_si():
     assert Channel("force", unit="N", offset=1.0).to_si(millimetres, "", "f") == pytest.approx([1.0, 11.0])
 
 
-def test_column_found_by_name_pattern_index():
+def test_name_pattern_or_index_selects_column():
     names = ["Time", "Axial Load", "LVDT"]
     assert Channel("force", name="Axial Load").find(names, "f") == 1
     assert Channel("force", pattern="*Load*").find(names, "f") == 1
@@ -67,7 +67,7 @@ def test_column_found_by_name_pattern_index():
     assert Channel("force", unit="N").find(names, "f") is None
 
 
-def test_complete_map_is_read():
+def test_complete_channel_map_is_read():
     text = """
         [channel.force]
         name = "CHANNEL1"
@@ -114,6 +114,6 @@ def test_complete_map_is_read():
         ),
     ],
 )
-def test_invalid_map_is_rejected(given, message):
+def test_invalid_channel_map_is_rejected(given, message):
     with pytest.raises(InputError, match=message):
         ChannelMap.from_dict(given, "map")

@@ -1,4 +1,4 @@
-"""Channels with separate clocks: each format stores starts and rates differently."""
+"""Channels of one file with different start times or sample rates are read at the correct times."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STARTED = datetime(2026, 3, 4, 10, 0, 0, tzinfo=UTC)
 
 
 def displacement_mm(time: FloatArray) -> FloatArray:
-    """Return a motion that does not repeat, so that a shifted channel is wrong everywhere."""
+    """Return a motion that does not repeat, so that a time shift causes an error at every sample."""
     return np.asarray(10.0 * np.sin(2.0 * np.pi * time) + 3.0 * np.sin(1.9 * time + 1.0))
 
 
@@ -35,7 +35,7 @@ def force_N(time: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Channel:
-    """Samples with their first time [s] and their step [s]."""
+    """Hold the samples of a channel with their unit, start time [s] and time step [s]."""
 
     unit: str
     start_s: float
@@ -55,7 +55,7 @@ Channels = Mapping[str, Channel]
 
 
 def recording(late_s: float = 0.0, force_step_s: float = 0.002, seconds: float = 4.0) -> dict[str, Channel]:
-    """Return channels of one damper; the force begins later and may have a different rate."""
+    """Return displacement and force of a damper. The force starts later and may have a different rate."""
     time = np.asarray(0.002 * np.arange(round(seconds / 0.002)))
     later = np.asarray(late_s + force_step_s * np.arange(round(seconds / force_step_s)))
     return {
@@ -68,7 +68,7 @@ def recording(late_s: float = 0.0, force_step_s: float = 0.002, seconds: float =
 def assert_on_one_clock(
     path: Path, late_s: float, answers: tuple[str, ...] = (), *, is_reported: bool = True
 ) -> None:
-    """Assert that displacement and force belong to the times at which they were measured."""
+    """Check that displacement and force belong to the times at which they were measured."""
     read = read_file(path, answers=parse_answers(answers))
     (run,) = (each.checked() for each in read.recordings)
     assert np.allclose(1e3 * run.displacement, displacement_mm(run.time), atol=1e-3)
@@ -78,7 +78,7 @@ def assert_on_one_clock(
     assert [each.kind for each in read.findings] == ["common_time"] * is_reported
 
 
-# ------------------------------------------------------------------------------------------- writers
+# ------------------------------------------------------------------------------------------- writers of files
 
 
 def write_tdms(path: Path, channels: Channels, state: Callable[[Channel], dict[str, Any]]) -> None:
@@ -97,12 +97,12 @@ def write_tdms(path: Path, channels: Channels, state: Callable[[Channel], dict[s
 
 
 def tdms_start(path: Path, channels: Channels) -> None:
-    """Write the moments at which channels began."""
+    """Write a TDMS file with the start time of each channel."""
     write_tdms(path, channels, lambda each: {"wf_start_time": each.moment.replace(tzinfo=None)})
 
 
 def tdms_offset(path: Path, channels: Channels) -> None:
-    """Write offsets from a start time that only the force has."""
+    """Write a TDMS file with a time offset for each channel, and with a start time for the force only."""
 
     def state(each: Channel) -> dict[str, Any]:
         began = {"wf_start_time": STARTED.replace(tzinfo=None)} if each.unit == "N" else {}
@@ -112,7 +112,7 @@ def tdms_offset(path: Path, channels: Channels) -> None:
 
 
 def universal(path: Path, channels: Channels) -> None:
-    """Write abscissae that begin at different times."""
+    """Write a universal file whose abscissae start at different times."""
     text = ""
     for name, each in channels.items():
         count = len(each.values)
@@ -148,7 +148,7 @@ def hdf5_rate(path: Path, channels: Channels) -> None:
 
 
 def hdf5_groups(path: Path, channels: Channels) -> None:
-    """Write a group for each channel with its samples and its times."""
+    """Write an HDF5 file with one group per channel, which contains its samples and its times."""
     import h5py
 
     with h5py.File(path, "w") as file:
@@ -158,7 +158,7 @@ def hdf5_groups(path: Path, channels: Channels) -> None:
 
 
 def write_labview(path: Path, channels: Channels, *, wide: bool, moments: bool) -> None:
-    """Write an x column for each channel or none; x0, or date and time of day, state its start."""
+    """Write LabVIEW text with one x column per channel or none. The start is x0, or date and time."""
     gap = "\t\t" if wide else "\t"
     x0 = [0.0 if moments else each.start_s for each in channels.values()]
     begun = [each.moment if moments else STARTED for each in channels.values()]
@@ -203,7 +203,7 @@ def labview_times(path: Path, channels: Channels) -> None:
 
 
 def time_series(channels: Channels) -> dict[str, Any]:
-    """Return a structure with times for each channel, as in MATLAB's time series."""
+    """Return a structure per channel with its times, like a MATLAB time series."""
     return {
         f"channel_{k}": {"Name": name, "Time": each.time, "Data": each.values, "Unit": each.unit}
         for k, (name, each) in enumerate(channels.items())
@@ -221,7 +221,7 @@ def mat73(path: Path, channels: Channels) -> None:
 
 
 def mat_rates(path: Path, channels: Channels) -> None:
-    """Write structures of samples, rate and start."""
+    """Write MAT structures with samples, sample rate and start time."""
     from scipy.io import savemat
 
     savemat(
@@ -251,7 +251,7 @@ def mdf(path: Path, channels: Channels) -> None:
 
 
 def columns_apart(path: Path, channels: Channels) -> None:
-    """Write each channel after its own time column; the time of the force is in milliseconds."""
+    """Write each channel after its own time column. The time of the force is in milliseconds."""
     head, columns = [], []
     for name, each in channels.items():
         unit, factor = ("ms", 1e3) if name == "Force" else ("s", 1.0)
@@ -288,20 +288,20 @@ WRITERS: Mapping[Callable[[Path, Channels], None], str] = {
 @pytest.mark.parametrize(
     ("late_s", "force_step_s"), [(0.002, 0.002), (0.05, 0.002), (0.05, 0.001), (0.0, 0.001)]
 )
-def test_channels_keep_their_own_clock(tmp_path, write, late_s, force_step_s):
-    """The channels have a shift or a second rate. Values belong to the times that the file states."""
+def test_channels_keep_their_own_times(tmp_path, write, late_s, force_step_s):
+    """The force starts later than the displacement or has another sample rate."""
     path = tmp_path / WRITERS[write]
     write(path, recording(late_s, force_step_s))
     is_reported = late_s > (
         0.01 if write in {mdf, columns_apart} else 0.0
-    )  # Jitter of a logger is not reported.
+    )  # A shift as small as the jitter of a logger is not reported.
     assert_on_one_clock(path, late_s, is_reported=is_reported)
 
 
 @pytest.mark.parametrize(
     "write", [tdms_start, universal, hdf5_rate, labview_moments, mat], ids=lambda write: write.__name__
 )
-def test_short_common_time_of_waveforms_is_reported(tmp_path, write):
+def test_short_overlap_of_channels_is_reported(tmp_path, write):
     path = tmp_path / WRITERS[write]
     write(path, recording(3.0))
     assert_on_one_clock(path, 3.0)
@@ -311,15 +311,15 @@ def test_short_common_time_of_waveforms_is_reported(tmp_path, write):
 
 
 @pytest.mark.parametrize("write", [tdms_start, universal, mdf], ids=lambda write: write.__name__)
-def test_channels_without_common_time_are_rejected(tmp_path, write):
+def test_channels_without_overlap_are_rejected(tmp_path, write):
     path = tmp_path / WRITERS[write]
     write(path, recording(60.0))
     with pytest.raises(InputError, match="no time in common"):
         read_run(path)
 
 
-def test_short_group_requires_an_answer(tmp_path):
-    """A group of a logger that covers half of the record lacks samples: the user decides on the rest."""
+def test_half_covered_record_requires_answer(tmp_path):
+    """If a group of channels covers only half of the record, the user decides whether to use this half."""
     path = tmp_path / "run.mf4"
     mdf(path, recording(2.0))
     with pytest.raises(AskingError, match=r"time\.part=common") as fault:
@@ -332,8 +332,8 @@ def test_short_group_requires_an_answer(tmp_path):
 
 
 @pytest.mark.parametrize("value", [0.02, 2.0, 25.0])
-def test_implausible_step_requires_a_unit(tmp_path, value):
-    """A step of 2 without a unit cannot be in seconds, and milliseconds are not assumed."""
+def test_implausible_time_step_requires_unit(tmp_path, value):
+    """A time step of 2 without unit cannot be in seconds, and milliseconds are not assumed."""
     path = tmp_path / "run.h5"
     write_hdf5(path, recording(), lambda each: {"dt": 1.5 * value})
     with pytest.raises(AskingError) as fault:

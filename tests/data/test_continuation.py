@@ -1,4 +1,4 @@
-"""Files that continue the record of another file are joined."""
+"""Files that continue the record of another file are joined to one run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def sine_run(
 
 
 def parts(run: RigRun, *, shared_sample: bool = False) -> list[RigRun]:
-    """Return three parts of a run, as a logger divides them; parts can share a sample."""
+    """Return three parts of a run, as a logger divides them. Neighbouring parts may share a sample."""
     edges = [0, 300, 620, len(run)]
     cut = []
     for number in range(3):
@@ -34,8 +34,8 @@ def parts(run: RigRun, *, shared_sample: bool = False) -> list[RigRun]:
 
 
 @pytest.mark.parametrize("shared_sample", [False, True])
-def test_parts_give_the_original_run(shared_sample: bool):
-    """Three parts in any order are joined to the samples of the original. Unrelated runs are unchanged."""
+def test_joined_parts_equal_original_run(shared_sample: bool):
+    """Three parts in any order are joined to the samples of the original. Other runs are unchanged."""
     run, other = sine_run(), sine_run("other", amplitude_m=1e-2, start_s=0.5)
     first, second, third = parts(run, shared_sample=shared_sample)
     joined, continued = join_continuations(Dataset((third, other, first, second)))
@@ -58,8 +58,8 @@ def test_parts_give_the_original_run(shared_sample: bool):
     ],
     ids=["clock from zero", "gap", "current", "amplitude", "jump", "temperature", "same file"],
 )
-def test_different_tests_are_not_joined(change):
-    """A run with a different clock, current, motion or temperature is a different test."""
+def test_runs_of_different_tests_stay_separate(change):
+    """A run with a different clock, current, motion or temperature belongs to a different test."""
     first, second, _ = parts(sine_run())
     joined, continued = join_continuations(Dataset((first, change(second))))
     assert continued == ()

@@ -1,4 +1,4 @@
-"""Energy, forces and stiffness of cycles against closed forms and plain loops."""
+"""Energy, forces and stiffness of motion cycles agree with closed forms and plain loops."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ AMPLITUDE_m, FORCE_N, STIFFNESS_N_m = 0.01, 900.0, 5e4
 ANGLE = 2.0 * pi / SAMPLES_PER_CYCLE
 ENERGY_J = (
     pi * AMPLITUDE_m * FORCE_N * sin(ANGLE) / ANGLE
-)  # Exact for the trapezoidal rule on a sampled sine.
+)  # This energy is exact for the trapezoidal rule on a sampled sine.
 
 
 def sine(samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return time, displacement and force of a viscous damper parallel to a spring."""
+    """Return time, displacement and force of a viscous damper in parallel with a spring."""
     number = np.arange(samples, dtype=np.float64)
     x = AMPLITUDE_m * np.sin(ANGLE * number)
     return STEP_s * number, x, FORCE_N * np.cos(ANGLE * number) + STIFFNESS_N_m * x
@@ -36,7 +36,7 @@ def count(
     return count_record(Recording("record", time, x, force, command, "A", temperature=temperature))
 
 
-def test_sampled_sine_dissipates_closed_form_energy() -> None:
+def test_energy_of_sampled_sine_matches_formula() -> None:
     time, x, force = sine(20_001)
     record = count(time, x, force, np.asarray(300.0 + 0.01 * np.arange(len(time)), dtype=np.float64))
     found = record.figures
@@ -49,13 +49,13 @@ def test_sampled_sine_dissipates_closed_form_energy() -> None:
     np.testing.assert_allclose(found.temperature_K, 300.0 + 0.01 * (found.row + 99.5), rtol=1e-12)
 
 
-def test_no_cycle_crosses_a_break() -> None:
-    """An invalid number, a decreasing time and a gap each interrupt one cycle of the record."""
+def test_interrupted_cycles_are_omitted() -> None:
+    """An invalid number, a decreasing time, and a gap each interrupt one cycle of the record."""
     time, x, force = sine(10_001)
-    force[1_000] = np.nan  # The cycle starts at sample 950.
-    x[3_000] = 1e12  # The cycle starts at sample 2950.
-    time[5_000:] -= 3.0  # The cycle starts at sample 4950.
-    time[8_000:] += 7.0  # The cycle starts at sample 7950.
+    force[1_000] = np.nan  # This sample is in the cycle that starts at sample 950.
+    x[3_000] = 1e12  # This sample is in the cycle that starts at sample 2950.
+    time[5_000:] -= 3.0  # This step is in the cycle that starts at sample 4950.
+    time[8_000:] += 7.0  # This gap is in the cycle that starts at sample 7950.
     record = count(time, x, force)
     assert record.breaks == 4
     assert not {950, 2_950, 4_950, 7_950} & set(record.figures.row.tolist())
@@ -65,7 +65,7 @@ def test_no_cycle_crosses_a_break() -> None:
 
 @given(seed=st.integers(0, 30), noise=st.sampled_from([0.0, 1e-5, 3e-4]))
 @examples(8)
-def test_cycles_match_plain_loops(seed: int, noise: float) -> None:
+def test_cycle_values_match_plain_loops(seed: int, noise: float) -> None:
     rng = np.random.default_rng(seed)
     time, x, force = sine(5_000)
     x = x + noise * rng.standard_normal(len(x))

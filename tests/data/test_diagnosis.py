@@ -1,4 +1,4 @@
-"""Findings on runs with known faults; clean runs, virtual and real, have no false finding."""
+"""Faults of known size in a run are reported, and clean runs, virtual and real, have no false finding."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from mrdamper.excitation import Chirp, Sine
 from tests.support.campaigns import SINE, make_run
 from tests.support.examples import examples
 
-RNG_N = 5.0  # noise of the force [N]
+RNG_N = 5.0  # Noise of the measured force [N]
 
 
 def recording(motion=SINE, *, changed=None, force_noise=RNG_N, **how):
-    """Return a run of dry friction with sensor noise, as read; ``changed`` alters its arrays in place."""
+    """Return a recording of dry friction with sensor noise. ``changed`` alters its arrays in place."""
     run = make_run(motion, **{"duration": 5.0, "noise": 5e-6, **how})
     rng = np.random.default_rng(7)
     fields = {
@@ -48,7 +48,7 @@ def size_of(finding: Finding) -> float:
 
 
 def only(given_run, kind):
-    """Return the only finding after a check of its kind."""
+    """Return the only finding of a run, after a check that it has this kind."""
     (finding,) = diagnose(given_run)
     assert finding.kind == kind
     assert finding.run == "run"
@@ -58,7 +58,7 @@ def only(given_run, kind):
     return finding
 
 
-# ------------------------------------------------------------------------------------------- nothing
+# ------------------------------------------------------------------------------------------- clean runs
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_clean_run_has_no_finding(motion, rest):
     seed=st.integers(0, 1000),
 )
 def test_quantised_noisy_sine_has_no_fault(amplitude, frequency, quantum, grain, seed):
-    """A coarsely quantised sine is constant at its reversals. This is neither clipping nor a stuck sensor."""
+    """A coarsely quantised sine is constant at its reversals, without being clipped or stuck."""
 
     def coarse(fields):
         if grain:
@@ -94,7 +94,7 @@ def test_quantised_noisy_sine_has_no_fault(amplitude, frequency, quantum, grain,
 
 
 def test_virtual_rig_has_only_known_findings():
-    """Noise of 5 N and an offset of 6 N are in the rig's parameters; nothing else is found."""
+    """The virtual rig adds force noise of 5 N and an offset of 6 N. Only these two are reported."""
     from mrdamper.virtual_rig.campaign import Campaign
     from mrdamper.virtual_rig.lumped import LUMPED
     from mrdamper.virtual_rig.measurement import measure_run
@@ -112,10 +112,10 @@ def test_virtual_rig_has_only_known_findings():
     assert seen < 10
 
 
-# ------------------------------------------------------------------------------------------- time
+# ----------------------------------------------------------------------------------------- faults of the time
 
 
-def test_missing_numbers_are_counted_by_channel():
+def test_missing_samples_are_counted_by_channel():
     def spoil(fields):
         fields["force"][100:130] = np.nan
         fields["displacement"][7] = np.inf
@@ -142,7 +142,7 @@ def test_duplicated_and_reversed_times_are_counted(places):
     assert finding.from_s == pytest.approx(2.999)
 
 
-def test_change_of_rate_is_reported():
+def test_change_of_sample_rate_is_reported():
     def slower(fields):
         fields["time"][2500:] = fields["time"][2499] + 2e-3 * np.arange(1, len(fields["time"]) - 2499)
 
@@ -151,7 +151,7 @@ def test_change_of_rate_is_reported():
     assert finding.from_s == pytest.approx(2.5, abs=0.05)
 
 
-# ------------------------------------------------------------------------------------------- sensors
+# ------------------------------------------------------------------------------------------ faults of sensors
 
 
 def test_clipped_displacement_is_found():
@@ -165,7 +165,7 @@ def test_clipped_displacement_is_found():
 
 
 @pytest.mark.parametrize(("factor", "kind"), [(1e12, "outliers"), (-1e9, "outliers")])
-def test_outlier_is_a_fault(factor, kind):
+def test_single_force_outlier_is_fault(factor, kind):
     def outlier(fields):
         fields["force"][1234] = factor
 
@@ -175,10 +175,10 @@ def test_outlier_is_a_fault(factor, kind):
     assert "wiring" in finding.remedy
 
 
-# ------------------------------------------------------------------------------------------- mechanics
+# ------------------------------------------------------------------------------------------ mechanical faults
 
 
-def test_reversed_force_is_a_fault():
+def test_reversed_force_sign_is_fault():
     def turn(fields):
         fields["force"] *= -1.0
 
@@ -195,16 +195,16 @@ def test_coarse_slow_motion_is_not_stuck():
     assert kinds(recording(changed=coarse)) == ["coarse_steps"]
 
 
-# ------------------------------------------------------------------------------------------- resolution
+# ------------------------------------------------------------------------------------------- force noise
 
 
 @given(noise=st.floats(0.5, 200.0), seed=st.integers(0, 99))
 @examples(20)
-def test_white_noise_is_separated_from_loop(noise, seed):
+def test_force_noise_is_separated_from_loop(noise, seed):
     run = make_run(rate_Hz=1000.0)
     spoilt = run.force + noise * np.random.default_rng(seed).standard_normal(len(run))
     assert white_noise(spoilt) == pytest.approx(noise, rel=0.15)
-    assert white_noise(spoilt[:15]) == 0.0  # The resolution is unknown.
+    assert white_noise(spoilt[:15]) == 0.0  # The run is too short to determine the noise.
 
 
 # ------------------------------------------------------------------------------------------- all runs
@@ -221,7 +221,7 @@ channel_values = st.sampled_from(
     data=st.data(),
 )
 def test_diagnosis_agrees_with_validation_of_runs(n, data):
-    """The diagnosis accepts any array and reports a fault exactly if validation rejects the run."""
+    """The diagnosis accepts any array. It reports a fault if and only if the validation rejects the run."""
     seed = data.draw(st.integers(0, 10_000))
     rng = np.random.default_rng(seed)
     time = np.arange(n) / 100.0
@@ -249,8 +249,8 @@ def a_finding(kind, severity="warning", size=None, run="", **fields):
     return Finding(kind=kind, severity=severity, channel="force", size=size, run=run, **texts | fields)
 
 
-def test_run_count_counts_each_recording_once():
-    """A run with several findings counts once, and a copy of the run does not count."""
+def test_finding_counts_each_recording_once():
+    """A recording with several findings of a kind counts once, and a copy of it does not count."""
     clipped = [a_finding("clipped", run=run, from_s=time) for run in ("one", "copy") for time in (0.0, 1.0)]
     copy = a_finding("duplicate", run="copy")
     assert [(finding.kind, count) for finding, count in by_kind([*clipped, copy])] == [
@@ -262,7 +262,7 @@ def test_run_count_counts_each_recording_once():
 
 
 def test_repeated_findings_are_listed_once():
-    """A fault that two checks find is listed once. Faults at two times, or in two runs, are listed twice."""
+    """A fault that two checks find is listed once. A fault at two times or in two runs is listed twice."""
     early, again = a_finding("force_early", run="one"), a_finding("force_early", run="one", found="again")
     other = [a_finding("force_early", run="two"), a_finding("force_early", run="one", from_s=1.0)]
     assert without_repeats([early, again, *other]) == [early, *other]
@@ -272,8 +272,8 @@ def test_repeated_findings_are_listed_once():
 
 @pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],
                          ids=["lost", "doubled"])  # fmt: skip
-def test_lost_samples_are_phase_jumps(rows):
-    """The time is uniform; displacement and force jump."""
+def test_lost_samples_give_phase_jumps(rows):
+    """The time stamps remain uniform, but displacement and force jump."""
     sound = recording()
     cut = {
         name: np.concatenate([getattr(sound, name)[part] for part in rows])
@@ -285,11 +285,11 @@ def test_lost_samples_are_phase_jumps(rows):
     assert finding.from_s == pytest.approx(sound.time[700], abs=0.01)
 
 
-# ------------------------------------------------------------------------------------------ known sizes
+# --------------------------------------------------------------------------------------- faults of known size
 
 
 class Fault(NamedTuple):
-    """A fault of a known size, and the finding that reports it."""
+    """A fault of a known size, and the kind and size of the finding that reports it."""
 
     kind: str
     spoil: Callable[[dict[str, Any], float], Any]
@@ -329,7 +329,7 @@ def lose(fields, size):
 
 
 def drift_by(role):
-    """Move a channel by a size from the first to the last of nine cycles."""
+    """Return a function that moves a channel by a size from the first to the last of nine cycles."""
     return lambda fields, size: fields.update({role: fields[role] + size * fields["time"] / 4.0})
 
 
@@ -344,8 +344,8 @@ def white(fields):
 SPREAD_N, SPAN_N = float(np.std(make_run().force)), float(np.ptp(recording(noise=0.0).force))
 STROKE_m, PERIOD = 0.020, 500  # [samples]
 ROUNDING = np.sqrt(12.0)
-CYCLES = (0.375, 4.875)  # Nine cycles between reversals.
-ALL_BUT_ONE = float(np.sqrt(9.0 / 8.0 * 80.0 / 81.0))  # Standard deviation of nine alternating signs.
+CYCLES = (0.375, 4.875)  # Start and end [s] of nine cycles between reversals
+ALL_BUT_ONE = float(np.sqrt(9.0 / 8.0 * 80.0 / 81.0))  # Standard deviation of nine values of alternating sign
 
 
 def the_same(size):
@@ -383,7 +383,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_finding_reports_the_injected_size(name):
+def test_finding_reports_size_of_injected_fault(name):
     fault = FAULTS[name]
     run = recording(noise=0.0, changed=lambda fields: fault.spoil(fields, fault.injected))
     found = next(finding for finding in diagnose(run) if finding.kind == fault.kind)
@@ -391,14 +391,14 @@ def test_finding_reports_the_injected_size(name):
     assert fault.span_s is None or (found.from_s, found.to_s) == pytest.approx(fault.span_s, abs=1e-9)
 
 
-# ----------------------------------------------------------------------------------------- invariance
+# ---------------------------------------------------------------------------------- changes of unit and scale
 
 
 class Twin(NamedTuple):
     """A change of units or scale that must not change the findings."""
 
     changed: Callable[[Recording], Recording]
-    factors: dict[str, float]  # Scale factor of a finding by unit; times use "s".
+    factors: dict[str, float]  # Scale factor of the size of a finding, by unit; the unit of times is "s".
     begins_s: float = 0.0
 
 
@@ -409,7 +409,7 @@ def scaled(**gains):
     )
 
 
-TWINS = {  # Powers of two scale exactly.
+TWINS = {  # Scaling by powers of two is exact.
     "a force four times as large": Twin(scaled(force=4.0), {"N": 4.0}),
     "a motion of half the size": Twin(scaled(displacement=0.5, velocity=0.5), {"m": 0.5}),
     "twice as slow": Twin(scaled(time=2.0, velocity=0.5), {"s": 2.0, "ms": 2.0}),
@@ -420,7 +420,7 @@ TWINS = {  # Powers of two scale exactly.
 @pytest.mark.parametrize("twin", TWINS)
 @pytest.mark.parametrize("name", FAULTS)
 def test_findings_do_not_depend_on_units(name, twin):
-    """Findings are relative to the stroke, range, rate and noise of the run itself."""
+    """The thresholds of findings are relative to the stroke, range, rate and noise of the run itself."""
     fault, same = FAULTS[name], TWINS[twin]
     sound = recording(noise=0.0, changed=lambda fields: fault.spoil(fields, fault.injected))
     first, other = diagnose(sound), diagnose(same.changed(sound))

@@ -1,4 +1,4 @@
-"""Every file format gives the same run; the report lists its interpretation and missing data."""
+"""Every file format gives the same run, and its interpretation and damage are reported."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_all_formats_give_the_same_run(tmp_path, name):
+def test_all_formats_give_same_run(tmp_path, name):
     WRITERS[name](tmp_path / name)
     (run,) = read_run(tmp_path / name)
     assert run.time == pytest.approx(RUN.time, abs=1e-12)
@@ -43,7 +43,7 @@ def test_all_formats_give_the_same_run(tmp_path, name):
     assert run.command_unit == "A"
 
 
-def test_folder_of_all_formats_is_read(tmp_path):
+def test_folder_with_all_formats_is_read(tmp_path):
     for name, write in WRITERS.items():
         write(tmp_path / f"{len(list(tmp_path.iterdir()))}-{name}")
     assert len(read_runs(tmp_path)) == len(WRITERS)
@@ -58,7 +58,7 @@ def test_folder_of_all_formats_is_read(tmp_path):
         ("run.xlsx", "Excel file, 3 header lines, part 'Data'"),
     ],
 )
-def test_interpretation_of_a_file_is_printed(tmp_path, name, words):
+def test_interpretation_of_file_is_printed(tmp_path, name, words):
     WRITERS[name](tmp_path / name)
     file = read_file(tmp_path / name)
     assert file.layout.in_words() == words
@@ -73,7 +73,7 @@ def test_interpretation_of_a_file_is_printed(tmp_path, name, words):
         ("run.xlsx", "python_calamine", "python-calamine"),
     ],
 )
-def test_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, module, package):
+def test_missing_library_names_install_command(tmp_path, monkeypatch, name, module, package):
     WRITERS[name](tmp_path / name)
     for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
         monkeypatch.delitem(sys.modules, loaded)
@@ -92,11 +92,11 @@ def test_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, mo
         read_run(tmp_path / name)
 
 
-# ------------------------------------------------------------------------------------------- text
+# ------------------------------------------------------------------------------------------- text files
 
 
 def test_channel_map_sets_delimiter_and_decimal(tmp_path):
-    """A channel map may state delimiter and decimal sign. Invalid settings are rejected with a message."""
+    """A channel map may set delimiter and decimal sign. Invalid settings are rejected with a message."""
     write_csv(tmp_path / "run.csv")
     channels = ChannelMap.from_dict({"file": {"delimiter": ",", "decimal": "."}})
     (run,) = read_run(tmp_path / "run.csv", channels)
@@ -112,16 +112,16 @@ def test_channel_map_sets_delimiter_and_decimal(tmp_path):
             ChannelMap.from_dict({"file": given})
 
 
-# ------------------------------------------------------------------------------------------- damage
+# ------------------------------------------------------------------------------------------- damaged files
 
 
-# A damaged file can crash the compiled libraries of these formats, which is a documented limit.
+# A damaged file can crash the compiled libraries of these formats. This limit is documented.
 COMPILED = {"run.h5", "v73.mat", "v5.mat", "run.mf4", "run.parquet", "run.xlsx"}
 
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_damaged_file_is_read_or_rejected(tmp_path, name, capfd):
-    """A damaged file causes one error and prints nothing. Files of compiled formats are only truncated."""
+    """A damaged file causes one error and no other output. Compiled formats are only truncated."""
     file = tmp_path / name
     WRITERS[name](file)
     content = file.read_bytes()
@@ -142,7 +142,7 @@ def test_damaged_file_is_read_or_rejected(tmp_path, name, capfd):
 
 
 def _mts(path, shift):
-    """Write two acquisitions, the second ``shift`` seconds after the first has ended."""
+    """Write two acquisitions to an MTS file. The second starts ``shift`` seconds after the first ends."""
     write_mts(path)
     head, *rows = path.read_text().split("\nSec\tmm\tkN\tA\n")
     later = float(RUN.time[-1]) + shift
@@ -185,10 +185,10 @@ def test_invalid_mdf_samples_are_nan(tmp_path):
 
 
 def test_impossible_mdf_sample_count_is_rejected(tmp_path):
-    """A damaged sample count must not allocate gigabytes of zeros."""
+    """A damaged sample count in the file must not allocate gigabytes of zeros."""
     WRITERS["run.mf4"](tmp_path / "run.mf4")
     content = bytearray((tmp_path / "run.mf4").read_bytes())
-    count = content.index(b"##CG") + 80  # Skip head, six links and number of the block.
+    count = content.index(b"##CG") + 80  # The count follows the head, six links and a number of the CG block.
     assert int.from_bytes(content[count : count + 8], "little") == len(RUN)
     content[count : count + 8] = (1 << 26).to_bytes(8, "little")
     (tmp_path / "run.mf4").write_bytes(content)
@@ -222,8 +222,8 @@ def test_mdf_formula_is_not_executed(tmp_path, monkeypatch, version, nested):
         read_table(written)
 
 
-def test_hdf5_external_links_are_not_followed(tmp_path):
-    """External storage, links and virtual data sets are not followed."""
+def test_hdf5_links_to_other_files_are_ignored(tmp_path):
+    """External storage, external links and virtual data sets are not followed."""
     import h5py
 
     (tmp_path / "secret.bin").write_bytes(RUN.force.tobytes())
@@ -242,11 +242,11 @@ def test_hdf5_external_links_are_not_followed(tmp_path):
         read_run(tmp_path / "run.h5")
 
 
-# ------------------------------------------------------------------------------------------- examples
+# --------------------------------------------------------------------------------------- example channel maps
 
 
-def test_example_map_reads_mts(tmp_path):
-    """Three acquisitions, their currents in the map; the cell counts compression as positive."""
+def test_example_map_reads_mts_acquisitions(tmp_path):
+    """The file has three acquisitions. The map gives their currents and the sign of the load cell."""
     write_mts(tmp_path / "run.dat")
     head, rows = (tmp_path / "run.dat").read_text().replace("\tCurrent", "").split("\nSec\tmm\tkN\tA\n")
     first, block = head.split("\n\n")
@@ -261,7 +261,7 @@ def test_example_map_reads_mts(tmp_path):
     assert runs[2].force == pytest.approx(RUN.force, abs=1e-9)
 
 
-def test_example_map_reads_tdms_volts(tmp_path):
+def test_example_map_converts_tdms_volts(tmp_path):
     from nptdms import ChannelObject, TdmsWriter
 
     volts = {"ai0": (RUN.displacement + 0.0625) / 0.0125, "ai1": RUN.force / 1000.0, "ai2": RUN.command / 2.0}
@@ -276,7 +276,7 @@ def test_example_map_reads_tdms_volts(tmp_path):
     assert run.constant_command == 0.5
 
 
-def test_example_map_reads_mat_matrix(tmp_path):
+def test_example_map_reads_matrix_in_mat(tmp_path):
     from scipy.io import savemat
 
     savemat(tmp_path / "run.mat", {"data": np.column_stack(list(in_rig_units().values()))})
@@ -285,14 +285,14 @@ def test_example_map_reads_mat_matrix(tmp_path):
 
 
 @pytest.mark.parametrize("interrupt", [KeyboardInterrupt, Interrupted])
-def test_interrupt_passes_through_decoding(tmp_path, interrupt):
-    """An interrupt is not a damaged file."""
+def test_interrupt_during_decoding_is_raised(tmp_path, interrupt):
+    """An interrupt must not be reported as a damaged file."""
     with pytest.raises(interrupt), decoding(tmp_path, "MAT"):
         raise interrupt
 
 
-def test_interrupt_replaced_by_library_is_raised(tmp_path):
-    """A library may replace an interrupt by its own exception."""
+def test_interrupt_hidden_by_library_is_raised(tmp_path):
+    """A library may raise its own exception after an interrupt."""
 
     def replace_interrupt():
         try:

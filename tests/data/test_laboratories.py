@@ -1,6 +1,6 @@
-"""Files in layouts and languages of laboratories: values that are read, questions that are printed.
+"""Files in the layouts and languages of laboratories are read without a map, or lead to a question.
 
-Every folder is made here, from one motion at three currents; the true values are known.
+Each test writes a folder of files from one motion at three currents, so the true values are known.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ def number(value: float, comma: bool = False) -> str:
 def rows(
     run: RigRun, scales: Sequence[float] = (1.0, 1e3, 1.0), sign: str = ";", *, comma: bool = False
 ) -> str:
-    """Return time, displacement and force as lines, without a command."""
+    """Return time, displacement and force as lines of text, without the command."""
     columns = (run.time * scales[0], run.displacement * scales[1], run.force * scales[2])
     return "\n".join(sign.join(number(v, comma) for v in row) for row in zip(*columns, strict=True)) + "\n"
 
 
 def assert_read(runs: Dataset, *, unit: str = "A", warm: float | None = None) -> None:
-    """Assert that each true run was read exactly once with its current."""
+    """Check that each true run was read exactly once, with its current."""
     assert len(runs) == len(RUNS)
     for true in RUNS:
         (run,) = (each for each in runs if abs(float(np.median(each.command)) - true.command[0]) < 1e-3)
@@ -64,7 +64,7 @@ def assert_read(runs: Dataset, *, unit: str = "A", warm: float | None = None) ->
 
 
 def polish(folder: Path) -> None:
-    """Write the current in the name of the folder, in milliamperes, and kilonewtons with decimal commas."""
+    """Write the current in milliamperes in the folder's name, and the force in kN with decimal commas."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         place = folder / f"próba {1e3 * current:.0f} mA"
         place.mkdir()
@@ -73,7 +73,7 @@ def polish(folder: Path) -> None:
 
 
 def french(folder: Path) -> None:
-    """Write lines above the table: sampling rate, current, temperature; time is a column without a unit."""
+    """Write sample rate, current and temperature above the table. Its time column has no unit."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         head = f"Essai;{k}\nFréquence d'échantillonnage;200 Hz\nIntensité;{number(current, comma=True)} A\n"
         head += "Température huile;40 °C\nCourant max;3 A\n"
@@ -82,7 +82,7 @@ def french(folder: Path) -> None:
 
 
 def japanese(folder: Path) -> None:
-    """Write Shift JIS with a different order of columns, and the measured current next to its set point."""
+    """Write Shift JIS text in an unusual order of columns, with the set point of the current."""
     for k, run in enumerate(RUNS):
         lines = ["試験,減衰器", "電流指令[A],荷重[N],変位[mm],時間[s],電流[A]"]
         table = zip(run.force, 1e3 * run.displacement, run.time, run.command, strict=True)
@@ -91,7 +91,7 @@ def japanese(folder: Path) -> None:
 
 
 def blocks(folder: Path) -> None:
-    """Write one text with a header for each block, a table of results above and words below."""
+    """Write one file with a header for each block of rows, a table of results above and text below."""
     text = "Summary\nCycle\tFmax (N)\n1\t900\n2\t901\n\n"
     for run, current in zip(RUNS, CURRENTS, strict=True):
         text += f"Sweep at {current} A\nElapsed (s)\tLVDT (mm)\tLoad cell (N)\n{rows(run, sign=chr(9))}\n"
@@ -99,14 +99,14 @@ def blocks(folder: Path) -> None:
 
 
 def comments(folder: Path) -> None:
-    """Write one text whose runs are separated by comments; each time begins at zero."""
+    """Write one file whose runs are separated by comments. The time of each run begins at zero."""
     text = "# t [s], stroke [mm], load [N]\n"
     text += "".join(f"# coil {i} A\n{rows(run, sign=',')}" for run, i in zip(RUNS, CURRENTS, strict=True))
     (folder / "log.csv").write_text(text, encoding="utf-8")
 
 
 def wide(folder: Path) -> None:
-    """Write one force for each current, given in a row above the names; missing values as dashes."""
+    """Write one force column per current, with currents above the names and dashes for missing values."""
     lines = ["Damper 7;;;;", ";;0 A;0,75 A;1,5 A", "Zeit;Weg;Kraft;Kraft;Kraft", "s;mm;N;N;N"]
     for k in range(N):
         cells = [RUNS[0].time[k], 1e3 * RUNS[0].displacement[k], *(run.force[k] for run in RUNS)]
@@ -115,7 +115,7 @@ def wide(folder: Path) -> None:
 
 
 def sheets(folder: Path) -> None:
-    """Write a sheet for each current, results first, and words below the numbers."""
+    """Write one sheet per current, with results above and words below the samples."""
     from openpyxl import Workbook
 
     book = Workbook()
@@ -131,7 +131,7 @@ def sheets(folder: Path) -> None:
 
 
 def polish_sheets(folder: Path) -> None:
-    """Write numbers as texts with decimal commas, the current in a line above the names."""
+    """Write a workbook of numbers as texts with decimal commas, and the current above the names."""
     from openpyxl import Workbook
 
     for run, current in zip(RUNS, CURRENTS, strict=True):
@@ -150,7 +150,7 @@ def polish_sheets(folder: Path) -> None:
 
 
 def russian(folder: Path) -> None:
-    """Write Windows-1251, units after commas in Cyrillic letters."""
+    """Write Windows-1251 text with units in Cyrillic letters after commas."""
     for k, run in enumerate(RUNS):
         text = "Стенд 2\nТемпература масла: 40 °С\nВремя, с;Ход, мм;Усилие, кН;Ток, мА\n"
         cells = np.column_stack([run.time, 1e3 * run.displacement, 1e-3 * run.force, 1e3 * run.command])
@@ -159,7 +159,7 @@ def russian(folder: Path) -> None:
 
 
 def italian(folder: Path) -> None:
-    """Write bars between the columns."""
+    """Write text with vertical bars between the columns."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         text = f"Prova {k}\nCorrente: {current} A\nTempo (ms)|Corsa (mm)|Forza (daN)\n"
         (folder / f"prova{k}.txt").write_text(
@@ -168,7 +168,7 @@ def italian(folder: Path) -> None:
 
 
 def side_by_side(folder: Path) -> None:
-    """Write all runs side by side, each with its time, the current above."""
+    """Write all runs side by side, each with its own time column and its current above the names."""
     lines = [";".join(f"{current} A;;" for current in CURRENTS), "t;s;F;t;s;F;t;s;F", "s;mm;N;s;mm;N;s;mm;N"]
     tables = [rows(run).splitlines() for run in RUNS]
     lines += [";".join(row) for row in zip(*tables, strict=True)]
@@ -176,7 +176,7 @@ def side_by_side(folder: Path) -> None:
 
 
 def columns_apart(folder: Path) -> None:
-    """Write a sheet named by its temperature, runs side by side with an empty column between them."""
+    """Write a sheet named by its temperature, with runs side by side and an empty column between them."""
     from openpyxl import Workbook
 
     book = Workbook()
@@ -193,7 +193,7 @@ def columns_apart(folder: Path) -> None:
 
 
 def listed_in_a_comment(folder: Path) -> None:
-    """Write values in SI separated by blanks; comments above list the columns, the current and the kelvin."""
+    """Write SI values separated by blanks, with columns, current and temperature (K) listed in comments."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         head = ["Machine: Instron 8874", f"Coil current = {1e3 * current:g} mA", "Oil temperature = 313.15 K"]
         head.append("columns: time [s], displacement [m], force [N]")
@@ -202,14 +202,14 @@ def listed_in_a_comment(folder: Path) -> None:
 
 
 def structure_with_its_rate(folder: Path) -> None:
-    """Write a structure of signals whose sampling rate is a number among them."""
+    """Write a structure of signals that also contains the sample rate as a number."""
     for k, run in enumerate(RUNS):
         signals = {"disp_mm": 1e3 * run.displacement, "force_kN": 1e-3 * run.force, "current_A": run.command}
         savemat(folder / f"rec{k}.mat", {"rec": {"fs_Hz": 200.0, **signals, "note": "MR damper"}})
 
 
 def korean(folder: Path) -> None:
-    """Write in the code page of Korea: seconds as a word, and two temperatures, one for the oil."""
+    """Write Korean code-page text with the unit of time as a word, and oil and housing temperatures."""
     names = "시간(초),변위(mm),하중(N),전류(A),오일 온도(℃),하우징 온도(℃)\n"
     for k, run in enumerate(RUNS):
         warm = np.full(N, 40.0)
@@ -219,7 +219,7 @@ def korean(folder: Path) -> None:
 
 
 def pounds_and_clamp(folder: Path) -> None:
-    """Write minutes, mils and pounds of force; the current in volts of a clamp of 100 mV/A."""
+    """Write minutes, mils and pounds-force. The current is the voltage of a current clamp with 100 mV/A."""
     names = "Current clamp: 100 mV/A\nElapsed Time (min),Position (mils),Load (lbs),Current clamp (V)\n"
     for k, run in enumerate(RUNS):
         columns = (
@@ -233,7 +233,7 @@ def pounds_and_clamp(folder: Path) -> None:
 
 
 def oscilloscope(folder: Path) -> None:
-    """Write sample numbers, with the time step in the row of units; current and oil in the file's name."""
+    """Write sample numbers, the time step in the row of units, and current and temperature in the name."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         lines = ["X,CH1,CH2,Start,Increment", "Sequence,mm,N,0.000000e+00,5.000000e-03"]
         table = zip(1e3 * run.displacement, run.force, strict=True)
@@ -242,7 +242,7 @@ def oscilloscope(folder: Path) -> None:
 
 
 def loop_counter(folder: Path) -> None:
-    """Write a header, a controller's milliseconds, and a time that restarts in each cycle."""
+    """Write a header, the milliseconds of a controller, and a time that restarts in each cycle."""
     for k, run in enumerate(RUNS):
         columns = (1e3 * run.time, run.time % 0.5, 1e3 * run.displacement, run.force, 1e3 * run.command)
         table = [",".join(number(value) for value in row) for row in zip(*columns, strict=True)]
@@ -251,7 +251,7 @@ def loop_counter(folder: Path) -> None:
 
 
 def results_above(folder: Path) -> None:
-    """Write a table of one row of settings, with its units, above the samples."""
+    """Write a table with one row of settings and their units above the samples."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         head = f'"Results"\n,"Coil current","Oil"\n,"(A)","(°C)"\n1,"{current}","40"\n\n"Raw Data"\n'
         head += "Time,Extension,Load\n(s),(mm),(N)\n"
@@ -259,14 +259,14 @@ def results_above(folder: Path) -> None:
 
 
 def names_and_units_listed(folder: Path) -> None:
-    """Write names and units of the columns after labels, and a mark above the samples."""
+    """Write names and units of the columns in labelled lines, and a line that marks the first sample."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         head = f"Current: {current} A\nNames: Time;Stroke;Force\nUnits: s;mm;N\nData:\n"
         (folder / f"run_{k}.asc").write_text(head + rows(run), encoding="ascii")
 
 
 def german_mts(folder: Path) -> None:
-    """Write a text in Windows-1252 with umlauts in the names and degree signs in the units."""
+    """Write Windows-1252 text with umlauts in the names and degree signs in the units."""
     for k, run in enumerate(RUNS):
         head = "MTS793|MPT|DEU|1|2|,|.|:|1|0|0|A\n\nDatenerfassung\t\tZeit:\t2,0\tSek.\n"
         head += "Laufzeit\tWeg\tKraft\tSpulenstrom\tÖltemperatur\ns\tmm\tN\tA\t°C\n"
@@ -284,7 +284,7 @@ def coarse_time(folder: Path) -> None:
 
 
 def objects(folder: Path) -> None:
-    """Write JSON: rows, one to a line; signals with their names and units; and a note."""
+    """Write JSON files: one row per line, signals with names and units, and an unrelated note."""
     first, *others = RUNS
     table = zip(first.time, 1e3 * first.displacement, first.force, first.command, strict=True)
     lines = [json.dumps(dict(zip(("t_s", "x_mm", "F_N", "I_A"), row, strict=True))) for row in table]
@@ -302,7 +302,7 @@ def objects(folder: Path) -> None:
 
 
 def groups(folder: Path) -> None:
-    """Write a group for each current, which is an attribute with its unit in the name."""
+    """Write one HDF5 group per current. The current is an attribute whose name contains its unit."""
     import h5py
 
     with h5py.File(folder / "tests.h5", "w") as file:
@@ -319,7 +319,7 @@ def groups(folder: Path) -> None:
 
 
 def waveforms(folder: Path) -> None:
-    """Write groups that have no time column; the channels state their increment."""
+    """Write TDMS groups without a time column. The channels state their time step."""
     from nptdms import ChannelObject, TdmsWriter
 
     with TdmsWriter(str(folder / "rig.tdms")) as writer:
@@ -335,7 +335,7 @@ def waveforms(folder: Path) -> None:
 
 
 def universal(folder: Path) -> None:
-    """Write one universal file (text of fixed width) with functions of time for each run."""
+    """Write one universal file (text of fixed width) that contains all runs as functions of time."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         text = ""
         for name, unit, values in (
@@ -359,7 +359,7 @@ def universal(folder: Path) -> None:
 
 
 def indexed(folder: Path) -> None:
-    """Write numbered runs, a list of the runs with current and temperature, and a table of results."""
+    """Write numbered runs, a list of these runs with current and temperature, and a table of results."""
     for k, run in enumerate(RUNS):
         text = "time_s;displacement_mm;force_N\n" + rows(run)
         (folder / f"run_{k}.csv").write_text(text, encoding="utf-8")
@@ -370,7 +370,7 @@ def indexed(folder: Path) -> None:
 
 
 def slow_cells(folder: Path) -> None:
-    """Write current and temperature in every tenth row of one table."""
+    """Write current and temperature only in every tenth row of the table."""
     for k, run in enumerate(RUNS):
         cells = [f";{run.command[0]};40" if row % 10 == 0 else ";;" for row in range(N)]
         text = "".join(f"{a}{b}\n" for a, b in zip(rows(run).splitlines(), cells, strict=True))
@@ -379,7 +379,7 @@ def slow_cells(folder: Path) -> None:
 
 
 def slow_clock(folder: Path) -> None:
-    """Write current and temperature with a separate time column that ends at a different row."""
+    """Write current and temperature with their own time column, which has fewer rows."""
     for k, run in enumerate(RUNS):
         slow = [f";{0.25 * row};{run.command[0]};40" if row < 9 else ";;;" for row in range(N)]
         text = "".join(f"{a}{b}\n" for a, b in zip(rows(run).splitlines(), slow, strict=True))
@@ -388,7 +388,7 @@ def slow_clock(folder: Path) -> None:
 
 
 def legend(folder: Path) -> None:
-    """Write numbered channels with a legend above, and settings with their units in the names."""
+    """Write numbered channels with a legend above, and settings whose names contain the units."""
     for k, run in enumerate(RUNS):
         head = f"[Setup]\nCoil_current_A={run.command[0]}\nOilTemp_C=40\nFs_Hz=200\n[Channels]\n"
         head += "CH0: LVDT displacement, mm\nCH1: load cell force, N\n[Data]\nCH0;CH1\n"
@@ -443,7 +443,7 @@ def test_laboratory_file_is_read_without_map(tmp_path, write):
 @pytest.mark.parametrize(
     ("head", "package"), [(b"|CF,2,1,1;", "imctermite"), (b"\x91\x13" + bytes(30), "apread")]
 )
-def test_famos_and_catman_name_a_converter(tmp_path, head, package):
+def test_famos_and_catman_message_names_converter(tmp_path, head, package):
     file = tmp_path / "run.dat"
     file.write_bytes(head)
     with pytest.raises(InputError, match=package):
@@ -467,7 +467,7 @@ def test_truncated_tdms_file_is_reported(tmp_path):
 @pytest.mark.parametrize(
     "write", [japanese, universal, french, side_by_side], ids=lambda write: write.__name__
 )
-def test_written_map_reads_the_same_runs(tmp_path, write):
+def test_written_channel_map_reads_same_runs(tmp_path, write):
     write(tmp_path)
     files = read_files([tmp_path])
     chosen = ChannelMap.from_dict(parse_toml(write_map(files).text))
@@ -477,17 +477,18 @@ def test_written_map_reads_the_same_runs(tmp_path, write):
         assert np.array_equal(run.time, other.time)
 
 
-def test_inferred_values_have_their_source(tmp_path):
+def test_inferred_currents_state_their_source(tmp_path):
     polish(tmp_path)
     files = read_files([tmp_path])
     said = {each.value: each.source for _, file in files.files for each in file.inferred}
     assert said == {current: f"folder 'próba {1e3 * current:.0f} mA'" for current in CURRENTS}
-    assert len({run.name for run in files.runs}) == 3  # Each file is called seria.csv.
+    # Each file has the name seria.csv, so the run names contain the folder.
+    assert len({run.name for run in files.runs}) == 3
     (_, file), *_ = files.files
     assert [column.source for column in file.columns] == ["header", "unit alone", "header"]
 
 
-# ------------------------------------------------------------------------------------------- questions
+# -------------------------------------------------------------------------------------- questions to the user
 
 COLUMNS = "t [s];x [mm];F [N];I [A]"
 
@@ -520,7 +521,7 @@ def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> 
         ("t [ms];x [mm];F [N];I [A]", "Sample rate: 200 Hz\n", {"time.unit"}),
     ],
 )
-def test_unknown_quantities_require_an_answer(tmp_path, header, above, asked):
+def test_unknown_quantity_leads_to_question(tmp_path, header, above, asked):
     with pytest.raises(InputError) as fault:
         read_file(one(tmp_path, header, above))
     questions = getattr(fault.value, "questions", ())
@@ -540,7 +541,7 @@ def test_unknown_quantities_require_an_answer(tmp_path, header, above, asked):
         ("t [s];x [mm];F [N];valve_cmd", ["current.column=valve_cmd", "current.unit=A"]),
     ],
 )
-def test_answers_complete_the_written_map(tmp_path, header, answers):
+def test_written_channel_map_contains_answers(tmp_path, header, answers):
     file = one(tmp_path, header)
     (recording,) = read_file(file, answers=parse_answers(answers)).recordings
     written = parse_toml(write_map(read_files([file], answer=answers)).text)
@@ -565,8 +566,8 @@ def test_optional_column_without_unit_is_skipped(tmp_path, name):
     [("run.csv", ["current.value=1 A"]), ("run 1 A.csv", []), ("run.csv", ["voltage.value=5"])],
 )
 @pytest.mark.parametrize("header", ["i_cmd", "coil_current", "Current [A]"])
-def test_constant_that_contradicts_a_column_is_rejected(tmp_path, name, answers, header):
-    """A varying current in the file is not fitted as a constant one."""
+def test_constant_that_contradicts_column_is_rejected(tmp_path, name, answers, header):
+    """A varying current in the file is not replaced by a constant current."""
     if header == "Current [A]" and answers != ["voltage.value=5"]:
         return
     run = RUNS[1]
@@ -583,7 +584,7 @@ def test_constant_that_contradicts_a_column_is_rejected(tmp_path, name, answers,
     assert np.allclose(recording.command, ramp, atol=1e-4)
 
 
-def test_contradictory_file_name_requires_an_answer(tmp_path):
+def test_contradictory_current_in_name_requires_answer(tmp_path):
     with pytest.raises(AskingError, match=r"says 2 A, and the current measured is 0\.75 A") as fault:
         read_file(one(tmp_path, COLUMNS, name="sine_2A.csv"))
     assert fault.value.questions[0].candidates == ("2 A", "0.75 A")
@@ -597,12 +598,12 @@ def test_contradictory_file_name_requires_an_answer(tmp_path):
         ("t [s];x [mm];CH3 (V);I [A]", "CH3 1 V = 250 N\n", 250.0),
     ],
 )
-def test_stated_scale_converts_volts(tmp_path, header, above, gain):
+def test_stated_sensor_scale_converts_volts(tmp_path, header, above, gain):
     (recording,) = read_file(one(tmp_path, header, above)).recordings
     assert np.allclose(recording.force, gain * RUNS[1].force, rtol=1e-5, atol=1e-3)
 
 
-# ------------------------------------------------------------------------------------------- repairs
+# ------------------------------------------------------------------------------ interpolation and integration
 
 
 def spoilt(tmp_path: Path, change: Callable[[list[str]], object]) -> Path:
@@ -614,7 +615,7 @@ def spoilt(tmp_path: Path, change: Callable[[list[str]], object]) -> Path:
 
 
 @pytest.mark.parametrize("mark", ["", "NaN", "---", "#NV", "n/a"])
-def test_few_missing_numbers_are_interpolated(tmp_path, mark):
+def test_few_missing_samples_are_interpolated(tmp_path, mark):
     def change(lines: list[str]) -> None:
         cells = lines[100].split(";")
         lines[100] = ";".join([*cells[:2], mark, cells[3]])
@@ -640,7 +641,7 @@ def test_missing_displacement_is_integrated_from_velocity(tmp_path):
     assert np.std(found - true) < 0.04 * np.std(true)
 
 
-# ------------------------------------------------------------------------------------------- words
+# ------------------------------------------------------------------------------- numbers in names and headers
 
 
 @given(
@@ -650,7 +651,7 @@ def test_missing_displacement_is_integrated_from_velocity(tmp_path):
     after=st.sampled_from(["", "_run2", ")", " 20C", ".", " (N)"]),
     sign=st.sampled_from(".,p"),
 )
-def test_current_in_name_needs_its_unit(value, before, unit, after, sign):
+def test_current_in_name_requires_unit(value, before, unit, after, sign):
     number = f"{1e3 * value:g}" if unit == "mA" else f"{value:g}".replace(".", sign)
     assert labels_in(f"{before}{number}{unit}{after}", "current") == pytest.approx((value,))
 
@@ -658,7 +659,7 @@ def test_current_in_name_needs_its_unit(value, before, unit, after, sign):
 @pytest.mark.parametrize(
     "text", ["rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"]
 )
-def test_unrelated_texts_are_not_currents(text):
+def test_unrelated_numbers_are_not_currents(text):
     assert labels_in(text, "current") == ()
 
 
@@ -672,11 +673,11 @@ def test_sampling_rate_is_not_motion_frequency(rate):
     assert rates_in([f"Sample interval: {1e3 / rate:g}"]) == ()
 
 
-# ------------------------------------------------------------------------------------------- campaigns
+# ----------------------------------------------------------------------------------------- delay of the force
 
 
 def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
-    """Return a run whose force lags the motion by a fraction of the period plus a delay."""
+    """Return a run whose force lags the motion by a fraction of its period plus a constant delay."""
     turn = 2.0 * np.pi * frequency
     time = np.asarray(np.arange(800) * 0.0025, dtype=np.float64)
     lag = 0.01 / frequency + delay_s
@@ -693,7 +694,7 @@ def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
 @given(delay=st.floats(-0.02, 0.025))
 def test_two_frequencies_separate_delay_from_compliance(delay):
     kinds = {finding.kind: finding for finding in compare([later(RUNS[0], delay, f) for f in (1.0, 3.0)])}
-    sure = delay + 0.0025  # Delay if compliance scales with the squared period.
+    sure = delay + 0.0025  # This is the delay if compliance scales with the squared period.
     if abs(delay - 0.010) < 0.001 or abs(sure + 0.002) < 0.001:
         return
     assert set(kinds) == ({"force_late"} if delay > 0.010 else {"force_early"} if sure < -0.002 else set())
@@ -702,8 +703,8 @@ def test_two_frequencies_separate_delay_from_compliance(delay):
 
 
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
-def test_correct_signals_have_no_early_force_finding(spring_N_m, friction_N):
-    """Force: a bristle of 400 N/mm, a shear-thinning viscous force and a gas spring, without delay."""
+def test_undelayed_forces_have_no_delay_finding(spring_N_m, friction_N):
+    """The force of a bristle of 400 N/mm, a shear-thinning viscous force and a gas spring has no delay."""
     runs = []
     for amplitude, frequency in itertools.product((0.005, 0.010), (0.5, 1.0, 2.0)):
         time = np.arange(0.0, 4.0 / frequency, 1e-4 / frequency)

@@ -1,4 +1,4 @@
-"""One table in each variant of a format: binary or text, byte orders, encodings, comment signs."""
+"""Variants of a file format (binary or text, byte orders, encodings) give the same table."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MARKS = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}
     encoding=st.sampled_from(sorted(MARKS)),
     marked=st.booleans(),
 )
-def test_utf16_is_recognised_without_a_mark(tmp_path_factory, text, encoding, marked):
+def test_utf16_is_recognised_without_mark(tmp_path_factory, text, encoding, marked):
     path = tmp_path_factory.getbasetemp() / "wide.txt"
     path.write_bytes((MARKS[encoding] if marked else b"") + text.encode(encoding))
     assert utf16_of(path.read_bytes()) == ("utf-16" if marked else encoding)
@@ -43,14 +43,14 @@ def test_utf16_is_recognised_without_a_mark(tmp_path_factory, text, encoding, ma
     [
         ("Weg für Prüfling", "cp1252", "cp1252"),
         ("Время;Сила", "cp1251", "cp1251"),
-        ("Ток;Force", "cp1251", "cp1252"),  # one word alone may be of a Latin script
+        ("Ток;Force", "cp1251", "cp1252"),  # A single word may also be in a Latin script.
         ("时间;位移", "gb18030", "gb18030"),
         ("時間;荷重;変位", "cp932", "cp932"),
         ("시간;하중", "cp949", "cp949"),
         ("Zeit;Kraft µ°", "utf-8", "utf-8-sig"),
     ],
 )
-def test_encoding_is_recognised_by_words(tmp_path, words, written, read):
+def test_text_encoding_is_recognised_by_words(tmp_path, words, written, read):
     content = (words + "\n" + "0.1;2.5\n" * 60).encode(written, "replace")
     assert encoding_of(tmp_path / "run.csv", content) == read
 
@@ -58,14 +58,15 @@ def test_encoding_is_recognised_by_words(tmp_path, words, written, read):
 # ------------------------------------------------------------------------------------------- universal files
 
 VALUES = np.array([0.0, -1.5, 1234.5, 3e-3, 7.0])
-FULL = np.where(VALUES < 0.0, 1e-120, 1.0) * VALUES  # Numbers fill their fields without blanks.
+# The second number fills its field completely, so that no blank separates the fields.
+FULL = np.where(VALUES < 0.0, 1e-120, 1.0) * VALUES
 TIMES = np.array([2.0, 2.25, 2.5, 2.75, 3.0])
 
 
 def universal(
     *, precise: bool, even: bool, order: str = "", name: str = "NONE", of: int = 13, points: int = 5
 ):
-    """Return a universal file of one force, as text or as bytes in an order (``<`` or ``>``)."""
+    """Return a universal file with one force, as text or as binary data in a byte order (``<`` or ``>``)."""
     form, width, kind = (4, 20, "f8") if precise else (2, 13, "f4")
     values = VALUES if order else FULL
     samples = values if even else np.ravel(np.column_stack([TIMES, values]))
@@ -92,7 +93,8 @@ def test_universal_text_and_binary_files_agree(tmp_path, precise, even, order):
     path = tmp_path / "run.unv"
     path.write_bytes(content)
     table = read_table(path)
-    force = next(name for name in table.names if "force" in name.lower())  # It has no name.
+    # The force channel has no name in the file.
+    force = next(name for name in table.names if "force" in name.lower())
     clock = next(name for name in table.names if name != force)
     np.testing.assert_allclose(table.columns[force], VALUES if order else FULL, rtol=1e-6)
     np.testing.assert_allclose(table.columns[clock], TIMES, rtol=1e-9)
@@ -102,7 +104,7 @@ def test_universal_text_and_binary_files_agree(tmp_path, precise, even, order):
 
 
 @pytest.mark.parametrize("order", ["", "<"])
-def test_short_universal_file_is_rejected(tmp_path, order):
+def test_truncated_universal_file_is_rejected(tmp_path, order):
     path = tmp_path / "run.unv"
     path.write_bytes(universal(precise=True, even=True, order=order, points=6))
     with pytest.raises(InputError, match="cut off"):
@@ -112,13 +114,13 @@ def test_short_universal_file_is_rejected(tmp_path, order):
         read_uff(path, FileOptions())
 
 
-# ------------------------------------------------------------------------------------------- matrices
+# ---------------------------------------------------------------------------------- HDF5 matrices and spectra
 
 
 @pytest.mark.parametrize("across", [0, 1])
 @pytest.mark.parametrize("key", ["columns", "column_names"])
 @pytest.mark.parametrize("joined", [True, False])
-def test_hdf5_matrix_orientation_does_not_matter(tmp_path, across, key, joined):
+def test_transposed_hdf5_matrix_gives_same_columns(tmp_path, across, key, joined):
     names = ["time", "force", "displacement"]
     matrix = np.arange(36.0).reshape(12, 3) ** 2
     with h5py.File(tmp_path / "run.h5", "w") as file:
@@ -130,7 +132,7 @@ def test_hdf5_matrix_orientation_does_not_matter(tmp_path, across, key, joined):
         np.testing.assert_array_equal(table.columns[name], values)
 
 
-def test_universal_spectra_are_ignored(tmp_path):
+def test_spectra_in_universal_file_are_ignored(tmp_path):
     good = universal(precise=True, even=True)
     spectrum = good.replace(f"{1:5d}{75 * ' '}".encode(), f"{4:5d}{75 * ' '}".encode())
     other = b"    -1\n   151\nmodel\n    -1\n"

@@ -1,4 +1,4 @@
-"""LabVIEW measurement text, after its specification: tags, clocks, segments."""
+"""LabVIEW measurement text (LVM) is read as its specification defines tags, clocks and segments."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ END = "***End_of_Header***"
 def lvm(
     *, x="One", comma=False, dimension="Time", units=None, labels=CHANNELS, cuts=(), anew=False, late_s=0.0
 ):
-    """Return a text of segments that begin at the rows ``cuts``; optionally each clock begins at zero."""
+    """Return LVM text with segments that start at rows ``cuts``. Optionally, each clock starts at zero."""
     sign, point = ("\t", ",") if comma else ("\t", ".")
     tags = [
         "LabVIEW Measurement", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
@@ -81,7 +81,7 @@ def test_later_lvm_segment_is_separate_run(tmp_path, x, forgotten):
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("comma", [False, True])
-def test_run_is_read_with_its_clock(tmp_path, x, comma):
+def test_lvm_run_keeps_its_times(tmp_path, x, comma):
     (tmp_path / "run.lvm").write_text(lvm(x=x, comma=comma), encoding="utf-8", newline="")
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)
@@ -92,7 +92,7 @@ def test_run_is_read_with_its_clock(tmp_path, x, comma):
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("force", ["Force", "Force (Trigger)"])
-def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
+def test_lvm_header_units_complete_column_names(tmp_path, x, force):
     given = lvm(x=x, units=("mm", "N", "Volts"), labels=("Displacement", force, "Current (A)"))
     (tmp_path / "run.lvm").write_text(given, encoding="utf-8", newline="")
     table = read_table(tmp_path / "run.lvm")
@@ -113,7 +113,7 @@ def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
         ),
     ],
 )
-def test_unreadable_text_is_rejected_with_reason(tmp_path, content, said):
+def test_unreadable_lvm_is_rejected_with_reason(tmp_path, content, said):
     (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
     with pytest.raises(InputError, match=said):
         read_run(tmp_path / "run.lvm")

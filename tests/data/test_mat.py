@@ -1,4 +1,4 @@
-"""MAT files as the tools of a test bench save them: signals in structures, by name."""
+"""MAT files are read as the tools of test benches save them: signals in structures, found by their names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIGNALS = {
 
 
 def structures(names, rows):
-    """Return an array of structures."""
+    """Return an array of MATLAB structures."""
     made = np.zeros(len(rows), dtype=[(name, object) for name in names])
     for k, row in enumerate(rows):
         made[k] = row
@@ -34,7 +34,7 @@ def structures(names, rows):
 
 
 def dspace(count=3):
-    """Return a dSPACE recording: X is the time, Y are the signals."""
+    """Return a dSPACE recording: X is the time and Y contains the signals."""
     fields = ("Name", "Type", "Data", "Unit", "XIndex", "Raster")
     rows = [(name, 4, values, unit, 1, "HostService") for name, (values, unit) in SIGNALS.items()]
     x = structures(fields, [("Time", 4, TIME, "s", 0, "HostService")])
@@ -47,7 +47,7 @@ def dspace(count=3):
 
 
 def simulink(labels):
-    """Return a structure with time, as Simulink's scopes and To Workspace blocks save it."""
+    """Return a structure with time, as the Scope and To Workspace blocks of Simulink save it."""
     rows = [
         (values[:, None], 1, label, "") for (values, _), label in zip(SIGNALS.values(), labels, strict=True)
     ]
@@ -57,13 +57,13 @@ def simulink(labels):
 
 @pytest.fixture(params=["7", "7.3"])
 def save(request):
-    """Return a function that saves variables as one of the versions."""
+    """Return a function that saves variables in one of the MAT versions."""
     return savemat if request.param == "7" else save_mat73
 
 
 @pytest.fixture
 def table(tmp_path, save):
-    """Return a function that saves variables and reads them again."""
+    """Return a function that saves variables to a file and reads this file."""
 
     def read(part="", **variables):
         path = tmp_path / "run.mat"
@@ -80,7 +80,7 @@ def table(tmp_path, save):
         {"ScopeData": simulink(["displacement_mm", "force_N", "current_A"]), "tout": TIME[:, None]},
     ],
 )
-def test_named_signals_need_no_map(tmp_path, save, variables):
+def test_named_mat_signals_need_no_map(tmp_path, save, variables):
     save(tmp_path / "run.mat", variables)
     (run,) = read_run(tmp_path / "run.mat")
     assert np.array_equal(run.time, TIME)
@@ -89,7 +89,7 @@ def test_named_signals_need_no_map(tmp_path, save, variables):
     assert run.constant_command == 0.5
 
 
-def test_equal_recordings_are_separate_parts(table):
+def test_mat_recordings_are_separate_parts(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
     assert {"Time", "displacement", "force", "current"} <= set(read.names)
     whole = table(rec1=dspace(), rec2=dspace())
@@ -98,7 +98,7 @@ def test_equal_recordings_are_separate_parts(table):
 
 
 def opaque(name, kind):
-    """Return the element of a MAT file that is an object of a class, as MATLAB writes a string or a table."""
+    """Return the element of a MAT file for an object of a MATLAB class, such as a string or a table."""
 
     def element(code, content):
         return struct.pack("<II", code, len(content)) + content + b"\0" * (-len(content) % 8)
@@ -113,8 +113,8 @@ def opaque(name, kind):
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_objects_of_classes_are_skipped(tmp_path, first):
-    """A string object next to the arrays does not prevent reading the arrays."""
+def test_objects_in_mat_are_skipped(tmp_path, first):
+    """A string object next to the arrays does not prevent the arrays from being read."""
     path = tmp_path / "run.mat"
     savemat(path, {f"{name}_{unit}": values for name, (values, unit) in SIGNALS.items()} | {"time_s": TIME})
     content = path.read_bytes()
@@ -125,7 +125,7 @@ def test_objects_of_classes_are_skipped(tmp_path, first):
     assert read.layout.notes == ("skipped: note (string object), log (timetable object)",)
 
 
-def test_hdf5_objects_of_classes_are_skipped(tmp_path):
+def test_objects_in_hdf5_mat_are_skipped(tmp_path):
     path = tmp_path / "run.mat"
     save_mat73(
         path, {f"{name}_{unit}": values for name, (values, unit) in SIGNALS.items()} | {"time_s": TIME}
@@ -138,7 +138,7 @@ def test_hdf5_objects_of_classes_are_skipped(tmp_path):
     assert read.layout.notes == ("skipped: note (string object)",)
 
 
-def test_circular_links_are_ignored(tmp_path):
+def test_circular_references_in_mat_are_ignored(tmp_path):
     path = tmp_path / "run.mat"
     save_mat73(path, {"run": {"time_s": TIME}, "runs": np.array([{"a": TIME}, {"a": TIME}], dtype=object)})
     with h5py.File(path, "r+") as file:

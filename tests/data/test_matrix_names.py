@@ -1,4 +1,4 @@
-"""Names of columns in a list next to a matrix, in the formats that keep both in variables."""
+"""A list of names next to a matrix names the columns of the matrix, in each format that stores both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Division of rows into runs, joined runs, and interpolated values."""
+"""Rows of a table are divided into runs, and header words select the columns."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ STEP_s: Any = 0.01
 
 
 def table(**columns: object) -> Table:
-    """Return a table of columns by name, ``__`` for the bracket of a unit: ``force__N`` is ``force [N]``."""
+    """Return a table with these columns. In names, ``__`` separates a unit: ``force__N`` is ``force [N]``."""
     named = {f"{name.replace('__', ' [', 1)}]" if "__" in name else name: np.asarray(values, float)
              for name, values in columns.items()}  # fmt: skip
     rows = max(map(len, named.values()))
     return Table(names=(*named,), columns=named, texts={}, layout=Layout("text"), rows=rows)
 
 
-@pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # an even or an odd number of reversals
+@pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # The number of reversals is even or odd.
 @pytest.mark.parametrize("offset", [0.0, 0.02])
-def test_velocity_is_integrated_without_its_drift(offset, cycles):
-    """The drift is computed over whole cycles because a line fitted to a part of a sine has a slope."""
+def test_velocity_is_integrated_without_drift(offset, cycles):
+    """The drift is determined over whole cycles because a line fitted to a part of a sine has a slope."""
     time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
     velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset
     found = integrated(Piece(time=time, channels={"velocity": velocity}))
@@ -37,13 +37,13 @@ def test_velocity_is_integrated_without_its_drift(offset, cycles):
     assert np.allclose(found.channels["displacement"], path, atol=2e-5)
 
 
-# --------------------------------------------------------------------------------------------- roles
+# --------------------------------------------------------------------------------------- selection of columns
 
 MOVED = {"time__s": np.arange(50.0), "displacement__mm": np.arange(50.0)}
 
 
 def named(role: str, **columns: object) -> str:
-    """Return the name of the column that has a role."""
+    """Return the name of the column that is found for this role."""
     found = find_columns(table(**columns), ChannelMap(), "run.csv")
     return next(column.name for column in found if column.role == role)
 
@@ -61,7 +61,7 @@ def named(role: str, **columns: object) -> str:
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])
 def test_header_words_select_column_of_same_unit(role, wins, loses, first):
-    """Measured values have priority over set points, words over symbols, and fluid over air, in any order."""
+    """Measured values precede set points, words precede symbols, fluid precedes air, in any column order."""
     order = (wins, loses) if first == "wins" else (loses, wins)
     others = {} if role == "force" else {"force__N": np.ones(50)}
     found = named(role, **MOVED, **dict.fromkeys(order, np.ones(50)), **others)

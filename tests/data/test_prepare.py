@@ -1,4 +1,4 @@
-"""The rules of preparation, one by one, on runs with known reference values."""
+"""Each rule of the preparation of runs is tested with known reference values."""
 
 import json
 import math
@@ -29,10 +29,10 @@ def test_smoothing_does_not_change_clean_motion():
     assert set(path.command) == {0.5}
 
 
-def test_smoothing_keeps_the_motion():
+def test_smoothing_preserves_noisy_motion():
     prepared = prepare_run(make_run(SINE, rest=0.3, **NOISY))
     since = np.maximum(prepared.trajectory.time - 0.3, 0.0)
-    moving = prepared.trajectory.time > 0.4  # the jump in velocity at the start is rounded
+    moving = prepared.trajectory.time > 0.4  # The jump of the velocity at the start is rounded by smoothing.
     assert 10.0 < prepared.cutoff_Hz < 250.0
     assert np.std(prepared.trajectory.velocity[moving] - SINE.velocity(since)[moving]) < 0.6e-3
     assert np.std(prepared.trajectory.velocity[:250]) < 0.6e-3
@@ -40,7 +40,7 @@ def test_smoothing_keeps_the_motion():
 
 @pytest.mark.system
 @given(start=st.floats(-0.5, 0.5), rest=st.floats(0.1, 1.0))
-def test_position_zero_is_the_rest_position(start, rest):
+def test_displacement_is_zero_at_rest(start, rest):
     fields = fields_of_run(SINE, rest=rest, duration=2.0, noise=2e-6)
     fields["displacement"] = fields["displacement"] + start
     run = make_run(changed=fields)
@@ -53,9 +53,10 @@ def test_position_zero_is_the_rest_position(start, rest):
 
 
 @given(rest=st.floats(0.05, 2.0))
-def test_error_ignores_first_half_period(rest):
+def test_scored_part_begins_after_half_period(rest):
     prepared = prepare_run(make_run(SINE, rest=rest, duration=3.0))
-    left_rest = np.arcsin(0.02 * 0.02 / 0.010) / (2 * np.pi * 2.0)  # 2 % of the range of 20 mm
+    # The motion has left its rest after 2 % of the range of 20 mm.
+    left_rest = np.arcsin(0.02 * 0.02 / 0.010) / (2 * np.pi * 2.0)
     expected = rest + left_rest + 0.25
     assert prepared.scored_from * 1e-3 == pytest.approx(expected, abs=3e-3)
 
@@ -64,7 +65,7 @@ def test_error_ignores_first_half_period(rest):
     ("motion", "label"),
     [
         (Sine(0.010, 2.0), "sine 10 mm 2 Hz"),
-        (Sine(0.025, 0.244), "sine 25 mm 0.25 Hz"),  # the plainest number within 2.5 %
+        (Sine(0.025, 0.244), "sine 25 mm 0.25 Hz"),  # The label shows the simplest number within 2.5 %.
         (Triangle(0.005, 0.02), "triangle 5 mm 1 Hz"),
         (Chirp(0.002, 0.5, 15.0, 20.0), "chirp 2 mm 1-15 Hz"),
         (Harmonics((0.010, 0.006), (1.0, 3.0), (0.0, 0.4)), "periodic 13 mm 1 Hz"),
@@ -75,7 +76,7 @@ def test_motion_label_has_amplitude_and_frequency(motion, label, how):
     assert prepare_run(make_run(motion, duration=20.0, **how)).motion == label
 
 
-def test_random_motion_label_has_its_band():
+def test_random_motion_label_has_frequency_band():
     rng = np.random.default_rng(0)
     frequencies = 1.0 + 4.0 * rng.random(40)
     tones = Harmonics(tuple(0.002 * rng.random(40)), tuple(frequencies), tuple(6.28 * rng.random(40)))
@@ -86,7 +87,7 @@ def test_random_motion_label_has_its_band():
     assert 0.9 <= low < high <= 5.5
 
 
-def test_jittered_time_is_resampled():
+def test_run_with_time_jitter_is_resampled():
     fields = fields_of_run(SINE)
     shaken = np.random.default_rng(8).uniform(-0.2e-3, 0.2e-3, len(fields["time"]))
     fields["time"] = fields["time"] + shaken
@@ -102,8 +103,8 @@ def test_jittered_time_is_resampled():
     assert prepared.force == pytest.approx(1000.0 * np.tanh(SINE.velocity(at) / 0.01), abs=5.0)
 
 
-def test_rounded_time_stamps_are_not_jitter():
-    """At 512 Hz with stamps in whole milliseconds, the samples are uniform although the stamps are not."""
+def test_rounded_timestamps_are_not_jitter():
+    """With stamps in whole milliseconds at 512 Hz, the samples are uniform although the stamps are not."""
     fields = fields_of_run(SINE, rate_Hz=512.0)
     exact = prepare_run(make_run(changed=fields))
     fields["time"] = np.round(fields["time"], 3)
@@ -112,7 +113,7 @@ def test_rounded_time_stamps_are_not_jitter():
     assert np.array_equal(prepared.trajectory.displacement, exact.trajectory.displacement)
 
 
-def test_reversed_force_is_rejected():
+def test_run_with_reversed_force_is_rejected():
     run = make_run(SINE)
     flipped = make_run(SINE, changed={"force": 50.0 - run.force})
     with pytest.raises(
@@ -122,14 +123,14 @@ def test_reversed_force_is_rejected():
 
 
 @given(preload=st.floats(-500.0, 500.0), stiffness=st.floats(-2e4, 2e4))
-def test_force_sign_check_ignores_preload_and_spring(preload, stiffness):
+def test_force_sign_check_ignores_preload(preload, stiffness):
     run = make_run(SINE, duration=2.0)
     prepare_run(
         make_run(SINE, duration=2.0, changed={"force": run.force + preload + stiffness * run.displacement})
     )
 
 
-def test_measured_velocity_must_agree():
+def test_measured_velocity_must_agree_with_displacement():
     fields = fields_of_run(SINE, **NOISY)
     measured = SINE.velocity(fields["time"]) * 1.01
     run = make_run(changed=fields | {"velocity": measured})
@@ -143,7 +144,7 @@ def test_measured_velocity_must_agree():
 
 
 @given(rate=st.floats(50.0, 1500.0))
-def test_decimation_keeps_samples_and_min_rate(rate):
+def test_decimation_keeps_samples_and_minimum_rate(rate):
     full = prepare_run(make_run(SINE, duration=2.0, **NOISY))
     fewer = decimate(full, rate)
     factor = round(fewer.trajectory.step / full.trajectory.step)
@@ -162,14 +163,14 @@ def test_decimation_keeps_samples_and_min_rate(rate):
         Preparation(cutoff_Hz=math.inf, from_s=1.0, to_s=2.0, force_offset_N=-3.0, thermocouple_lag_s=4.0),
     ],
 )
-def test_preparation_survives_json(preparation):
+def test_preparation_settings_survive_json(preparation):
     text = json.dumps(preparation.to_dict(), allow_nan=False)
     assert Preparation.from_dict(json.loads(text)) == preparation
     assert Preparation.from_dict(MappingProxyType(preparation.to_dict())) == preparation
 
 
-def test_run_in_full_motion_is_centred():
-    """Runs of one campaign that begin at different phases have the same zero of displacement."""
+def test_displacement_is_centred_without_initial_rest():
+    """Runs of one campaign that start at different phases have the same zero of displacement."""
     for phase in (0.3, 1.2, 0.5 * math.pi, 2.0):
         run = make_run(Harmonics((0.01,), (2.0,), (phase,)), duration=5.0)
         x = prepare_run(run).trajectory.displacement

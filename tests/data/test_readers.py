@@ -1,4 +1,4 @@
-"""Each format and spelling gives the same run; unreadable files give a message."""
+"""Each spelling of a text file gives the same run, and an unreadable file gives a message."""
 
 import numpy as np
 import pytest
@@ -71,12 +71,12 @@ def test_self_describing_file_needs_no_map(tmp_path):
         "byte order mark", "Windows lines", "blank lines at the end",
     ],
 )  # fmt: skip
-def test_all_text_dialects_give_one_run(tmp_path, text):
+def test_all_text_dialects_give_same_run(tmp_path, text):
     _assert_same(_read(tmp_path, text))
 
 
 @pytest.mark.system
-def test_mat_without_units_needs_a_map(tmp_path):
+def test_mat_without_units_requires_map(tmp_path):
     millimetres = 1e3 * RUN.displacement[:, None]
     savemat(
         tmp_path / "run.mat", {"dist": millimetres, "forc": RUN.force, "Ts": 0.005, "x_F": np.zeros((5, 3))}
@@ -128,7 +128,7 @@ LOGGER_MAP = {
 }
 
 
-def test_logger_text_with_events_gives_several_runs(tmp_path):
+def test_events_in_logger_text_separate_runs(tmp_path):
     (tmp_path / "ME10mm.txt").write_text(_logger_text(3))
     runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))
     assert [run.name for run in runs] == ["ME10mm_0.00A", "ME10mm_0.50A", "ME10mm_0.50A_2"]
@@ -141,14 +141,14 @@ def test_logger_text_with_events_gives_several_runs(tmp_path):
 
 
 def test_segment_count_must_equal_command_count(tmp_path):
-    """The map has one command for each segment of the file; an event in the log begins a segment."""
+    """The map has one command per segment of the file. An event in the log begins a segment."""
     (tmp_path / "log.txt").write_text(_logger_text(2))
     with pytest.raises(InputError, match=r"'Resume' splits the file into 2 tests, \[segments\] has 3"):
         read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))
 
 
-def test_map_completes_the_headers(tmp_path):
-    """The map is required only for quantities that the header lacks."""
+def test_channel_map_completes_header(tmp_path):
+    """The map is required only for quantities that the header does not describe."""
     text = _text("time_s,CH1,Force,current_A", scales=(1.0, 1e3, 1.0, 1.0))
     channels = ChannelMap.from_dict(
         {"channel": {"displacement": {"name": "CH1", "unit": "mm"}, "force": {"unit": "N"}}}
@@ -156,15 +156,15 @@ def test_map_completes_the_headers(tmp_path):
     _assert_same(_read(tmp_path, text, channels))
 
 
-def test_columns_without_header_have_an_index(tmp_path):
+def test_column_without_header_is_selected_by_index(tmp_path):
     text = _text(SELF_DESCRIBING).split("\n", 1)[1]
     roles = (("time", "s"), ("displacement", "m"), ("force", "N"), ("current", "A"))
     channels = {role: {"index": k, "unit": unit} for k, (role, unit) in enumerate(roles, 1)}
     _assert_same(_read(tmp_path, text, ChannelMap.from_dict({"channel": channels})))
 
 
-def test_sensor_volts_are_not_the_quantity(tmp_path):
-    """The unit distinguishes the channel from the voltage of its sensor, which is not a command."""
+def test_sensor_volts_are_not_measured_quantity(tmp_path):
+    """The unit distinguishes a quantity from the voltage of its sensor, which is not a command either."""
     rows = np.array(ROWS).tolist()
     lines = "\n".join(f"{t!r},{f / 198.4!r},{f!r},{x * 104.0!r},{1e3 * x!r}" for t, x, f, _ in rows)
     text = f"Time (s),Force (V),Force (N),Displacement (V),Displacement (mm)\n{lines}\n"
@@ -184,13 +184,13 @@ def test_sensor_volts_are_not_the_quantity(tmp_path):
         (_text(SELF_DESCRIBING) + "2.005,,3.0,0.5\n", r"displacement is nan at sample 401"),
     ],
 )  # fmt: skip
-def test_unreadable_file_is_rejected_with_reason(tmp_path, text, message):
+def test_unreadable_text_is_rejected_with_reason(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         _read(tmp_path, text)
     assert "run" in str(error.value)
 
 
-def test_folder_files_are_read_once(tmp_path):
+def test_files_of_folder_are_read_once(tmp_path):
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(_text(SELF_DESCRIBING))
     (tmp_path / "notes.md").write_text("not a run")
@@ -202,7 +202,7 @@ def test_folder_files_are_read_once(tmp_path):
         read_run(tmp_path)
 
 
-def test_missing_paths_are_reported(tmp_path):
+def test_missing_paths_give_messages(tmp_path):
     with pytest.raises(InputError, match=r"missing\.csv: no such file or folder"):
         read_runs(tmp_path / "missing.csv")
     with pytest.raises(InputError, match="the pattern matches no file"):

@@ -1,4 +1,4 @@
-"""The laboratories' own files: raw and trimmed agree; the preparation matches the noise of each rig."""
+"""Files of two laboratories: raw and trimmed files agree, and smoothing matches the noise of each rig."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def dev(real_data):
 
 
 def _position(short, long):
-    """Return the index at which a short force signal begins in a longer signal, both rounded to 0.1 N."""
+    """Return the index at which a short force signal begins in a longer one. Both are rounded to 0.1 N."""
     near = np.flatnonzero(np.abs(long[: len(long) - len(short) + 1] - short[0]) < 0.06)
     starts = [k for k in near if np.all(np.abs(long[k : k + len(short)] - short) < 0.06)]
     assert len(starts) == 1
@@ -29,8 +29,8 @@ def _position(short, long):
 
 
 @pytest.mark.system
-def test_logger_tests_match_the_trimmed_runs(real_data, dev):
-    """The logger file has tests at 0 to 1 A in succession. Trimmed runs begin at displacement zero."""
+def test_logger_file_matches_trimmed_runs(real_data, dev):
+    """The logger file has tests at 0 to 1 A in succession. Trimmed runs begin at zero displacement."""
     runs = read_run(real_data / "raw" / "ME5mm3Hz.txt", EXAMPLES / "utfsm_logger.toml")
     assert [run.constant_command for run in runs] == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert len({run.session for run in runs}) == 1
@@ -46,7 +46,7 @@ def test_logger_tests_match_the_trimmed_runs(real_data, dev):
 @pytest.mark.parametrize(
     ("raw", "trimmed"), [("ensaio.A.1.mat", "utfpr_3p21V_01"), ("ensaio.A.3.mat", "utfpr_3p21V_03")]
 )
-def test_mat_and_csv_are_equal(real_data, dev, raw, trimmed):
+def test_mat_and_csv_files_are_equal(real_data, dev, raw, trimmed):
     (run,) = read_run(real_data / "raw" / raw, EXAMPLES / "utfpr_mat.toml")
     (other,) = dev.select(trimmed)
     assert run.command_unit == other.command_unit == "V"
@@ -56,7 +56,7 @@ def test_mat_and_csv_are_equal(real_data, dev, raw, trimmed):
     assert run.force == pytest.approx(other.force, abs=0.006)
 
 
-def test_motion_label_does_not_depend_on_current(dev):
+def test_motion_label_ignores_current(dev):
     labels = {run.name: prepare_run(run).motion for run in dev.select("utfsm_*")}
     sines = {label for name, label in labels.items() if "sine" in name}
     assert sines == {"sine 25 mm 0.25 Hz", "sine 25 mm 0.5 Hz", "sine 9.6 mm 2 Hz", "sine 4.6 mm 3 Hz"}
@@ -65,7 +65,7 @@ def test_motion_label_does_not_depend_on_current(dev):
 
 
 def test_smoothing_removes_only_sensor_noise(dev):
-    """The removed part of the displacement is white: 3 um resolution and 1.5 to 2.3 um rms of noise."""
+    """The removed signal is white: a resolution of 3 um and noise of 1.5 to 2.3 um rms."""
     for run in dev.select("utfsm_*"):
         prepared = prepare_run(run)
         taken = run.displacement - prepared.trajectory.displacement
@@ -76,15 +76,15 @@ def test_smoothing_removes_only_sensor_noise(dev):
         assert prepared.dead_band_m < 5e-6
 
 
-def test_velocity_at_rest_is_quiet(dev):
-    """Before the press starts, the rms velocity is below 0.2 mm/s; raw differences at 1 kHz have 2 mm/s."""
+def test_smoothed_velocity_at_rest_is_quiet(dev):
+    """Before the press starts, the rms velocity is below 0.2 mm/s. Raw differences at 1 kHz have 2 mm/s."""
     for run in dev.select("utfsm_sine_10mm2Hz_*", "utfsm_sine_5mm3Hz_*"):
         velocity = prepare_run(run).trajectory.velocity
         assert np.std(velocity[:80]) < 0.2e-3
 
 
-def test_repeatability_matches_the_rigs(dev):
-    """UTFSM about 0.5 to 4 % (the 25 mm 0.25 Hz 1 A run grows by 6 %), UTFPR about 1 to 12 %."""
+def test_real_runs_have_expected_repeatability(dev):
+    """The repeatability is about 0.5 to 4 % (UTFSM; 6 % for 25 mm, 0.25 Hz, 1 A) and 1 to 12 % (UTFPR)."""
     for pattern, low, high in (("utfsm_sine_*", 0.5, 4.2), ("utfpr_*", 1.0, 12.0)):
         for run in dev.select(pattern):
             found = repeatability(prepare_run(run))
@@ -92,7 +92,7 @@ def test_repeatability_matches_the_rigs(dev):
             assert low < found < high
 
 
-def test_runs_at_200_Hz_are_prepared(dev):
+def test_runs_are_prepared_at_200_hertz(dev):
     for run in dev.select("utfsm_*"):
         assert decimate(prepare_run(run), 200.0).trajectory.rate_Hz == pytest.approx(200.0)
     (run,) = dev.select("utfpr_0V_01")
@@ -100,11 +100,11 @@ def test_runs_at_200_Hz_are_prepared(dev):
 
 
 def test_real_runs_have_only_known_findings(dev):
-    """Real runs have only the known properties of their rigs; no channel is clipped, stuck or delayed.
+    """The findings are the known properties of the two rigs. No channel is clipped, stuck or delayed.
 
-    UTFSM: the offset is 24 to 58 N, the force range of the 25 mm 0.25 Hz run at 1 A grows by 6 %, and the
-    force at 0 A falls. UTFPR: the gas preload is 100 to 140 N, the mean position drifts by up to 3.5 mm, and
-    the repeatability is 2 to 12 %.
+    UTFSM: the force offset is 24 to 58 N. The force range of the run with 25 mm, 0.25 Hz and 1 A grows by 6
+    %, and the force at 0 A falls. UTFPR: the gas preload is 100 to 140 N, the mean position drifts by up to
+    3.5 mm, and the repeatability is 2 to 12 %.
     """
     found = [finding for run in dev for finding in diagnose(run)]
     assert {finding.severity for finding in found} <= {"warning", "note"}

@@ -1,4 +1,4 @@
-"""Validation of measured runs, and its messages."""
+"""Measured runs are validated, and data sets can be selected and split."""
 
 import numpy as np
 import pytest
@@ -62,19 +62,19 @@ def test_valid_run_is_not_changed():
         ("force", lambda f: f[:-1], r"channels differ in length \(time 5001, displacement 5001, force 5000"),
     ],
 )
-def test_fault_has_location_and_remedy(field, change, message):
+def test_invalid_run_message_has_remedy(field, change, message):
     with pytest.raises(InputError, match=message):
         RigRun(**_with(field, change))
 
 
-def test_celsius_as_kelvin_is_rejected():
+def test_celsius_in_kelvin_column_is_rejected():
     told = r"run: temperature is -248.1 degC \(25 K\) .* -50 to 180 degC .* It looks like degC given as K"
     with pytest.raises(InputError, match=told):
         make_run(changed={"temperature": np.full(5001, 25.0)})
 
 
 @given(seed=st.integers(0, 1000), share=st.floats(0.0, 0.3))
-def test_jitter_is_not_mixed_sampling(seed, share):
+def test_time_jitter_is_not_mixed_sampling(seed, share):
     fields = fields_of_run(duration=1.0)
     shaken = np.random.default_rng(seed).uniform(-share, share, len(fields["time"]))
     fields["time"] = fields["time"] + 0.001 * shaken
@@ -85,7 +85,7 @@ def _set_of(*names):
     return Dataset(tuple(make_run(changed={"name": name}, duration=1.0) for name in names))
 
 
-def test_selecting_keeps_the_order_of_the_set():
+def test_selected_runs_keep_dataset_order():
     runs = _set_of("sine_2Hz_1A", "sine_2Hz_0A", "chirp_1A")
     assert runs.select("*1A").names == ("sine_2Hz_1A", "chirp_1A")
     assert runs.select("chirp*", "*0A").names == ("sine_2Hz_0A", "chirp_1A")
@@ -93,7 +93,7 @@ def test_selecting_keeps_the_order_of_the_set():
         runs.select("sine_2hz_1A")
 
 
-def test_split_is_complete_and_disjoint():
+def test_split_of_dataset_is_complete():
     runs = _set_of("a_0A", "a_1A", "b_0A", "b_1A")
     training, held_out = runs.split(["b_*"])
     assert training.names == ("a_0A", "a_1A")
@@ -103,7 +103,7 @@ def test_split_is_complete_and_disjoint():
         runs.split(["*"])
 
 
-def test_fingerprint_is_independent_of_run_order():
+def test_dataset_fingerprint_ignores_order():
     runs = _set_of("a", "b")
     assert runs.fingerprint == Dataset(runs.runs[::-1]).fingerprint
     assert len(runs.fingerprint) == 64
@@ -112,7 +112,7 @@ def test_fingerprint_is_independent_of_run_order():
     assert _set_of("a", "c").fingerprint != runs.fingerprint
 
 
-def test_sensor_flicker_is_not_a_motion() -> None:
+def test_flickering_displacement_without_motion_is_rejected() -> None:
     flicker = 3e-6 * np.random.default_rng(0).integers(-1, 2, 5001)
     with pytest.raises(InputError, match="takes only 3 values"):
         make_run(changed={"displacement": flicker.astype(np.float64)})

@@ -1,4 +1,4 @@
-"""Rheometer tables: headers of laboratories, and one message for missing columns."""
+"""Rheometer tables are read with the headers of laboratories; missing columns give a message."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mrdamper.errors import InputError
 
 @pytest.fixture
 def table(tmp_path):
-    """Return a function that writes a table and reads it."""
+    """Return a function that writes a table to a file and reads it."""
 
     def read(text):
         path = tmp_path / "table.csv"
@@ -50,7 +50,7 @@ def test_rheometer_headers_are_equivalent(table, header, temperature, viscosity)
         "Interval data:,Temperature,Shear Rate,Viscosity\n,[°C],[1/s],[Pa·s]\n,,,",
     ],
 )
-def test_units_in_second_row_are_read(table, header):
+def test_rheometer_units_in_separate_row_are_read(table, header):
     """Exports of rheometers have units below or above the names, and empty cells before the numbers."""
     first, *names = header.split("\n")[-2 if header.endswith(",,,") else -1].split(",")
     middle = "100," if len(names) > 1 else ""
@@ -73,7 +73,7 @@ def test_units_in_second_row_are_read(table, header):
         ("field strength / kA m^-1", 67.0, "A/m", 67e3),
     ],
 )
-def test_field_keeps_kind_and_si_value(table, header, raw, unit, field):
+def test_magnetic_field_is_read_in_si(table, header, raw, unit, field):
     text = f"{header},temperature_degC,yield_stress_kPa\n{raw},20,19\n{raw},60,18\n"
     found = table(text)
     assert found.field_unit == unit
@@ -83,7 +83,7 @@ def test_field_keeps_kind_and_si_value(table, header, raw, unit, field):
     assert found.viscosity is None
 
 
-def test_table_may_contain_viscosity_and_yield_stress(table):
+def test_rheometer_table_may_contain_both_properties(table):
     found = table(
         "temperature_degC,viscosity_Pas,field_mT,yield_stress_kPa\n20,0.15,,\n40,0.11,,\n20,,100,4\n40,,100,3.9\n"
     )

@@ -1,4 +1,4 @@
-"""Tables of every type of number, written by each format's own library, are read back unchanged."""
+"""Tables with all types of numbers, written by the library of each format, are read back unchanged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WHOLE = tuple(f"{sign}{size}" for sign in "iu" for size in (1, 2, 4, 8))
 
 
 def ends(kind: str) -> np.ndarray:
-    """Return the smallest and the largest integer of a type, and some integers between."""
+    """Return the smallest and the largest integer of a type, and some integers between them."""
     info = np.iinfo(kind)
     return np.array([info.min, info.max, *range(ROWS - 2)], dtype=kind)
 
@@ -44,14 +44,14 @@ PLAIN = FileOptions()
 
 
 def same(found: np.ndarray, expected: np.ndarray) -> bool:
-    """Return True if the values are equal within the rounding of a factor."""
+    """Return True if the values are equal, apart from the rounding of a scale factor."""
     return found.shape == expected.shape and np.allclose(
         found, expected, rtol=1e-15, atol=1e-14, equal_nan=True
     )
 
 
 def assert_table(table, expected: Mapping[str, np.ndarray], rows: int = ROWS) -> None:
-    """Assert that a table holds these columns in this order, as float64."""
+    """Check that a table contains these columns in this order, as float64."""
     assert list(table.names) == list(expected)
     assert list(table.columns) == list(expected)
     assert table.rows == rows
@@ -63,7 +63,7 @@ def assert_table(table, expected: Mapping[str, np.ndarray], rows: int = ROWS) ->
 
 
 @pytest.mark.parametrize("order", "<>")
-def test_hdf5_reads_all_types_and_shapes(tmp_path, order):
+def test_hdf5_types_and_shapes_are_read(tmp_path, order):
     path = tmp_path / "run.h5"
     shapes = ((ROWS,), (ROWS, 1), (1, ROWS), (1, ROWS, 1))
     with h5py.File(path, "w") as file:
@@ -104,16 +104,16 @@ def test_hdf5_recordings_are_separate_parts(tmp_path):
     assert (second.said, second.more, second.layout.part) == (("number: 2",), (), "campaign/test 2")
 
 
-def test_hdf5_compounds_and_matrices_give_columns(tmp_path):
+def test_hdf5_records_and_matrices_give_columns(tmp_path):
     path = tmp_path / "run.h5"
     record = np.zeros(ROWS, [("t", "f8"), ("n", ">i4"), ("pair", "f8", 2), ("word", "S3")])
     record["t"], record["n"] = np.arange(ROWS) / 8.0, np.arange(ROWS) - 5
     with h5py.File(path, "w") as file:
         file["a record"] = record
         file["matrix"] = np.arange(3.0 * ROWS).reshape(ROWS, 3)
-        file["wide"] = np.ones((65, 66))  # The matrix is too wide to be a table.
+        file["wide"] = np.ones((65, 66))  # This matrix is too wide to be a table.
         named = file.create_dataset("two", data=np.arange(2.0 * ROWS).reshape(2, ROWS))
-        named.attrs["labels"] = ["1", "2"]  # Numbers do not name columns.
+        named.attrs["labels"] = ["1", "2"]  # Numbers are not accepted as names of columns.
         named.attrs["unit"] = "N"
     columns = {"t": record["t"], "n": record["n"]}
     columns |= {f"column {k + 1} of matrix": np.arange(3.0 * ROWS)[k::3] for k in range(3)}
@@ -126,7 +126,7 @@ def test_hdf5_compounds_and_matrices_give_columns(tmp_path):
 # ------------------------------------------------------------------------------------------- MAT, NumPy, JSON
 
 
-def test_mat_reads_all_types_and_shapes(tmp_path):
+def test_mat_types_and_shapes_are_read(tmp_path):
     lying = {f"x_{name}": values[None, :] for name, values in TABLE.items()}
     standing = {f"y_{name}": values[:, None] for name, values in TABLE.items()}
     flag = np.arange(ROWS) > 4
@@ -138,7 +138,7 @@ def test_mat_reads_all_types_and_shapes(tmp_path):
     assert_table(read_mat(tmp_path / "run.mat", PLAIN), expected)
 
 
-def test_mat_structure_of_units_is_used(tmp_path):
+def test_units_structure_in_mat_is_used(tmp_path):
     run = {"t": np.arange(5.0), "F": np.arange(5.0) ** 2}
     other = {"t": np.arange(4.0), "F": np.arange(4.0)}
     units = {"t": "s", "F": " kN "}
@@ -151,7 +151,7 @@ def test_mat_structure_of_units_is_used(tmp_path):
     assert_table(table, other, 4)
 
 
-def test_numpy_archive_gives_arrays_and_fields(tmp_path):
+def test_numpy_arrays_and_fields_are_read(tmp_path):
     record = np.zeros(ROWS, [("t", "<f4"), ("n", ">u2")])
     record["t"], record["n"] = np.arange(ROWS), 65535
     np.savez(tmp_path / "a.npz", **{**TABLE, "record": record, "note": np.array("text")})  # type: ignore[arg-type]
@@ -162,7 +162,7 @@ def test_numpy_archive_gives_arrays_and_fields(tmp_path):
 
 
 @pytest.mark.parametrize("units_first", [True, False])
-def test_json_lists_name_the_columns(tmp_path, units_first):
+def test_name_lists_in_json_name_columns(tmp_path, units_first):
     names, units = ["t", "F", "x"], ["s", "N", ""]
     rows = [[0.25 * k, None if k == 2 else 3.0 * k, k] for k in range(ROWS)]
     words = {"units": units, "names": names} if units_first else {"names": names, "units": units}
@@ -180,7 +180,7 @@ def test_json_lists_name_the_columns(tmp_path, units_first):
 # ------------------------------------------------------------------------------------------- TDMS
 
 
-def test_tdms_reads_all_types_and_units(tmp_path):
+def test_tdms_types_and_units_are_read(tmp_path):
     path = tmp_path / "run.tdms"
     keys = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
     stated = {name: {keys[k]: unit} for k, (name, unit) in enumerate(UNITS.items())}
@@ -214,10 +214,10 @@ def test_tdms_reads_all_types_and_units(tmp_path):
     assert write(["fast"]).step_s is None
 
 
-def test_tdms_times_count_from_the_first(tmp_path):
+def test_tdms_timestamps_become_seconds(tmp_path):
     path = tmp_path / "run.tdms"
     with TdmsWriter(str(path)) as writer:
-        for half in (slice(0, 4), slice(4, None)):  # two segments of one recording
+        for half in (slice(0, 4), slice(4, None)):  # The recording has two segments.
             force = ChannelObject("run", "F", np.arange(float(ROWS))[half])
             writer.write_segment([ChannelObject("run", "at", MOMENTS[half]), force])
     table = read_tdms(path, PLAIN)
@@ -228,7 +228,7 @@ def test_tdms_times_count_from_the_first(tmp_path):
 # ------------------------------------------------------------------------------------------- Parquet
 
 
-def test_parquet_reads_all_types(tmp_path):
+def test_parquet_types_are_read(tmp_path):
     frame = pl.DataFrame(dict(TABLE)).with_columns(
         pl.Series("gaps", [None, *range(ROWS - 1)], dtype=pl.Int16),
         pl.Series("words", [None, *"abcdefghij"]),
@@ -252,7 +252,7 @@ def test_parquet_reads_all_types(tmp_path):
     assert read_parquet(tmp_path / "words.parquet", PLAIN).rows == 0
 
 
-def test_parquet_name_is_not_a_pattern(tmp_path):
+def test_brackets_in_parquet_name_are_literal(tmp_path):
     for name in ("run[1].parquet", "run*.parquet", "run1.parquet"):
         pl.DataFrame({name: [1.0], "note": ["a"]}).write_parquet(tmp_path / name)
     for name in ("run[1].parquet", "run*.parquet"):
@@ -269,11 +269,11 @@ def test_parquet_name_is_not_a_pattern(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("version", ["3.30", "4.10"])
-def test_mdf_reads_all_types_and_clocks(tmp_path, version):
+def test_mdf_types_and_clocks_are_read(tmp_path, version):
     from asammdf import MDF, Signal
 
     time, slow = 0.25 * np.arange(ROWS), 0.5 * np.arange(4.0)
-    linear: dict[str, object] = {"a": 0.01, "b": -40.0}  # factor and offset
+    linear: dict[str, object] = {"a": 0.01, "b": -40.0}  # Factor and offset of a linear conversion
     with MDF(version=version) as file:
         signals = [Signal(values, time, UNITS.get(name, ""), name) for name, values in TABLE.items()]
         scaled = Signal(np.arange(ROWS, dtype="<i2"), time, "degC", "scaled", conversion=linear)
@@ -296,7 +296,7 @@ def test_mdf_reads_all_types_and_clocks(tmp_path, version):
 
 
 @pytest.mark.system
-def test_mdf_groups_are_recordings(tmp_path):
+def test_mdf_groups_are_separate_recordings(tmp_path):
     from asammdf import MDF, Signal
 
     time = 0.25 * np.arange(ROWS)

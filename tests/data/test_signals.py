@@ -1,4 +1,4 @@
-"""Smoothing and derivatives against closed forms and against known noise."""
+"""Smoothing and differentiation of signals agree with closed forms and known noise."""
 
 import numpy as np
 import pytest
@@ -18,13 +18,13 @@ MAINS_Hz = [times * mains + 0.3 for mains in (50.0, 60.0) for times in (1, 2, 3,
 
 
 @given(power=st.integers(0, 6), at=st.integers(0, 29))
-def test_differences_are_exact_on_polynomials(power, at):
+def test_differentiation_is_exact_for_polynomials(power, at):
     t = np.linspace(0.0, 1.0, 30)
     slope = power * t[at] ** max(power - 1, 0)
     assert differentiate(t**power, t[1])[at] == pytest.approx(slope, abs=1e-9)
 
 
-def test_differences_converge_with_the_sixth_order():
+def test_differentiation_has_sixth_order():
     errors = []
     for rate in (40.0, 80.0, 160.0):
         t = np.arange(4 * rate + 1) / rate
@@ -35,8 +35,8 @@ def test_differences_converge_with_the_sixth_order():
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 @pytest.mark.parametrize("sigma", [2e-6, 2e-5])
-def test_known_noise_is_measured(rate, sigma):
-    """5 % is two standard errors of a median over a quarter of the frequencies of 4001 samples or more."""
+def test_noise_of_signal_is_measured(rate, sigma):
+    """5 % is two standard errors of a median over a quarter of the frequencies of 4001 samples."""
     t = np.arange(20 * rate + 1) / rate
     noise = sigma * np.random.default_rng(1).standard_normal(len(t))
     x = Chirp(0.002, 0.5, 15.0, 20.0).displacement(t) + noise
@@ -44,14 +44,14 @@ def test_known_noise_is_measured(rate, sigma):
 
 
 def test_periodic_rounding_counts_as_noise():
-    """A sine of 500 samples per period rounds the same way in every period."""
+    """A sine with 500 samples per period is rounded equally in every period."""
     x = np.round(0.01 * np.sin(4 * np.pi * np.arange(7001) / 1000.0), 6)
     assert measure_spectrum(x, 1e-3).noise == pytest.approx(1e-6 / np.sqrt(12.0), rel=0.1)
 
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 def test_clean_sine_is_not_smoothed(rate):
-    """At 39 and 195 samples per cycle, there is no smoothing, and the velocity error is below 1e-4."""
+    """A sine with 39 or 195 samples per cycle is not smoothed, and its velocity error is below 1e-4."""
     sine = Sine(0.002, 200.0 / 39)
     t = np.arange(5 * rate + 1) / rate
     x = sine.displacement(t)
@@ -76,7 +76,7 @@ def test_clean_sine_is_not_smoothed(rate):
     ],
 )
 def test_smoothing_limits_velocity_noise(motion, velocity_noise):
-    """The signal has steps of 3 um at 1 kHz: raw differences have 2 mm/s rms. Ends of 20 ms are excluded."""
+    """With steps of 3 um at 1 kHz, raw differences have 2 mm/s rms. The first and last 20 ms are ignored."""
     t = np.arange(10_001) / 1000.0
     rng = np.random.default_rng(3)
     measured = 3e-6 * np.round((motion.displacement(t) + 1.5e-6 * rng.standard_normal(len(t))) / 3e-6)
@@ -94,8 +94,8 @@ def test_smoothing_limits_velocity_noise(motion, velocity_noise):
     bend=st.floats(-3.0, 3.0),
     spacing=st.integers(2, 40),
 )
-def test_smoothing_keeps_cubics_ends_included(start, slope, bend, spacing):
-    """The penalty acts on fourth differences, which are zero for a cubic."""
+def test_smoothing_preserves_cubics_up_to_ends(start, slope, bend, spacing):
+    """Smoothing penalises fourth differences, which are zero for a cubic."""
     t = np.linspace(-1.0, 1.0, 401)
     x = start + slope * t + bend * t**3
     moved = smooth(x, t[1] - t[0], 0.5 / (spacing * (t[1] - t[0])))
@@ -113,12 +113,12 @@ def test_smoothing_is_linear_and_symmetric_in_time(shift, scale):
     assert moved.displacement == pytest.approx(scale * once.displacement + shift, abs=1e-9)
     assert moved.velocity == pytest.approx(scale * once.velocity, abs=1e-6)
     knots = knot_spacing(1e-3, 60.0)
-    whole = x[: knots * 60 + 1]  # knots at both ends: the same fit forwards and backwards
+    whole = x[: knots * 60 + 1]  # With knots at both ends, the fit is the same forwards and backwards.
     forwards, backwards = smooth(whole, 1e-3, 60.0), smooth(whole[::-1], 1e-3, 60.0)
     assert backwards.displacement[::-1] == pytest.approx(forwards.displacement, abs=0.2)
 
 
-def test_smoothed_derivatives_are_consistent():
+def test_smoothed_velocity_and_acceleration_are_consistent():
     x = np.cumsum(np.random.default_rng(5).standard_normal(2000)) * 1e-4
     moved = smooth(x, 1e-3, 25.0)
     slope, bend = differentiate(moved.displacement, 1e-3), differentiate(moved.velocity, 1e-3)
@@ -126,7 +126,7 @@ def test_smoothed_derivatives_are_consistent():
     assert np.max(np.abs(bend - moved.acceleration)) < 1e-2 * np.std(moved.acceleration)
 
 
-def test_mains_hum_keeps_the_cut_off():
+def test_mains_hum_hardly_changes_cutoff_frequency():
     t = np.arange(40_001) / 1000.0
     rng = np.random.default_rng(6)
     clean = Chirp(0.002, 0.5, 10.0, 40.0).displacement(t) + 2e-6 * rng.standard_normal(len(t))
@@ -142,7 +142,7 @@ def test_mains_hum_keeps_the_cut_off():
     periods=st.integers(2, 20),
     is_sine=st.booleans(),
 )
-def test_periodic_motion_label_is_complete(amplitude, frequency, periods, is_sine):
+def test_label_of_periodic_motion_is_complete(amplitude, frequency, periods, is_sine):
     step = 1.0 / (200.0 * frequency)
     t = step * np.arange(200 * periods + 1)
     motion = Sine(amplitude, frequency) if is_sine else Triangle(amplitude, 4.0 * amplitude * frequency)
@@ -153,8 +153,8 @@ def test_periodic_motion_label_is_complete(amplitude, frequency, periods, is_sin
     )
 
 
-def test_irregular_motions_have_their_labels():
-    """The motions are one stroke, a sweep, a period of several strokes, and band-limited noise."""
+def test_irregular_motion_label_names_kind():
+    """The motions are a single stroke, a sweep, a period with several strokes, and band-limited noise."""
     step = 1e-3
     t = step * np.arange(20_001)
     once = describe_motion(0.03 * np.linspace(0.0, 1.0, 501), step)
@@ -167,7 +167,8 @@ def test_irregular_motions_have_their_labels():
     assert again.label.endswith(" 0.5 Hz")
     assert again.period_s == pytest.approx(2.0)
     assert again.half_period_s == pytest.approx(1.0)
-    tones = np.arange(3.0, 9.01, 0.05)  # Equal speeds: 90 % is between 3.3 and 8.7 Hz.
+    # With equal speeds of all tones, 90 % of the power is between 3.3 and 8.7 Hz.
+    tones = np.arange(3.0, 9.01, 0.05)
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, len(tones))
     speed = np.cos(2.0 * np.pi * np.outer(t[:-1], tones) + phases).sum(axis=1)
     assert velocity_band(speed + 7.0, step) == pytest.approx((3.3, 8.7), abs=0.051)

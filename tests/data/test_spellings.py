@@ -1,4 +1,4 @@
-"""Headers, blocks and limits of texts and waveforms, generated from their parts and parsed again."""
+"""Headers and blocks of texts and workbooks, generated at random from their parts, are parsed correctly."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ TITLES = ["Report", "MR-7", "Operator:", "(third)"]
 
 @dataclass(frozen=True)
 class Text:
-    """The lines of a text, and the expected result."""
+    """Lines of a text file, and the expected result of parsing them."""
 
     lines: list[str]
     delimiter: str
-    first: int  # row
+    first: int  # Index of the first row of data
     names: tuple[str, ...]
     said: tuple[str, ...]
 
 
 @st.composite
 def texts(draw: st.DrawFn) -> Text:
-    """Draw titles, names, and units in, under or above the names; comment signs, quotes and empty lines."""
+    """Draw titles, names, units (in, under or above the names), comment signs, quotes and empty lines."""
     delimiter = draw(st.sampled_from("\t;,| "))
     names = draw(st.lists(st.sampled_from(sorted(NAMES)), min_size=2, max_size=5, unique=True))
     units = [NAMES[name] for name in names]
@@ -65,7 +65,7 @@ def texts(draw: st.DrawFn) -> Text:
 
 @given(texts())
 @examples(50)
-def test_names_units_and_titles_are_found(text):
+def test_names_units_and_titles_are_parsed(text):
     assert find_data(text.lines) == (text.delimiter, text.first)
     assert find_data(text.lines, text.delimiter) == (text.delimiter, text.first)
     header = read_header(text.lines, text.first, text.delimiter)
@@ -73,7 +73,7 @@ def test_names_units_and_titles_are_found(text):
 
 
 @pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
-def test_row_of_commands_completes_the_names(delimiter):
+def test_row_of_commands_completes_column_names(delimiter):
     lines = [
         delimiter.join(cells)
         for cells in (["", "0.5 A", "", "1 A", ""], ["t [s]", "x [mm]", "F [N]", "x [mm]", "F [N]"])
@@ -84,7 +84,7 @@ def test_row_of_commands_completes_the_names(delimiter):
     )  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------- texts
+# ------------------------------------------------------------------------------------------- line ends
 
 
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
@@ -107,8 +107,8 @@ def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):
     empty=st.sets(st.integers(1, 10), max_size=3), comma=st.booleans(),
 )  # fmt: skip
 @examples(15)
-def test_sheet_position_does_not_matter(tmp_path_factory, above, left, words, units, empty, comma):
-    """Titles above, empty columns and rows, units under the names, words below, numbers as texts."""
+def test_table_is_found_anywhere_on_sheet(tmp_path_factory, above, left, words, units, empty, comma):
+    """The table has titles above, empty columns and rows around, units under the names, and words below."""
     path = tmp_path_factory.getbasetemp() / "spelled.xlsx"
     book = Workbook()
     notes = book.active

@@ -1,4 +1,4 @@
-"""The temperature of a run: noise removed, drift kept, sensor lag compensated."""
+"""Conditioning of the temperature of a run removes noise, keeps drift, and compensates the sensor lag."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def noise(count: int, size: float, seed: int = 0) -> FloatArray:
 
 
 def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> FloatArray:
-    """Return the reading of a first-order sensor in equilibrium at the start: exact if piecewise linear."""
+    """Return the reading of a first-order sensor in equilibrium at the start, exact for linear pieces."""
     shown = np.empty_like(true)
     shown[0] = true[0]
     decay = np.exp(-step / lag)
@@ -31,8 +31,8 @@ def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> Floa
 
 
 @given(level=st.floats(250.0, 420.0), size=st.floats(0.0, 1.0), seed=st.integers(0, 99))
-def test_noisy_constant_temperature_is_its_mean(level, size, seed):
-    """The result is constant, and its error is the standard error of the mean."""
+def test_noisy_constant_temperature_becomes_its_mean(level, size, seed):
+    """The conditioned temperature is constant, and its error is the standard error of the mean."""
     time = times(20.0)
     found = condition_temperature(level + noise(len(time), size, seed), 1 / 200.0)
     assert len(found) == len(time)
@@ -41,16 +41,16 @@ def test_noisy_constant_temperature_is_its_mean(level, size, seed):
 
 
 @pytest.mark.parametrize("step", [0.1, 1.0], ids=["short", "long"])
-def test_noise_alone_is_no_drift(step):
-    """Forty samples of 5 K noise have a slope of several kelvin by chance; 1 % of runs may keep it."""
+def test_temperature_noise_is_not_drift(step):
+    """By chance, 40 samples with 5 K noise slope by several kelvin. At most 1 % of the runs keep a slope."""
     runs = [condition_temperature(300.0 + noise(40, 5.0, seed), step) for seed in range(1000)]
     assert sum(np.ptp(run) > 0.0 for run in runs) <= 10
 
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
-def test_warming_is_followed_within_0_3_K(seed, rate):
-    """The measured error, ends included, is 0.18 K at 50 Hz and 0.05 K at 1 kHz, with noise of 0.3 K."""
+def test_linear_warming_is_followed_within_0_3_K(seed, rate):
+    """With noise of 0.3 K, the largest error, ends included, is 0.18 K at 50 Hz and 0.05 K at 1 kHz."""
     time = times(60.0, rate)
     true = 300.0 + 20.0 * time / 60.0
     found = condition_temperature(true + noise(len(time), 0.3, seed), 1.0 / rate)
@@ -58,17 +58,17 @@ def test_warming_is_followed_within_0_3_K(seed, rate):
     assert np.std(found - true) < 0.06
 
 
-def test_flattening_curve_is_followed():
-    """The temperature approaches its final value with a time constant of 20 s, as in a warming damper."""
+def test_exponential_warming_is_followed_within_0_3_K():
+    """The temperature approaches its final value with a time constant of 20 s."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
     found = condition_temperature(true + noise(len(time), 0.3), 1 / 200.0)
     assert np.abs(found - true).max() < 0.3
     straight = np.polyval(np.polyfit(time, true, 1), time)
-    assert np.abs(straight - true).max() > 2.0  # A straight line fits worse.
+    assert np.abs(straight - true).max() > 2.0  # A straight line would have errors of more than 2 K.
 
 
-def test_warming_and_cooling_is_not_constant():
+def test_warming_followed_by_cooling_is_followed():
     """A straight line fitted to the run has no slope, but the means of the eighths of the run differ."""
     time = times(60.0)
     true = 300.0 + 10.0 * np.sin(np.pi * time / 60.0)
@@ -79,8 +79,8 @@ def test_warming_and_cooling_is_not_constant():
 
 
 @given(slope=st.floats(0.2, 2.0), lag=st.floats(0.0, 10.0), sign=st.sampled_from([-1.0, 1.0]))
-def test_sensor_lag_on_a_ramp_is_compensated(slope, lag, sign):
-    """On a ramp, a sensor with lag shows T - lag dT/dt. The lag is compensated in short and long runs."""
+def test_sensor_lag_at_constant_rate_is_compensated(slope, lag, sign):
+    """At a constant rate, a sensor shows T - lag dT/dt. The lag is compensated in short and long runs."""
     for duration in (8.0, 40.0):
         time = times(duration, 100.0)
         true = 330.0 + sign * slope * time
@@ -89,8 +89,8 @@ def test_sensor_lag_on_a_ramp_is_compensated(slope, lag, sign):
         np.testing.assert_allclose(condition_temperature(shown, 0.01), shown, atol=2e-3)
 
 
-def test_sensor_lag_on_a_curve_is_compensated():
-    """The temperature has a time constant of 20 s, the sensor 4 s. Its error of 2.7 K becomes 0.003 K."""
+def test_sensor_lag_at_changing_rate_is_compensated():
+    """The time constants are 20 s (temperature) and 4 s (sensor). The error falls from 2.7 K to 0.003 K."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
     shown = measured_by_a_slow_sensor(true, 1 / 200.0, 4.0)
@@ -101,7 +101,7 @@ def test_sensor_lag_on_a_curve_is_compensated():
 
 
 @given(offset=st.floats(-40.0, 40.0), seed=st.integers(0, 20), rise=st.floats(0.0, 30.0))
-def test_temperature_shift_shifts_the_result(offset, seed, rise):
+def test_temperature_shift_shifts_conditioned_temperature(offset, seed, rise):
     time = times(30.0, 50.0)
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     expected = condition_temperature(shown, 0.02) + offset
@@ -109,7 +109,7 @@ def test_temperature_shift_shifts_the_result(offset, seed, rise):
 
 
 @given(seed=st.integers(0, 20), rise=st.floats(2.0, 30.0))
-def test_cooling_is_warming_backwards(seed, rise):
+def test_temperature_conditioning_is_symmetric_in_time(seed, rise):
     time = times(30.0, 50.0)
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     backwards = condition_temperature(shown[::-1].copy(), 0.02)[::-1]

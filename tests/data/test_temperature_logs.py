@@ -1,4 +1,4 @@
-"""Temperature logs with clock times next to runs that state when they began."""
+"""Temperature logs with clock times supply the temperature of runs that state when they began."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def warmth(time: datetime) -> float:
 
 
 def logged(begin: datetime = LOG_BEGIN, minutes: float = 40.0) -> list[tuple[datetime, float]]:
-    """Return the rows of a log with a step of ten seconds."""
+    """Return the rows (time, temperature) of a log with a step of ten seconds."""
     times = [begin + timedelta(seconds=10 * k) for k in range(int(6 * minutes))]
     return [(time, warmth(time)) for time in times]
 
 
 def texts(head: Callable[[datetime], str], form: str = "", name: str = "run_{}.csv") -> Writer:
-    """Return a writer of runs as text, with a time in seconds or with stamps of a form."""
+    """Return a writer of runs as text, with a time in seconds or with time stamps in this format."""
 
     def writer(folder: Path) -> None:
         for k, (run, start) in enumerate(zip(RUNS, STARTS, strict=True)):
@@ -180,7 +180,7 @@ def log_finding(read: ReadFiles) -> str:
 
 
 def assert_warm(read: ReadFiles) -> None:
-    """Assert that each run has the temperature of the log at its time."""
+    """Check that each run has the temperature that the log states for its time."""
     assert read.fault() is None
     assert len(read.runs) == len(RUNS)
     for true, start in zip(RUNS, STARTS, strict=True):
@@ -192,28 +192,28 @@ def assert_warm(read: ReadFiles) -> None:
 
 
 @pytest.mark.parametrize("log", LOG_WRITERS, ids=lambda log: log.__name__)
-def test_log_layout_gives_temperature(tmp_path, log):
+def test_every_log_layout_supplies_temperature(tmp_path, log):
     HEADERS(tmp_path)
     log(tmp_path)
     assert_warm(read_each(tmp_path))
 
 
 @pytest.mark.parametrize("runs", RUN_WRITERS.values(), ids=RUN_WRITERS)
-def test_run_layout_gets_temperature(tmp_path, runs):
+def test_every_run_layout_gets_log_temperature(tmp_path, runs):
     runs(tmp_path)
     german_log(tmp_path)
     assert_warm(read_each(tmp_path))
 
 
 @pytest.mark.parametrize("runs", UTC_WRITERS.values(), ids=UTC_WRITERS)
-def test_offsets_from_utc_are_compared(tmp_path, runs):
+def test_log_and_runs_match_across_time_zones(tmp_path, runs):
     runs(tmp_path)
     iso_log(tmp_path, [(time - timedelta(hours=1), value) for time, value in logged()], "Z")
     assert_warm(read_each(tmp_path))
 
 
-def test_log_without_zone_is_unused_for_tdms(tmp_path):
-    """The run starts at a time in UTC. A log in local time can be used only if its zone is known."""
+def test_log_without_time_zone_is_unused(tmp_path):
+    """A TDMS run starts at a time in UTC. A log in local time can be used only if its zone is known."""
     tdms(tmp_path)
     iso_log(tmp_path, logged(LOG_BEGIN - timedelta(hours=3), 400.0))
     read = read_each(tmp_path)
@@ -223,7 +223,7 @@ def test_log_without_zone_is_unused_for_tdms(tmp_path):
     assert_warm(read_each(tmp_path))
 
 
-def test_log_of_different_days_is_listed(tmp_path):
+def test_log_of_other_day_is_reported(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(time + timedelta(days=1), value) for time, value in logged()])
     read = read_each(tmp_path)
@@ -232,7 +232,7 @@ def test_log_of_different_days_is_listed(tmp_path):
     assert all(run.temperature is None for run in read.runs)
 
 
-def test_undated_log_is_listed(tmp_path):
+def test_temperature_log_without_date_is_reported(tmp_path):
     HEADERS(tmp_path)
     write(tmp_path, "oil.csv", "Time,Oil (degC)\n" + "".join(f"{t:%H:%M:%S},{v:.3f}\n" for t, v in logged()))
     read = read_each(tmp_path)
@@ -240,7 +240,7 @@ def test_undated_log_is_listed(tmp_path):
     assert all(run.temperature is None for run in read.runs)
 
 
-def test_runs_without_start_time_get_no_temperature(tmp_path):
+def test_run_without_start_ignores_temperature_log(tmp_path):
     texts(lambda _: SECONDS)(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)
@@ -257,13 +257,13 @@ def test_partial_log_is_used_for_covered_runs(tmp_path, minutes, count):
     assert (f"{count} of 3" if count else "do not cover") in log_finding(read)
 
 
-def test_gap_of_log_is_not_bridged(tmp_path):
+def test_temperature_log_gap_is_not_interpolated(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(t, v) for t, v in logged() if abs((t - STARTS[1]).total_seconds()) > 60.0])
     assert [run.temperature is not None for run in read_each(tmp_path).runs] == [True, False, True]
 
 
-def test_temperature_of_run_has_priority_over_log(tmp_path):
+def test_run_temperature_precedes_log(tmp_path):
     texts(lambda start: f"Start: {start:%Y-%m-%d %H:%M:%S}\nOil temperature: 60 degC\n{SECONDS}")(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)
@@ -271,8 +271,8 @@ def test_temperature_of_run_has_priority_over_log(tmp_path):
     assert all(run.temperature is not None and np.allclose(run.temperature, 333.15) for run in read.runs)
 
 
-def test_ambiguous_log_dates_are_matched_to_runs(tmp_path):
-    """An ambiguous date is read in the order that matches the date of the other file."""
+def test_ambiguous_log_dates_follow_runs(tmp_path):
+    """Day and month of an ambiguous date are read in the order that matches the date of the runs."""
     moved = datetime(2024, 6, 5) - datetime(2024, 3, 14)
     texts(lambda start: f"Start: {start + moved:%Y-%m-%d %H:%M:%S.%f}\n{SECONDS}")(tmp_path)
     lines = [f"{t + moved:%d/%m/%Y %H:%M:%S},{v:.3f}\n" for t, v in logged()]

@@ -1,4 +1,4 @@
-"""Times of day and dates in many spellings are converted to seconds from the first."""
+"""Times of day and dates in many spellings are converted to seconds from the first time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def seconds(*cells):
 
 
 @given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))
-def test_time_stamps_keep_microseconds(steps_us, start):
+def test_timestamps_keep_microseconds(steps_us, start):
     time = np.concatenate([[0.0], np.cumsum(steps_us) * 1e-6])
     for form in SPELLINGS:
         assert np.allclose(
@@ -44,8 +44,8 @@ def test_time_stamps_keep_microseconds(steps_us, start):
 
 
 @given(st.lists(st.integers(-12, 14), min_size=2, max_size=20), st.sampled_from(["%z", " %z", " UTC%z"]))
-def test_offset_from_utc_is_subtracted(hours, form):
-    """Local times of several zones, such as before and after the end of summer time, belong to one record."""
+def test_time_zone_offset_is_subtracted(hours, form):
+    """Local times of several zones, such as before and after the end of summer time, can be in one record."""
     time = np.arange(len(hours)) * 0.5
     cells = [
         (START.replace(tzinfo=UTC) + timedelta(seconds=float(t))).astimezone(timezone(timedelta(hours=h)))
@@ -58,17 +58,17 @@ def test_offset_from_utc_is_subtracted(hours, form):
 @pytest.mark.parametrize(
     "cell", ["", "12", "10:15", "25:00:00", "10:61:00", "10:15:02 o'clock", "2026-02-30 1:00:00"]
 )
-def test_invalid_time_becomes_nan(cell):
+def test_invalid_timestamp_becomes_nan(cell):
     assert np.isnan(seconds(cell)).all()
 
 
-def test_ambiguous_changing_date_is_invalid():
+def test_ambiguous_date_that_changes_is_invalid():
     same = seconds("11/12/2026 10:00:00", "11/12/2026 10:00:01")
     assert np.array_equal(same, [0.0, 1.0])
     assert np.isnan(seconds("11/12/2026 23:59:59", "12/12/2026 00:00:00")).tolist() == [False, True]
 
 
-def test_noon_and_midnight_in_12_hour_clock():
+def test_12_hour_clock_separates_noon_and_midnight():
     assert np.array_equal(seconds("12:00:00 AM", "12:00:00 PM", "1:00:00 pm"), [0.0, 43200.0, 46800.0])
 
 
@@ -81,14 +81,14 @@ def a_file(path, form="%Y-%m-%dT%H:%M:%S.%f", header="Timestamp"):
 
 
 @pytest.mark.parametrize("header", ["Timestamp", "Time", "Time [hh:mm:ss]", "Date and time"])
-def test_times_of_day_give_the_run(tmp_path, header):
+def test_column_of_times_gives_run_time(tmp_path, header):
     (run,) = read_run(a_file(tmp_path / "run.csv", header=header))
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=2e-6)
     assert np.allclose(run.force, RUN.force, atol=1e-6)
 
 
-def test_map_rate_precedes_times_of_day(tmp_path):
-    """Many programs write time stamps in whole seconds next to samples every few milliseconds."""
+def test_sample_rate_in_map_precedes_timestamps(tmp_path):
+    """Many programs write time stamps in whole seconds although they sample every few milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
     (run,) = read_run(file, tmp_path / "map.toml")
@@ -97,7 +97,7 @@ def test_map_rate_precedes_times_of_day(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("kind", ["moments", "times of day", "durations", "texts"])
-def test_workbook_times_count_from_the_first(tmp_path, kind):
+def test_workbook_timestamps_become_seconds(tmp_path, kind):
     from openpyxl import Workbook
 
     book, start = Workbook(), datetime(2026, 11, 21, 10, 0, 0)
@@ -115,6 +115,7 @@ def test_workbook_times_count_from_the_first(tmp_path, kind):
     book.save(tmp_path / "run.xlsx")
     table = read_table(tmp_path / "run.xlsx")
     assert {*table.stamps} == {"Logged"}
-    assert np.allclose(table.columns["Logged"], 0.25 * np.arange(40), atol=1.1e-3)  # Workbooks store 1 ms.
+    # Workbooks store times with a resolution of 1 ms.
+    assert np.allclose(table.columns["Logged"], 0.25 * np.arange(40), atol=1.1e-3)
     (run,) = read_run(tmp_path / "run.xlsx")
     assert run.time[-1] == pytest.approx(9.75, abs=2e-3)

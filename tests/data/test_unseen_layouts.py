@@ -1,4 +1,4 @@
-"""Layouts of laboratories: header block, conditions, unrelated files, shape, containers, cells."""
+"""Further layouts of laboratories (headers, lists, containers, cells) are read without a map."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def columns(run: RigRun) -> tuple[np.ndarray, ...]:
 
 
 def noise_N(count: int) -> np.ndarray:
-    """Return the signal of a force sensor that is not loaded."""
+    """Return the signal of a force sensor without load."""
     return np.random.default_rng(0).normal(0.0, 0.3, count)
 
 
@@ -43,7 +43,7 @@ def write(folder: Path, name: str, text: str) -> None:
 
 
 def each(text: Callable[[RigRun], str], name: str = "run_{}.csv") -> Callable[[Path], None]:
-    """Return a writer of one file for each run."""
+    """Return a writer that writes one file for each run."""
 
     def writer(folder: Path) -> None:
         for k, run in enumerate(RUNS):
@@ -53,7 +53,7 @@ def each(text: Callable[[RigRun], str], name: str = "run_{}.csv") -> Callable[[P
 
 
 def bare(folder: Path) -> None:
-    """Write three runs that do not state their current."""
+    """Write three runs whose files do not state the current."""
     for name, run in zip(NAMES, RUNS, strict=True):
         write(folder, f"{name}.csv", BARE + table(*columns(run)[:3]))
 
@@ -64,7 +64,7 @@ def full(folder: Path) -> None:
 
 
 def listed(name: str, text: Callable[[str, float], str], head: str = "") -> Callable[[Path], None]:
-    """Return a writer of bare runs and of a document with a text for each of them."""
+    """Return a writer of runs without current, and of a document with one text for each of them."""
 
     def writer(folder: Path) -> None:
         bare(folder)
@@ -346,13 +346,13 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_unseen_layout_is_read(tmp_path, layout):
+def test_further_laboratory_layout_is_read(tmp_path, layout):
     LAYOUTS[layout](tmp_path)
     assert_read(read_runs(tmp_path))
 
 
-def test_settings_file_gives_current_of_run(tmp_path):
-    """The current is in a JSON file with the name of the run, or in a text in a folder with one run."""
+def test_settings_file_supplies_current_of_run(tmp_path):
+    """The current is in a JSON file with the name of the run, or in a text file of a folder with one run."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         write(tmp_path, f"a/run_{k}.csv", BARE + table(*columns(run)[:3]))
         write(tmp_path, f"a/run_{k}.json", json.dumps({"damper": "D7", "current_A": current}))
@@ -366,23 +366,23 @@ def test_settings_file_gives_current_of_run(tmp_path):
     "text",
     ["Run 1: 0.25 A, run 2: 0.5 A", "All tests: limit 2 A", "Coil supply: type 400, 5 A", "First test 2 A"],
 )
-def test_statement_without_single_run_is_ignored(tmp_path, text):
-    """A sentence that names several runs, a limit or a rating does not state the current of a run."""
+def test_ambiguous_sentence_states_no_current(tmp_path, text):
+    """A sentence that names several runs, a limit or a rating does not give the current of a run."""
     bare(tmp_path)
     write(tmp_path, "notes.txt", f"{text}\n")
     with pytest.raises(AskingError, match="no current or voltage"):
         read_runs(tmp_path)
 
 
-def test_contradictory_run_list_requires_an_answer(tmp_path):
+def test_contradictory_run_list_leads_to_question(tmp_path):
     write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
     write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
     with pytest.raises(AskingError, match=r"0\.5 A and 1\.5 A"):
         read_runs(tmp_path)
 
 
-def test_ambiguous_scale_factor_requires_an_answer(tmp_path):
-    """Samples with decimals may be raw or already scaled, so the user must answer."""
+def test_ambiguous_scale_factor_leads_to_question(tmp_path):
+    """Samples with decimals may be raw or already scaled, so the user must decide."""
     run = RUNS[1]
     head = "Channel name;Time;Stroke;Load;Coil\nUnit;s;mm;N;A\nScale factor;1;0.5;1;1\n"
     _, x, f, i = columns(run)
@@ -397,8 +397,8 @@ def test_ambiguous_scale_factor_requires_an_answer(tmp_path):
     assert np.allclose(read.displacement, run.displacement, atol=2e-9)
 
 
-def test_min_max_sample_pairs_are_rejected(tmp_path):
-    """Pairs of min and max of an oscilloscope at one time are not samples at twice the rate."""
+def test_minimum_and_maximum_samples_are_rejected(tmp_path):
+    """The minimum and maximum of an oscilloscope at one time are not samples at twice the rate."""
     run = RUNS[1]
     rows = [
         row for t, x, f, i in zip(*columns(run), strict=True) for row in ((t, x, f - 1, i), (t, x, f + 1, i))
@@ -408,7 +408,7 @@ def test_min_max_sample_pairs_are_rejected(tmp_path):
         read_runs(tmp_path)
 
 
-def test_archived_run_states_archive_and_file(tmp_path):
+def test_source_of_archived_run_names_archive(tmp_path):
     archive(tmp_path)
     assert all("day.zip/tests/run_0" in run.source for run in read_runs(tmp_path))
     (tmp_path / "day.zip").write_bytes((tmp_path / "day.zip").read_bytes()[:5000])

@@ -1,10 +1,11 @@
 """Run a controller in C with given readings, compiled for this machine or for a bare Cortex-M in QEMU.
 
-QEMU counts instructions (``-icount``), not clock cycles, so that the counts are reproducible. The program
-needs no operating system: it has its own start-up code and linker script, and uses only memory copies.
+QEMU counts instructions (``-icount``) instead of clock cycles, so that the counts are reproducible. The
+program needs no operating system: it has its own start-up code and linker script, and its only library
+functions are memory copies.
 
-The kernel's own files and the generated tables (``c_tables``) are compiled as one file, like an export.
-The compiler then sees constant numbers and removes unused branches.
+The files of the kernel and the generated tables (``c_tables``) are compiled as one file, as in an export. The
+compiler then treats the numbers as constants and removes unused branches.
 """
 
 from __future__ import annotations
@@ -45,12 +46,12 @@ CLEAN = (
 )  # fmt: skip
 """Warnings under which the kernel and its tables compile without one."""
 
-_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # An instruction takes 1024 ns in QEMU, a timer tick 40 ns.
+_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # In QEMU, an instruction takes 1024 ns and a timer tick takes 40 ns.
 
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A machine of QEMU, and the compiler options for its processor."""
+    """A machine that QEMU simulates, and the compiler options for its processor."""
 
     machine: str
     flags: tuple[str, ...]
@@ -64,19 +65,19 @@ BOARDS = {
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Result of all steps: instructions per step (0 on the host), stack, and hash of the outputs."""
+    """Result of a replay: instructions per step (0 on this machine), stack, and hash of the outputs."""
 
-    least: float  # instructions of the shortest step
+    least: float  # Instructions of the shortest step
     mean: float
     most: float
     longest_step: int
-    stack_bytes: int  # stack of the program that steps the controller
+    stack_bytes: int  # Stack of the program that steps the controller
     hash: int  # hash of all commands and flags
-    outside: int  # number of steps with a command that is NaN or outside its limits
+    outside: int  # Number of steps whose command is NaN or outside its limits
 
 
 def c_tables(controller: ForceController, *, single: bool = True) -> str:
-    """Return C code that defines the constant ``track`` with the values and tables of a controller."""
+    """Return C code that defines the values and tables of a controller as the constant ``track``."""
     kind, suffix = (np.float32, "f") if single else (np.float64, "")
     arrays: list[str] = []
 
@@ -116,17 +117,17 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Memory of a controller on a target [bytes]."""
+    """Memory that a controller needs on a target [bytes]."""
 
     code: int
     tables: int
-    stack: int  # largest frame of a function, without its callees
+    stack: int  # Largest stack frame of a function, without the functions that it calls
 
 
 def on_board(
     controller: ForceController, rows: FloatArray, board: Board, *, flags: tuple[str, ...] = ("-O2",)
 ) -> Replay:
-    """Step a controller through rows (as in ``ForceController.run``) on a board, in single precision."""
+    """Step a controller through rows (as in ``ForceController.run``) on a board in single precision."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, rows, place, single=True)
@@ -150,7 +151,7 @@ def on_host(
     flags: tuple[str, ...] = ("-O2",),
     compiler: str = "gcc",
 ) -> Replay:
-    """Step a controller through rows on this machine. ``flags`` are compiler options, such as sanitizers."""
+    """Step a controller through rows on this machine. ``flags`` are compiler options (sanitizers)."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, rows, place, single=single)
@@ -171,7 +172,7 @@ def hash_of(command: FloatArray, flags: NDArray[np.int64], *, single: bool = Tru
 
 
 def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> Sizes:
-    """Compile for a board; return the sizes of code, tables and largest stack frame [bytes]."""
+    """Compile for a board and return the sizes of code, tables and largest stack frame [bytes]."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, np.empty((0, 5)), place, single=True)
@@ -205,7 +206,7 @@ def _run(*command: str) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     if done.returncode:
         raise RuntimeError(f"{command[0]} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
-    return done.stdout or done.stderr  # output of the board in QEMU
+    return done.stdout or done.stderr  # The board in QEMU prints to standard error.
 
 
 def _read(said: str, steps: int) -> Replay:

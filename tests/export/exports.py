@@ -1,4 +1,4 @@
-"""Cards, targets and folders for the tests of exports. Nothing is fitted, and each target is made once."""
+"""Cards, targets and output folders for the tests of exports. Nothing is fitted, and targets are cached."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run(*command: object, cwd: Path | None = None) -> subprocess.CompletedProces
 
 
 def ran(*command: object, cwd: Path | None = None) -> str:
-    """Run a command that must succeed without standard error; return its output."""
+    """Run a command that must succeed without output on standard error, and return its standard output."""
     done = run(*command, cwd=cwd)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -54,7 +54,7 @@ def ran(*command: object, cwd: Path | None = None) -> str:
 
 
 def motion(count: int, *, seed: int = 1) -> dict[str, FloatArray]:
-    """Return rows in single precision: motion of two sines, rising temperature, target along the motion."""
+    """Return input rows in single precision: two sines, rising temperature, target in phase with velocity."""
     t = 1e-3 * np.arange(count)
     rng = np.random.default_rng(seed)
     x = 6e-3 * np.sin(7.0 * t) + 3e-3 * np.sin(19.0 * t + seed) + 1e-6 * rng.standard_normal(count)

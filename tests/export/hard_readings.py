@@ -1,6 +1,6 @@
-"""Controllers and difficult readings for the tests on a microcontroller.
+"""Controllers and difficult sensor readings for the tests on a microcontroller.
 
-The readings contain many reversals, infeasible targets, temperatures within and outside the range of the
+The readings contain many reversals, infeasible targets, temperatures inside and outside the range of the
 card, and sensor faults.
 """
 
@@ -31,8 +31,8 @@ class Shown:
     damper: str
     optimised: str
     most: int | None = None
-    most_code: int = 12  # [kB]; unrolled loops need 50 % more
-    most_stack: int = 1024  # [bytes]
+    most_code: int = 12  # Limit of the code size [kB]; unrolled loops need 50 % more
+    most_stack: int = 1024  # Limit of the stack size [bytes]
 
     def made(self) -> ForceController:
         return controllers_for(dampers()[self.damper])[self.controller]
@@ -56,7 +56,7 @@ SHOWN = (
 
 
 def dampers() -> dict[str, Damper]:
-    """Return dampers by name of the law, with the temperature range of a card."""
+    """Return dampers by the name of their law, with the temperature range of a card."""
     every = DAMPERS | {"series-valve": SERIES, "chain": CHAIN}
     made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
     iron = replace(
@@ -67,11 +67,11 @@ def dampers() -> dict[str, Damper]:
 
 
 def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int = 1) -> FloatArray:
-    """Return rows of target, previewed target, displacement, temperature and force, shape (samples, 5).
+    """Return input rows of shape (samples, 5): target, previewed target, displacement, temperature and force.
 
     The random motion (up to 0.3 m/s) has rests, vibrations and jumps. The target force is too large in a
-    fifth of the time, and against the motion in another fifth. The temperature covers the whole range.
-    Some intervals have NaN, infinite or constant readings.
+    fifth of the time and opposite to the velocity in another fifth. The temperature covers the whole range.
+    In some intervals, readings are NaN, infinite or constant.
     """
     rng, h = np.random.default_rng(seed), controller.period_s
     t = h * np.arange(samples)

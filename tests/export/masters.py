@@ -1,4 +1,4 @@
-"""A simulation master for the FMUs of the tests: FMPy with access to variables by name."""
+"""A simulation master for FMUs in tests: FMPy with access to variables by their names."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ FmiError = import_module("fmpy.fmi1").FMICallException
 
 
 def passed_verification(target: Target) -> Verification:
-    """Return the record of a passed verification without running it."""
+    """Return the record of a passed verification of a target without running the verification."""
     sources = sources_sha256(c_files(target))
     return Verification(passed=True, sources_sha256=sources, precision=target.precision, samples=1)
 
 
 def written(target: Target, path: Path) -> Path:
-    """Write an FMU without verification; return its path."""
+    """Write the FMU of a target without verification and return its path."""
     write_fmu(target, path, verification=passed_verification(target))
     return path
 
 
 def table_of(**columns: Any) -> np.ndarray:
-    """Return columns of inputs as the structured array that FMPy needs. The first column is ``time``."""
+    """Return input columns as the structured array that FMPy requires. The first column is ``time``."""
     table = np.zeros(len(columns["time"]), dtype=[(name, float) for name in columns])
     for name, column in columns.items():
         table[name] = column
@@ -44,7 +44,7 @@ def table_of(**columns: Any) -> np.ndarray:
 
 
 class Library:
-    """An unpacked and loaded FMU."""
+    """Represent an FMU that is unpacked and loaded."""
 
     def __init__(self, path: Path, folder: Path):
         self.folder = Path(fmpy.extract(str(path), unzipdir=str(folder)))
@@ -76,11 +76,11 @@ class Slave:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Free the instance. The library stays loaded."""
+        """Free the instance. The library of the FMU stays loaded."""
         self.fmu.fmi2FreeInstance(self.fmu.component)
 
     def get(self, *names: str) -> list[Any]:
-        """Return values by name."""
+        """Return the values of variables by name."""
         values = []
         for name in names:
             variable = self.library.variables[name]
@@ -88,7 +88,7 @@ class Slave:
         return values
 
     def set(self, **values: float | bool) -> None:
-        """Set values by name."""
+        """Set variables to values by name."""
         for name, value in values.items():
             variable = self.library.variables[name]
             converted = int(value) if variable.type == "Integer" else value
@@ -106,7 +106,7 @@ class Slave:
         self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=length)
 
     def run(self, table: np.ndarray[Any, Any], outputs: tuple[str, ...], first: int = 0) -> Any:
-        """Step through a table of inputs, one row per sample; return the outputs, shape (n, outputs)."""
+        """Step through a table of inputs, one row per sample. Return outputs of shape (n, outputs)."""
         period = float(self.library.description.defaultExperiment.stepSize)
         rows = []
         for k, row in enumerate(table, start=first):
@@ -117,7 +117,7 @@ class Slave:
 
 
 def _callbacks(messages: list[str]) -> Any:
-    """Return FMI 2.0's callbacks with a logger that appends to a list."""
+    """Return the callback functions of FMI 2.0 with a logger that appends messages to a list."""
     callbacks = fmi2.fmi2CallbackFunctions()
     callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
         lambda _, name, status, category, text: messages.append(text.decode())
@@ -129,10 +129,10 @@ def _callbacks(messages: list[str]) -> Any:
 
 @dataclass(frozen=True)
 class FmuController:
-    """A controller FMU in the simulated loop. The state of the FMU is the state of the controller."""
+    """Replace a controller in the simulated loop by its FMU, which also holds the controller state."""
 
     slave: Slave
-    like: ForceController  # the replaced controller
+    like: ForceController  # The controller that the FMU replaces
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-"""Generated C code compiles without warnings, needs no library, and can be linked with other exports."""
+"""Generated C code compiles without warnings, requires no library, and can be linked with other exports."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ALLOWED = {"memcpy", "memset", "memmove", "__stack_chk_fail"}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return the C folder of a target with model and controller in single precision."""
+    """Return a folder with the C code of a target that has model and controller in single precision."""
     return write(a_target(), tmp_path_factory.mktemp("export") / "both")
 
 
@@ -48,22 +48,22 @@ def test_cortex_compiler_accepts_double_precision(tool, tmp_path):
 
 
 @pytest.mark.system
-def test_header_is_valid_cpp(folder, tool, tmp_path):
+def test_c_header_is_valid_cpp(folder, tool, tmp_path):
     (tmp_path / "user.cpp").write_text('#include "damper.h"\ndamper_model_state state;\n', encoding="ascii")
     flags = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{folder}"]
     ran(tool("g++"), *flags, tmp_path / "user.cpp")
 
 
 @pytest.mark.system
-def test_fast_math_is_an_error(folder, tool, tmp_path):
-    """With ``-ffast-math``, a compiler may remove the checks for NaN."""
+def test_fast_math_option_is_rejected(folder, tool, tmp_path):
+    """The code rejects the option because it permits compilers to remove the checks for NaN."""
     done = run(tool("gcc"), "-std=c99", "-ffast-math", "-c", folder / "damper.c", "-o", tmp_path / "x.o")
     assert done.returncode != 0
     assert "-ffast-math" in done.stderr
 
 
 @pytest.mark.nightly
-def test_cmake_builds_the_library_and_the_replay(folder, tool, tmp_path):
+def test_cmake_builds_exported_library_and_replay(folder, tool, tmp_path):
     ran(tool("cmake"), "-S", folder, "-B", tmp_path)
     ran(tool("cmake"), "--build", tmp_path)
     assert (tmp_path / "libdamper.a").is_file()
@@ -71,32 +71,32 @@ def test_cmake_builds_the_library_and_the_replay(folder, tool, tmp_path):
 
 
 @pytest.mark.system
-def test_code_in_the_readme_compiles(folder, tool, tmp_path):
+def test_c_code_in_exported_readme_compiles(folder, tool, tmp_path):
     (block,) = re.findall(r"```c\n(.*?)```", (folder / "README.md").read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "user.c").write_text(block, encoding="ascii")
     ran(tool("gcc"), *STRICT, f"-I{folder}", "-c", "user.c", cwd=tmp_path)
 
 
-# -------------------------------------------------------------------------------------------- objects
+# -------------------------------------------------------------------------------------------- object files
 
 
 @pytest.mark.system
 @pytest.mark.parametrize("content", one_by_day(["both", "model", "controller"]))
-def test_library_is_free_standing(content, tool, tmp_path):
+def test_exported_library_is_free_standing(content, tool, tmp_path):
     place = write(a_target(content=content), tmp_path)
     ran(tool("gcc"), *STRICT, "-fno-pie", "-c", "damper.c", "damper_tables.c", cwd=place)
     listed = ran(tool("nm"), "damper.o", "damper_tables.o", cwd=place)
     symbols = re.findall(r"^\S*\s+([A-Za-z])\s+(\S+)$", listed, re.MULTILINE)
     wanted = {name for kind, name in symbols if kind == "U"}
     assert wanted - ALLOWED <= {f"damper_{part}_data" for part in ("model", "controller")}
-    # There is no writable symbol: no data, no bss, no common symbol.
+    # There are no writable symbols: no data, no bss, no common symbols.
     assert {kind for kind, _ in symbols} <= set("UTtRr")
-    # Names of the kernel are local symbols.
+    # The names of kernel functions are local symbols.
     assert all(name.startswith("damper_") for kind, name in symbols if kind in "TR")
 
 
 @pytest.mark.system
-def test_tables_are_in_flash_of_a_cortex(tool, tmp_path):
+def test_exported_tables_are_in_flash(tool, tmp_path):
     target = a_target()
     place = write(target, tmp_path)
     ran(tool("arm-none-eabi-gcc"), *CORTEX, *STRICT, "-c", "damper.c", "damper_tables.c", cwd=place)
@@ -116,8 +116,8 @@ def test_tables_are_in_flash_of_a_cortex(tool, tmp_path):
 
 
 @pytest.mark.system
-def test_two_exports_in_a_program_are_independent(tool, tmp_path):
-    """Two dampers in one program, stepped alternately, have the same forces as in separate programs."""
+def test_two_linked_exports_are_independent(tool, tmp_path):
+    """Two dampers that one program steps alternately have the same forces as in separate programs."""
     names = {"front": "double-bouc-wen", "rear": "bouc-wen"}
     targets = {name: a_target(law, name=name, content="model") for name, law in names.items()}
     for name, target in targets.items():
@@ -165,7 +165,7 @@ int main(void)
 
 
 @pytest.mark.system
-def test_mixed_precision_in_one_file_fails(tool, tmp_path):
+def test_mixed_export_precisions_are_rejected(tool, tmp_path):
     for precision in ("float", "double"):
         write(a_target(name=precision[:3], precision=precision), tmp_path / precision)
     text = '#include "float/flo.h"\n#include "double/dou.h"\n'
@@ -175,11 +175,11 @@ def test_mixed_precision_in_one_file_fails(tool, tmp_path):
     assert "two exports with different kernels or number types" in done.stderr
 
 
-# ----------------------------------------------------------------------------------------------- text
+# ------------------------------------------------------------------------------------------- text of the code
 
 
 @pytest.mark.system
-def test_kernel_is_copied_unchanged():
+def test_export_contains_kernel_files_unchanged():
     folder = Path(core.__file__).parent / "kernel"
     files = c_files(a_target())
     assert {"controller.h", "controller.c", "track_tables.h", "track_estimate.h", "track_model.h"} <= set(
@@ -190,7 +190,7 @@ def test_kernel_is_copied_unchanged():
 
 
 @pytest.mark.system
-def test_command_in_volts_has_volts_in_c(tool, tmp_path):
+def test_c_code_states_unit_of_command(tool, tmp_path):
     target = target_of(card_of(replace(DOUBLE, command_unit="V")))
     files = c_files(target)
     assert "[V]" in files["damper.h"]
@@ -208,7 +208,7 @@ def test_card_title_stays_inside_c_comment(title, tool, tmp_path):
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_literals_read_back_exactly(value):
+def test_number_literals_in_c_are_exact(value):
     single, double = literal(value, "float"), literal(value, "double")
     assert np.float32(single.removesuffix("f")).tobytes() == np.float32(value).tobytes()
     assert np.float64(double).tobytes() == np.float64(value).tobytes()
@@ -216,16 +216,16 @@ def test_literals_read_back_exactly(value):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e39])
-def test_literal_out_of_range_raises(value):
+def test_number_outside_float_range_raises(value):
     with pytest.raises(InputError, match="expected one that a float holds"):
         literal(value, "float")
 
 
-def test_flags_match_python():
+def test_exported_status_flags_match_python():
     assert {text.name: text.value for text in flag_texts()} == {f"MRD_{f.name}": f.value for f in Flag}
 
 
-# --------------------------------------------------------------------------------------------- replay
+# --------------------------------------------------------------------------------------------- replay program
 
 
 @pytest.mark.system
@@ -263,7 +263,7 @@ def test_replay_rejects_file_with_wrong_header(text, replay, tmp_path):
         ({"period_s": float("nan")}, "step is nan ms"),
     ],
 )
-def test_invalid_choice_raises(options, message):
+def test_invalid_export_option_raises(options, message):
     with pytest.raises(InputError, match=re.escape(message)):
         target_of(card_of(DOUBLE), **options)
 
@@ -275,6 +275,6 @@ def test_invalid_choice_raises(options, message):
         (Actuation(0.008, 0.008, delay_s=0.02, largest_command=2.0), 1e-4, "the dead time of 20 ms"),
     ],
 )
-def test_period_that_does_not_fit_lags_raises(lags, period_s, message):
+def test_period_that_contradicts_lags_raises(lags, period_s, message):
     with pytest.raises(InputError, match=message):
         target_of(card_of(replace(DOUBLE, actuation=lags)), period_s=period_s)

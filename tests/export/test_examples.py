@@ -1,4 +1,4 @@
-"""The examples with exported code: a bare Cortex-M at 1 kHz in QEMU, and a C++ program."""
+"""Examples with exported code run: a bare Cortex-M at 1 kHz in QEMU, and a C++ program."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ UNITS = ["damper.c", "damper_tables.c", "damper_thermal.c"]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Return the C folder of a target with model, controller and thermal model."""
+    """Return a folder with the C code of a target that has model, controller and thermal model."""
     target = replace(target_of(card_of(DOUBLE)), thermal=compact_model(read_drawing("paper")))
     return write(target, tmp_path_factory.mktemp("example") / "out")
 
 
-def test_bare_cortex_runs_at_a_kilohertz(folder, tool, tmp_path):
-    """No step is late in QEMU with 31 million instructions per second. Board and host give identical results.
+def test_cortex_example_runs_at_kilohertz(folder, tool, tmp_path):
+    """No step is late in QEMU at 31 million instructions per second, and its outputs equal the host's.
 
-    A timer interrupts every millisecond.
+    A timer interrupts the program every millisecond.
     """
     units = [str(folder / name) for name in UNITS]
     flags = [*STRICT, f"-I{folder}", f"-I{CORTEX_M}"]
@@ -52,8 +52,8 @@ def test_bare_cortex_runs_at_a_kilohertz(folder, tool, tmp_path):
 
 
 @pytest.mark.nightly
-def test_compilers_give_identical_results(folder, tool, tmp_path):
-    """GCC and Clang, with and without optimisation."""
+def test_compilers_give_identical_outputs(folder, tool, tmp_path):
+    """The outputs are compared for GCC and Clang, each with and without optimisation."""
     sources = [CORTEX_M / "host.c", CORTEX_M / "loop.c", *(folder / name for name in UNITS)]
     printed = set()
     for compiler in ("gcc", "clang"):

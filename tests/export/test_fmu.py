@@ -1,4 +1,4 @@
-"""FMUs run in independent simulation masters and give results that are bit-identical to Python."""
+"""FMUs run in independent simulation masters, and their outputs are bit-identical to Python."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def card(place):
 
 @pytest.fixture(scope="session")
 def made(place, card, tool):
-    """Return a function that returns the target and the FMU for given options. Each FMU is written once."""
+    """Return a function that returns target and FMU for given options. Each FMU is written only once."""
     tool("gcc")
     known = {}
 
@@ -70,7 +70,7 @@ def made(place, card, tool):
 
 @pytest.fixture(scope="session")
 def loaded(made, place):
-    """Return a function that returns the target and the loaded FMU for given options."""
+    """Return a function that returns target and loaded FMU for given options."""
     known = {}
 
     def load(content="controller", precision="float"):
@@ -105,7 +105,7 @@ def model_inputs(count=1500, seed=1):
 
 
 def commands(target, table):
-    """Return commands and flags of the controller in Python."""
+    """Return commands and flags of the controller in Python for a table of inputs."""
     names = ("wanted_force", "wanted_force_ahead", "displacement", "temperature")
     inputs = np.column_stack([*(table[name] for name in names), np.full(len(table), np.nan)])
     _, current, flags = target.controller.run(target.controller.start(), inputs)
@@ -113,14 +113,14 @@ def commands(target, table):
 
 
 def forces(target, table):
-    """Return forces and flags of the model in Python."""
+    """Return forces and flags of the damper model in Python for a table of inputs."""
     names = ("displacement", "velocity", "current", "temperature")
     _, force, flags = target.model.run(target.model.start(), np.column_stack([table[name] for name in names]))
     return force, flags
 
 
 def simulated(path, table, outputs, **start_values):
-    """Return the outputs of FMPy's master, one row for each step."""
+    """Return the outputs of the FMU in the master FMPy, one row per step."""
     found = fmpy.simulate_fmu(
         str(path),
         stop_time=table["time"][-1] + PERIOD,
@@ -132,15 +132,15 @@ def simulated(path, table, outputs, **start_values):
     return [found[name][1:] for name in outputs]
 
 
-# ---------------------------------------------------------------------------------------------- content
+# ----------------------------------------------------------------------------------------- content of the FMU
 
 
 @pytest.mark.parametrize("content", one_by_day(["both", "model", "controller"]))
-def test_fmpy_validates_each_content(made, content):
+def test_fmpy_finds_no_error_in_fmu(made, content):
     assert VALIDATION.validate_fmu(str(made(content)[1])) == []
 
 
-def test_fmu_variables_have_units_and_celsius_display(made):
+def test_fmu_variables_have_units(made):
     description = fmpy.read_model_description(str(made("both")[1]))
     reals = [each for each in description.modelVariables if each.type == "Real"]
     assert all(each.unit for each in reals)
@@ -151,8 +151,8 @@ def test_fmu_variables_have_units_and_celsius_display(made):
 
 
 @pytest.mark.system
-def test_same_target_gives_same_bytes(made, place, card):
-    """FMUs of different periods or cards have different tokens (GUID)."""
+def test_same_target_gives_identical_fmu_file(made, place, card):
+    """FMUs of different sample periods or cards have different tokens (GUID)."""
     target, path = made()
     again = written(target, place / "again.fmu")
     assert hashlib.sha256(path.read_bytes()).digest() == hashlib.sha256(again.read_bytes()).digest()
@@ -165,7 +165,7 @@ def test_same_target_gives_same_bytes(made, place, card):
     assert len({token[1] for token in tokens if token}) == 3
 
 
-def test_fmu_contains_the_verified_sources(made):
+def test_fmu_contains_verified_sources(made):
     target, path = made("both")
     with zipfile.ZipFile(path) as archive:
         inside = {
@@ -184,7 +184,7 @@ def write_sources(target, folder):
 @pytest.mark.nightly
 @CONTENTS
 @PRECISIONS
-def test_wrapper_compiles_without_a_warning(tmp_path, card, tool, content, precision):
+def test_fmu_wrapper_compiles_without_warning(tmp_path, card, tool, content, precision):
     write_sources(target_of(card, content=content, precision=precision), tmp_path)
     command = [tool("gcc"), *FLAGS, *WARNINGS, "-O0", "-c", "fmi2.c", "-o", "entry.o"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -192,8 +192,8 @@ def test_wrapper_compiles_without_a_warning(tmp_path, card, tool, content, preci
 
 
 @pytest.mark.system
-def test_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
-    """Every function has the prefix, and there is no state outside an instance."""
+def test_function_prefix_allows_several_fmus(tmp_path, card, tool):
+    """Every function has the prefix, and no variable exists outside an instance."""
     write_sources(target_of(card, content="controller"), tmp_path)
     prefix = "-DFMI2_FUNCTION_PREFIX=damper_"
     command = [tool("gcc"), *FLAGS, "-O0", "-fno-pie", prefix, "-c", "fmi2.c", "-o", "o.o"]
@@ -210,7 +210,7 @@ def test_prefix_allows_several_fmus_per_program(tmp_path, card, tool):
 
 
 @PRECISIONS
-def test_controller_is_bit_identical_to_python(made, precision):
+def test_controller_fmu_equals_python_bitwise(made, precision):
     target, path = made("controller", precision)
     table = controller_inputs()
     found, flags = simulated(path, table, ("current", "flags"), use_wanted_force_ahead=True)
@@ -221,7 +221,7 @@ def test_controller_is_bit_identical_to_python(made, precision):
 
 
 @PRECISIONS
-def test_model_is_bit_identical_to_python(made, precision):
+def test_model_fmu_equals_python_bitwise(made, precision):
     target, path = made("model", precision)
     table = model_inputs()
     found, flags = simulated(path, table, ("force", "flags"), use_velocity=True)
@@ -232,7 +232,7 @@ def test_model_is_bit_identical_to_python(made, precision):
 
 
 def test_combined_fmu_matches_controller_and_model(loaded):
-    """In each period, the model gets the command that the controller returned at the start of the period."""
+    """In each period, the model receives the command that the controller returned at its start."""
     target, library = loaded("both")
     table = controller_inputs()
     current, _ = commands(target, table)
@@ -251,7 +251,7 @@ def test_combined_fmu_matches_controller_and_model(loaded):
 
 
 @pytest.mark.nightly
-def test_fmu_rebuilt_from_sources_gives_identical_commands(made, place, tool):
+def test_rebuilt_fmu_gives_identical_commands(made, place, tool):
     tool("cmake")
     target, path = made()
     folder = place / "built"
@@ -266,7 +266,7 @@ def test_fmu_rebuilt_from_sources_gives_identical_commands(made, place, tool):
     assert np.array_equal(found, commands(target, table)[0])
 
 
-def test_second_master_gets_the_same_commands(made):
+def test_second_fmu_master_gets_same_commands(made):
     """The master of the Open Simulation Platform is written in C++ and is independent of FMPy."""
     cosim = {
         name: getattr(pytest.importorskip(f"libcosimpy.Cosim{name}"), kind)
@@ -296,8 +296,8 @@ def test_second_master_gets_the_same_commands(made):
 
 
 @pytest.mark.system
-def test_fmu_in_the_loop_matches_track(loaded, place, monkeypatch):
-    """The job ``track`` gives the same rows with the controller of a card and with the exported FMU."""
+def test_fmu_tracks_target_like_controller(loaded, place, monkeypatch):
+    """The command ``track`` prints the same row with the controller of a card and with its exported FMU."""
     from mrdamper.jobs import track
     from mrdamper.jobs.options import TrackOptions
     from mrdamper.registry import JOBS
@@ -316,12 +316,12 @@ def test_fmu_in_the_loop_matches_track(loaded, place, monkeypatch):
         assert row_of(FmuController(slave, target.controller)) == row_of(target.controller)
 
 
-# ----------------------------------------------------------------------------------- values and parameters
+# -------------------------------------------------------------------------------- start values and parameters
 
 
 @CONTENTS
-def test_instance_starts_with_values_of_the_xml(loaded, content):
-    """A master that sets no start values gets the values of the XML file, also after a reset."""
+def test_fmu_starts_with_values_of_xml(loaded, content):
+    """If a master sets no start values, the FMU uses the values of its XML file, also after a reset."""
     _, library = loaded(content)
     texts = {each.name: each.start for each in library.variables.values() if each.start is not None}
     starts = {name: float({"true": 1, "false": 0}.get(text, text)) for name, text in texts.items()}
@@ -346,10 +346,10 @@ def test_instance_starts_with_values_of_the_xml(loaded, content):
         ({"held_temperature": 301.0}, {"thermometer__fixed": 301.0}),
     ],
 )
-def test_fmu_parameter_changes_value_in_kernel(loaded, parameter, config):
+def test_fmu_parameter_changes_controller_setting(loaded, parameter, config):
     target, library = loaded("controller", "double")
     table = controller_inputs(1200)
-    table["displacement"][1000:1150] = np.nan  # The fall-back command is used.
+    table["displacement"][1000:1150] = np.nan  # The missing displacement activates the fall-back command.
     with library.slave() as slave:
         slave.begin().set(use_wanted_force_ahead=True, **parameter)
         found = slave.run(table, ("current",))[:, 0]
@@ -369,7 +369,7 @@ def test_fmu_gain_scales_part_of_force(loaded, name):
     assert found == pytest.approx(commands(aged, table)[0], abs=1e-9)
 
 
-def test_invalid_parameters_keep_previous_values(loaded):
+def test_invalid_fmu_parameters_keep_previous_values(loaded):
     _, library = loaded()
     with library.slave() as slave:
         for value in (-0.1, 2.5, math.nan):
@@ -381,12 +381,12 @@ def test_invalid_parameters_keep_previous_values(loaded):
         assert "current cannot be set" in slave.messages[-1]
 
 
-# ------------------------------------------------------------------------------------ steps and instances
+# ----------------------------------------------------------------------------- communication steps, instances
 
 
 @pytest.mark.parametrize("length", [PERIOD, 10.0005 * PERIOD])
 def test_communication_step_may_have_several_periods(loaded, length):
-    """The tolerance of a communication step is a thousandth of a period."""
+    """The length of a communication step may deviate from whole periods by a thousandth of a period."""
     _, library = loaded()
     with library.slave() as slave:
         slave.begin().step(0.0, length)
@@ -408,7 +408,7 @@ SINE = MOTIONS["sine5mm1Hz"]
 
 
 def stepped_forces(library, lengths, motion=SINE, **switches):
-    """Return times [ms] and forces [N] at the ends of communication steps [ms] along a motion."""
+    """Return times [ms] and forces [N] at the ends of communication steps [ms] for a motion."""
     ends = np.cumsum(lengths)
     found = []
     with library.slave() as slave:
@@ -426,18 +426,18 @@ def stepped_forces(library, lengths, motion=SINE, **switches):
 @pytest.mark.parametrize(
     "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
 )
-def test_coarse_and_fine_steps_give_similar_force(loaded, lengths, use_velocity):
-    """At the end of each step, the force is within 1 % of the peak force from the force at single periods."""
+def test_coarse_fmu_steps_give_similar_force(loaded, lengths, use_velocity):
+    """At the end of each step, the force is within 1 % of the peak from steps of single periods."""
     _, library = loaded("model")
     _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
     ends, coarse = stepped_forces(library, lengths, use_velocity=use_velocity)
-    settled = ends > 50  # The velocity at the start is unknown.
+    settled = ends > 50  # The velocity at the start is unknown to the FMU.
     error = np.abs(coarse - fine[ends - 1])[settled].max()
     assert error < 0.01 * np.abs(fine).max()
 
 
 class Ramp:
-    """A motion of 50 mm/s for 0.2 s, followed by a rest."""
+    """A motion of 50 mm/s for 0.2 s, followed by rest."""
 
     def displacement(self, t):
         return 0.05 * np.clip(t - 0.2033, 0.0, 0.2)
@@ -447,8 +447,8 @@ class Ramp:
 
 
 @pytest.mark.parametrize("length", [2, 5, 10])
-def test_coarse_steps_do_not_change_final_force(loaded, length):
-    """The force after a stop depends on the preceding motion. The extrapolated motion must not overshoot."""
+def test_coarse_communication_steps_keep_final_force(loaded, length):
+    """The force after a stop depends on the motion before, so the extrapolation must not overshoot."""
     _, library = loaded("model")
     fine, coarse = (
         stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]
@@ -457,8 +457,8 @@ def test_coarse_steps_do_not_change_final_force(loaded, length):
     assert coarse == pytest.approx(fine, rel=1e-3)
 
 
-def test_calls_in_wrong_order_are_errors(loaded):
-    """A step before initialisation, a second initialisation, a step after the end, and a wrong GUID fail."""
+def test_fmu_calls_in_wrong_order_fail(loaded):
+    """A step before initialisation, a second initialisation, a step after the end and a wrong GUID fail."""
     _, library = loaded()
     with library.slave() as slave:
         with pytest.raises(FmiError):
@@ -473,7 +473,7 @@ def test_calls_in_wrong_order_are_errors(loaded):
         Slave(library, "one", guid="{00000000-0000-0000-0000-000000000000}")
 
 
-def test_two_instances_are_independent(loaded):
+def test_two_fmu_instances_are_independent(loaded):
     _, library = loaded("both")
     tables = controller_inputs(300, 1), controller_inputs(300, 2)
     gains = (1.0, 0.6)
@@ -492,7 +492,7 @@ def test_two_instances_are_independent(loaded):
     assert not np.array_equal(alone[0], alone[1])
 
 
-def test_restored_state_continues_with_the_same_outputs(loaded):
+def test_restored_fmu_state_repeats_outputs(loaded):
     _, library = loaded("both")
     table = controller_inputs(400)
     outputs = ("current", "force", "flags", "time")
@@ -546,8 +546,8 @@ int main(void)
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
-def test_sanitizers_report_nothing_in_2000_instances(tmp_path, card, tool, precision):
-    """No input causes a memory leak, an access outside an array or an undefined conversion."""
+def test_sanitizers_accept_fmu_wrapper(tmp_path, card, tool, precision):
+    """No input to 2000 instances causes a memory leak, an invalid access or an undefined conversion."""
     write_sources(target_of(card, precision=precision), tmp_path)
     (tmp_path / "lives.c").write_text(LIVES, encoding="ascii")
     sanitized = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g"]

@@ -1,4 +1,4 @@
-"""The MATLAB folder in Octave: values of the card, and forces of the map at and between its points."""
+"""The exported MATLAB folder gives, in Octave, the values of the card and the forces of the map."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ printf('%s|%s|%d\\n', damper.law, damper.command_unit, numel(damper.parameters.n
 
 
 def expected(table: ForceMap, values: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return the force from SciPy's linear interpolation, constant outside; axes of one point are omitted."""
+    """Return the force by SciPy's linear interpolation, constant outside, without axes of one point."""
     along = [table.temperature - ZERO_CELSIUS_K, table.command, table.velocity]
     kept = [k for k, each in enumerate(along) if len(each) > 1]
     grid = RegularGridInterpolator([along[k] for k in kept], values.reshape([len(along[k]) for k in kept]))
@@ -38,7 +38,7 @@ def expected(table: ForceMap, values: np.ndarray, asked: np.ndarray) -> np.ndarr
 
 
 @pytest.mark.parametrize("card", ["of three dimensions", "at one temperature"])
-def test_octave_reads_the_card_and_its_map(card, tmp_path, tool):
+def test_octave_reads_card_and_force_map(card, tmp_path, tool):
     chosen = card_of(rig_damper()) if card == "of three dimensions" else card_of(DAMPERS["bouc-wen"])
     table = force_map(chosen)
     write_matlab(table, tmp_path)
@@ -64,8 +64,8 @@ def test_octave_reads_the_card_and_its_map(card, tmp_path, tool):
     np.testing.assert_array_equal(np.loadtxt(tmp_path / "numbers.txt"), [*chosen.damper.parameters.values()])
 
 
-def test_modelica_text_contains_map_and_breakpoints():
-    """The table has name and size for Modelica, commands in the first row, velocities in the first column."""
+def test_modelica_table_contains_map_and_breakpoints():
+    """The table states name and size for Modelica. The first row has commands, the first column speeds."""
     table = force_map(card_of(DAMPERS["bouc-wen"]))
     first, _, head, *rows = tables_text(table).splitlines()
     assert first == "#1"

@@ -1,4 +1,4 @@
-"""The force map equals the force of the law at mid-stroke, on both branches, at all grid points."""
+"""The force map equals the force of the law at mid-stroke, on both branches and at all grid points."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rows_of(text):
 
 
 def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
-    """Return velocity and force in the last period of a sine with the stroke of the envelope."""
+    """Return velocity and force in the last period of a sine whose stroke is the stroke of the envelope."""
     omega = speed / AMPLITUDE
     t = np.arange(samples * periods + 1) * (2.0 * math.pi / omega / samples)
     flat = np.ones_like(t)
@@ -52,14 +52,14 @@ def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("i", "j", "k"), [(0, 0, -1), (2, 4, 3), (5, 8, 15), (3, 1, 20)])
-def test_map_force_equals_force_at_mid_stroke(made, i, j, k):
+def test_map_force_equals_mid_stroke_force(made, i, j, k):
     speed = float(made.velocity[k])
     v, force = sine(DAMPERS["bouc-wen"], abs(speed), float(made.command[j]), float(made.temperature[i]))
     assert made.pick[i, j, k] == pytest.approx(force[int(np.argmax(v * math.copysign(1.0, speed)))], abs=0.05)
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 0), (5, 8)])
-def test_branches_equal_branches_of_fastest_sine(made, i, j):
+def test_map_branches_equal_fastest_sine(made, i, j):
     v, force = sine(DAMPERS["bouc-wen"], FASTEST, float(made.command[j]), float(made.temperature[i]))
     half = len(v) // 2
     downwards, upwards = slice(0, half + 1), slice(half, None)
@@ -70,7 +70,7 @@ def test_branches_equal_branches_of_fastest_sine(made, i, j):
         assert np.abs(branch[i, j] - expected).max() < 2e-3 * peak
 
 
-def test_hysteresis_branches_meet_at_end_of_loop(made):
+def test_hysteresis_branches_meet_at_ends(made):
     assert np.allclose(made.rising[..., -1], made.falling[..., -1], rtol=1e-6)
     assert np.allclose(made.rising[..., 0], made.falling[..., 0], rtol=1e-6)
     inside = slice(6, -6)
@@ -87,18 +87,19 @@ def test_damper_without_hysteresis_has_equal_branches():
     made = force_map(card_of(Damper(LAWS["bingham"], forms)))
     exact = 1500.0 * made.velocity + (50.0 + 300.0 * made.command[:, None]) * np.tanh(made.velocity / 2e-3)
     assert np.allclose(made.pick[0], exact, atol=1e-6)
-    assert np.allclose(made.rising[0], exact, atol=0.5)  # values between samples of the loop are interpolated
+    # Values between the samples of the loop are interpolated.
+    assert np.allclose(made.rising[0], exact, atol=0.5)
     assert np.allclose(made.falling[0], made.rising[0], atol=1e-6)
     assert made.temperature.tolist() == [293.15]
 
 
-def test_force_rises_with_current_falls_with_temperature(made):
+def test_map_force_varies_with_current_and_temperature(made):
     fast = made.pick[..., -1]
     assert (np.diff(fast, axis=1) > 0.0).all()
     assert (np.diff(fast, axis=0) < 0.0).all()
 
 
-def test_file_has_header_and_every_point(made):
+def test_force_map_file_contains_every_point(made):
     text = made.as_csv()
     said = [line for line in text.splitlines() if line.startswith("#")]
     assert text.startswith("# Force map of a magnetorheological damper")
@@ -120,7 +121,7 @@ def test_file_has_header_and_every_point(made):
 
 
 @pytest.mark.system
-def test_map_in_volts_has_volt_column():
+def test_force_map_supports_volts():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()
 
@@ -135,7 +136,7 @@ def test_law_without_realtime_model_has_map():
     assert made.pick[0, -1, -1] == pytest.approx(650.0, rel=1e-6)
 
 
-def test_card_without_motion_is_rejected():
+def test_force_map_rejects_card_without_motion():
     still = OperatingEnvelope(ENVELOPE.command, (0.0, 0.0), (0.0, 0.0), ENVELOPE.temperature)
     with pytest.raises(InputError, match=r"the card's data cover 0 m and 0 m/s; expected a motion"):
         force_map(replace(card_of(DOUBLE), envelope=still))

@@ -1,6 +1,6 @@
-"""Controllers on Cortex-M4F and M7 in QEMU: equal results, instruction counts, memory, static analysis.
+"""Controllers on Cortex-M4F and M7 in QEMU: results, instruction counts, memory and static analysis.
 
-The readings of ``hard_readings`` are reversals, impossible targets, temperature ramps and sensor faults.
+The readings of ``hard_readings`` contain reversals, infeasible targets, temperature ramps and sensor faults.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
 
 @pytest.mark.parametrize("shown", one_by_day(BARRED[::-1]), ids=_name)
 def test_step_instruction_count_is_limited(boards, shown):
-    """The longest of 5,000 steps is below its limit and below 1.25 times the mean."""
+    """The longest of 5,000 steps needs fewer instructions than its limit and than 1.25 times the mean."""
     there, here = replayed(shown, "M4F", 5_000)
     meets_its_bars(shown, there)
     assert there.hash == here
@@ -69,7 +69,7 @@ def test_step_instruction_count_is_limited(boards, shown):
 @pytest.mark.release
 @pytest.mark.parametrize("shown", BARRED, ids=_name)
 @pytest.mark.parametrize("board", BOARDS)
-def test_target_results_agree_for_100_000_steps(boards, shown, board):
+def test_microcontroller_agrees_with_python_for_100000_steps(boards, shown, board):
     there, here = replayed(shown, board, 100_000)
     meets_its_bars(shown, there)
     assert there.hash == here
@@ -77,8 +77,8 @@ def test_target_results_agree_for_100_000_steps(boards, shown, board):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("shown", SHOWN, ids=_name)
-def test_target_and_host_agree_in_single_precision(boards, shown):
-    """x86-64, Cortex-M7 and the Python extension return identical results."""
+def test_microcontroller_agrees_with_host(boards, shown):
+    """x86-64, Cortex-M7 and the Python extension return identical outputs."""
     there, here = replayed(shown, "M7", 3000)
     told = readings(shown.made(), 3000)
     assert there.hash == here == on_host(shown.made(), told, flags=("-O1",)).hash
@@ -99,8 +99,8 @@ def test_code_and_tables_fit_memory_limits(boards, shown):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
-def test_static_checker_finds_only_listed_deviations(tool, tmp_path, single):
-    """The checker finds every listed deviation and no other, so that the list stays minimal."""
+def test_static_checker_finds_only_documented_deviations(tool, tmp_path, single):
+    """The checker must also find every documented deviation, so that the list has no superfluous entry."""
     text = files("mrdamper.codegen").joinpath("misra.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))
     command = [

@@ -1,4 +1,4 @@
-"""The exported thermal model, compiled: it matches the host and uses thermometers correctly."""
+"""The exported thermal model in compiled C matches the Python simulation and uses thermometers correctly."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def folder(target, tmp_path_factory, tool) -> Path:
 
 
 def stepped(folder: Path, load: CompactLoad, *, command=1.0, thermometer=np.nan, ohm=np.nan):
-    """Step the compiled model; return temperatures and time to the limit every 0.5 s, and flags."""
+    """Step the compiled model and return temperatures and time to the limit every 0.5 s, and flags."""
     columns = [load.power, command, load.ambient, load.air_speed, thermometer, ohm]
     np.savetxt(folder / "rows.txt", np.column_stack(np.broadcast_arrays(*columns)), fmt="%.9g")
     out = np.array(ran("sh", "-c", "./user < rows.txt", cwd=folder).split(), dtype=float).reshape(-1, 6)
@@ -89,7 +89,7 @@ def even(
 
 @pytest.fixture(scope="module")
 def library(model, tmp_path_factory, tool) -> Library:
-    """Return the FMU of the damper with its thermal model."""
+    """Return the loaded FMU of a damper with its thermal model."""
     tool("gcc")
     place = tmp_path_factory.mktemp("fmu")
     one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
@@ -97,7 +97,7 @@ def library(model, tmp_path_factory, tool) -> Library:
 
 
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
-def test_compiled_model_matches_the_host(tool, precision):
+def test_compiled_thermal_model_matches_python(tool, precision):
     tool("cc")
     plain = target_of(card_of(DAMPERS["double-bouc-wen"]), precision=precision)
     record = verify_c(replace(plain, thermal=compact_model(draw_body(5).drawing)), samples=1000)
@@ -116,20 +116,20 @@ def test_thermal_code_is_free_standing(folder, tool):
 
 
 @pytest.mark.nightly
-def test_time_to_limit_matches_the_host(folder, model):
+def test_time_to_limit_matches_simulation(folder, model):
     load = even(1200, 160.0)
     found, _ = stepped(folder, load)
     host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
-    late = at > 300.0  # The prediction uses a mean power, which needs minutes of data.
+    late = at > 300.0  # The prediction uses a mean power, which requires minutes of data.
     assert (found[late, 4] + at[late]) == pytest.approx(np.full(late.sum(), reached), rel=0.03)
     rest, _ = stepped(folder, even(300, 0.0, 0.0), command=0.0)
     assert rest[-1, 4] == 7200.0
 
 
-def test_thermometers_correct_a_wrong_power(folder, model):
-    """The power of the damper is 20 % higher than the power in the model."""
+def test_thermometers_correct_wrong_power(folder, model):
+    """The true power of the damper is 20 % higher than the power in the model."""
     load = even(3600, 100.0)
     truth = simulate_compact(model, even(3600, 120.0), start_K=ROOM_K)
     alone, _ = stepped(folder, load)
@@ -146,7 +146,7 @@ def test_thermometers_correct_a_wrong_power(folder, model):
 
 
 def test_only_stuck_thermometer_is_flagged(folder, model):
-    """The damper warms, then rests. One sensor works, one is stuck during cooling, one from the start."""
+    """The damper warms, then rests. One sensor works, one is stuck from then on, one from the start."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)
     good = truth.fluid + np.random.default_rng(1).normal(0.0, 0.1, 3600)
@@ -164,13 +164,13 @@ def test_only_stuck_thermometer_is_flagged(folder, model):
     assert np.abs(alive[:, 0] - truth.fluid).max() < 0.5
 
 
-def test_constant_reading_at_balance_is_not_flagged(folder):
+def test_constant_reading_in_balance_is_valid(folder):
     still, flags = stepped(folder, even(3600, 0.0, 0.0), command=0.0, thermometer=np.full(3600, ROOM_K))
     assert not (flags & (FROZEN | WRONG)).any()
     assert still[-1, 0] == pytest.approx(ROOM_K, abs=0.1)
 
 
-def test_unknown_inputs_set_flags_outputs_stay_finite(folder):
+def test_unknown_thermal_inputs_set_flags(folder):
     power = np.full(400, 100.0)
     power[200:300] = np.nan
     found, flags = stepped(folder, even(400, power))
@@ -181,7 +181,7 @@ def test_unknown_inputs_set_flags_outputs_stay_finite(folder):
     assert np.isfinite(worst).all()
 
 
-def test_fmu_warms_by_the_work_of_the_force(library, model):
+def test_fmu_warms_by_work_of_force(library, model):
     count = 20_000
     t = 1e-3 * np.arange(1, count + 1)
     x, v = 8e-3 * np.sin(6.0 * t), 48e-3 * np.cos(6.0 * t)
@@ -199,8 +199,8 @@ def test_fmu_warms_by_the_work_of_the_force(library, model):
 
 
 @pytest.mark.nightly
-def test_fmu_has_limits_and_resistance_as_parameters(library, model):
-    """A lower limit is reached earlier. A coil with twice the resistance is warmer."""
+def test_fmu_has_temperature_limits_as_parameters(library, model):
+    """A lower temperature limit is reached earlier, and a coil with twice the resistance is warmer."""
     count = 20_000
     t = 1e-3 * np.arange(count)
     rows = table_of(time=t, displacement=10e-3 * np.sin(40.0 * t), current=1.5)

@@ -1,4 +1,4 @@
-"""The verification of an export: correct code passes, code with one changed bit fails."""
+"""The verification of an export passes correct code and fails if one bit of a result changes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
-SHORT = 6000  # samples
+SHORT = 6000  # Number of samples
 
 
 @pytest.fixture(autouse=True)
@@ -44,12 +44,12 @@ def assert_same_bits(target, samples=SHORT):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", one_by_day(["series-valve", *DAMPERS], 2))
-def test_law_in_c_equals_python(law):
+def test_exported_law_equals_python(law):
     assert_same_bits(a_target(law))
 
 
 @pytest.mark.parametrize("damper", one_by_day([CHAIN, DOUBLE]))
-def test_actuation_in_c_equals_python(damper):
+def test_exported_actuation_equals_python(damper):
     lags = Actuation(
         0.004,
         0.001,
@@ -67,7 +67,7 @@ def test_actuation_in_c_equals_python(damper):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("controller", ["paper", "recommended-causal", "recommended-observer", "pi"])
-def test_controller_in_c_equals_python(controller):
+def test_exported_controller_equals_python(controller):
     assert_same_bits(a_target("bouc-wen", content="controller", controller=controller))
 
 
@@ -77,18 +77,18 @@ def test_controller_in_c_equals_python(controller):
     [{"period_s": 5e-3}, {"period_s": 1e-4}, {"content": "model", "precision": "double"}],
     ids=["slow", "fast", "double"],
 )
-def test_periods_and_double_precision_equal_python(target):
+def test_exports_with_other_periods_equal_python(target):
     assert_same_bits(a_target(**target))
 
 
 @pytest.mark.nightly
-def test_command_in_volts_equals_python():
+def test_export_in_volts_equals_python():
     assert_same_bits(target_of(card_of(replace(DOUBLE, command_unit="V"))))
 
 
 @pytest.mark.nightly
-def test_full_run_raises_every_flag_of_readings():
-    """A run of the default length contains every kind of invalid reading."""
+def test_verification_rows_raise_every_reading_flag():
+    """The rows of a verification of default length contain every kind of invalid reading."""
     record = assert_same_bits(a_target(), 100_000)
     both = {
         "NO_DISPLACEMENT", "FROZEN", "MOTION_UNKNOWN", "NO_TEMPERATURE", "TEMPERATURE_JUMP",
@@ -98,8 +98,8 @@ def test_full_run_raises_every_flag_of_readings():
     assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
-def test_stuck_thermometer_is_flagged_as_in_python():
-    """A light damper under a hard load warms quickly, but the reading is constant."""
+def test_stuck_thermometer_flag_is_verified():
+    """A light damper under a high load warms quickly, but its temperature reading is constant."""
     light = Heating(capacity_J_K=2.0, loss_W_K=0.01, resistance_20_ohm=5.0)
     record = assert_same_bits(target_of(card_of(DOUBLE), heating=light), 3 * SHORT)
     for part in ("model", "controller"):
@@ -110,7 +110,7 @@ SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined,float-cast-overflow", "-f
 
 
 @pytest.mark.parametrize("flags", one_by_day([("-O3",), ("-O0",), SANITIZE]))
-def test_compiler_flags_do_not_change_results(flags, tool, tmp_path):
+def test_compiler_options_keep_export_results(flags, tool, tmp_path):
     """The sanitizers also report no invalid access and no undefined operation."""
     target = a_target()
     write(target, tmp_path)
@@ -126,7 +126,7 @@ def test_compiler_flags_do_not_change_results(flags, tool, tmp_path):
 
 
 def change_source(monkeypatch, name, old, new):
-    """Make the verification compile sources with one changed text."""
+    """Make the verification compile sources with one replaced text."""
 
     def files(target):
         sources = c_files(target)
@@ -144,31 +144,31 @@ def change_source(monkeypatch, name, old, new):
     ],
     ids=["table", "arithmetic"],
 )
-def test_changed_last_bit_fails(monkeypatch, name, old, new):
+def test_verification_fails_if_last_bit_changes(monkeypatch, name, old, new):
     change_source(monkeypatch, name, old, new)
     record = verify_c(a_target(content="model"), samples=SHORT)
     assert not record.passed
     assert record.max_ulp > 0
 
 
-def test_warning_of_the_compiler_fails(monkeypatch):
+def test_verification_fails_on_compiler_warning(monkeypatch):
     include = '#include "controller.c"'
     change_source(monkeypatch, "damper.c", include, include + "\nstatic int idle;")
     with pytest.raises(CheckError, match=r"idle.* defined but not used"):
         verify_c(a_target(), samples=SHORT)
 
 
-def test_crashing_program_fails(monkeypatch):
+def test_verification_fails_if_program_crashes(monkeypatch):
     change_source(monkeypatch, "main.c", "    if (count != 3) {", "    if (count > 0) abort();\n    {")
     with pytest.raises(CheckError, match=r"the compiled replay ended with -6"):
         verify_c(a_target(), samples=100)
 
 
-# ---------------------------------------------------------------------------------------------- record
+# ----------------------------------------------------------------------------------- record of a verification
 
 
 def test_verification_record_contains_hash_of_sources():
-    """A changed C file has a different hash, a changed README has the same hash."""
+    """A changed C file has a different hash. A changed README has the same hash."""
     record = verify_c(a_target(content="model"), samples=1000)
     files = c_files(a_target(content="model"))
     assert record.sources_sha256 == sources_sha256(files | {"README.md": "other words"})
@@ -180,7 +180,7 @@ def test_verification_record_contains_hash_of_sources():
     assert plain["sizes_bytes"]["code"] > 1000
 
 
-def test_seed_determines_the_rows():
+def test_seed_determines_verification_rows():
     target = a_target()
     one, again, other = (envelope_rows(target, 2000, seed) for seed in (3, 3, 4))
     for name, values in one.items():
@@ -190,7 +190,7 @@ def test_seed_determines_the_rows():
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False, min_value=-(2.0**100), max_value=2.0**100))
-def test_adjacent_floats_differ_by_one_ulp(value):
+def test_adjacent_floats_differ_by_one_unit(value):
     above = np.nextafter(np.float32(value), np.float32(np.inf))
     columns = (np.array([1.0, value]), np.array([1.0, float(above)]))
     assert difference(*columns, single=True).ulp == 1

@@ -1,1 +1,1 @@
-"""Tests of the fit."""
+"""Tests of the identification of dampers from measured runs."""

@@ -1,4 +1,4 @@
-"""Dampers with known parameters, and runs simulated with them, which a fit must recover."""
+"""Dampers with known parameters, and simulated runs of them to recover these parameters from."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ MOTIONS: Mapping[str, Motion] = {
 }
 COMMANDS = (0.0, 0.5, 1.0, 2.0)
 
-NO_SMOOTHING = Preparation(cutoff_Hz=math.inf, reference="none")  # The displacement has no noise.
+# Smoothing is unnecessary because the displacement has no noise.
+NO_SMOOTHING = Preparation(cutoff_Hz=math.inf, reference="none")
 
 _C = Constant
 _PARALLEL: Mapping[str, ParameterLaw] = {
@@ -95,7 +96,7 @@ _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
         "yield_velocity": _C(3e-3),
         "thinning": _C(0.9),
         "thinning_exponent": _C(0.5),
-        "reference_speed": _C(0.1256637),  # The 99.5th percentile of the speed of the fastest motion above.
+        "reference_speed": _C(0.1256637),  # The 99.5th percentile of the speed of the fastest motion above
         "gap_stiffness": _C(8e6),
         "leak_damping": _C(2.5e4),
         "gap": _C(1.5e-4),
@@ -111,7 +112,7 @@ REFERENCE_DAMPERS: Mapping[str, Damper] = {
 def simulate_runs(
     damper: Damper, *, noise: float, seed: int, duration: float = 4.0, rate_Hz: float = 500.0
 ) -> tuple[PreparedRun, ...]:
-    """Return prepared runs of a damper: every motion at every current, with noise relative to the force."""
+    """Return prepared runs of a damper: each motion at each current, with noise relative to the force."""
     rng = np.random.default_rng(seed)
     runs = []
     for label, motion in MOTIONS.items():
@@ -137,7 +138,7 @@ TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def changed(run: PreparedRun, kind: str, size: float, peak: float = 1.0) -> PreparedRun:
-    """Return a run with this measurement error. ``peak`` is the force at the limit of the sensor."""
+    """Return a run with this measurement error. ``peak`` is the force at which the sensor saturates."""
     force, path = run.force, run.trajectory
     if kind == "force_gain":
         force = (1.0 + size) * force

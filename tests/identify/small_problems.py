@@ -1,4 +1,4 @@
-"""Fit problems with known solutions: linear regression, and default models fitted to their own force."""
+"""Fit problems with known solutions: linear regression, and dampers fitted to their own force."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def fitted(
 
 
 def fitted_default(law: str, runs: Sequence[PreparedRun]) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of a law with its default free parameters, starting from the true values."""
+    """Return the fit of the default free parameters of a law, starting from the true values."""
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, tuple(runs))
     return problem, fit_variable_projection(problem, dampers=[REFERENCE_DAMPERS[law]])
 
 
 def linear_problem(seed: int = 0) -> tuple[FitProblem, SearchResult]:
-    """Return a problem that is linear in viscosity, spring and offset. The plastic force is known."""
+    """Return a problem that is linear in viscosity, spring stiffness and offset. The yield force is fixed."""
     known = {"yield_force": Constant(300.0), "yield_velocity": Constant(0.006)}
     searched = {"viscosity": Constant(900.0), "stiffness": Constant(1500.0), "offset": Constant(40.0)}
     free = [

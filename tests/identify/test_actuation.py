@@ -1,4 +1,4 @@
-"""Identification of a known actuation from simulated runs."""
+"""A known actuation (delay, lags, magnetic hysteresis, driver) is identified from simulated runs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
 NOISE_N = 5.0
 RATE_Hz = 1000.0
-OVERSAMPLING = 16  # Ratio of simulated to measured samples.
+OVERSAMPLING = 16  # Number of simulated samples per measured sample
 LAW = REFERENCE_DAMPERS["bouc-wen"]
 KNOWN = {
     "slow rise": Actuation(0.009, 0.006, 0.003, 0.002),
@@ -65,7 +65,7 @@ def simulate_runs(
     current: CurrentSteps | RandomCurrent = CURRENT_STEPS,
     motion: Motion = MOTIONS["steps"],
 ) -> PreparedRun:
-    """Return a measured run with changing current. The current jumps at a sample."""
+    """Return a simulated run with force noise. Its current changes and jumps at samples."""
     duration = current.duration if isinstance(current, CurrentSteps) else 4.0
     samples, rate_Hz = round(duration * RATE_Hz), OVERSAMPLING * RATE_Hz
     times = np.arange(OVERSAMPLING * (samples - 1) + 1) / rate_Hz
@@ -104,12 +104,12 @@ def errors_of(result: ActuationFit) -> FloatArray:
     return np.array([result.standard_errors[name] for name in LAGS])
 
 
-# Delay and lags
+# Delay and lags between current and force
 
 
 @pytest.mark.nightly
-def test_known_lags_are_within_standard_errors():
-    """In four seeds, at most one of 16 values is beyond three standard errors, and none beyond four."""
+def test_identified_lags_are_within_standard_errors():
+    """Of 16 values for four seeds, at most one is beyond three standard errors, and none beyond four."""
     deviations = []
     for seed in range(4):
         result = fit_known("slow fall", seed=seed)
@@ -120,15 +120,15 @@ def test_known_lags_are_within_standard_errors():
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_known_lags_are_exact_without_noise(name):
-    """The force error vanishes as well."""
+def test_identified_lags_are_exact_without_noise(name):
+    """The error of the force is small, too."""
     result = fit_known(name, noise_N=0.0)
     assert lags_of(result.actuation) == pytest.approx(lags_of(KNOWN[name]), rel=0.02, abs=2e-5)
     assert result.rmse_N < 0.05 * result.unlagged_rmse_N
 
 
-def test_lags_ignore_level_errors_of_law():
-    """A law with 20 % more yield force and an offset of 50 N has the same lags."""
+def test_identified_lags_ignore_force_errors_of_law():
+    """A law with 20 % too much yield force and an offset error of 50 N gives the same lags."""
     yield_force = LAW.coefficients["yield_force"]
     assert isinstance(yield_force, Polynomial)
     stronger = Polynomial(tuple(1.2 * number for number in yield_force.parameters))
@@ -140,7 +140,7 @@ def test_lags_ignore_level_errors_of_law():
     assert (difference < 3.0 * errors_of(reference)).all()
 
 
-def test_response_time_ignores_position_dependent_force():
+def test_response_time_ignores_force_change_over_stroke():
     """A force that is a third larger at the ends of the stroke changes the times by less than 8 %."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]), seed=2)
     x = run.trajectory.displacement
@@ -152,7 +152,7 @@ def test_response_time_ignores_position_dependent_force():
 
 
 def test_response_time_solves_closed_form():
-    """The response of two lags in series is 1 - (a exp(-t/a) - b exp(-t/b)) / (a - b) after the delay."""
+    """After the delay, the response of two lags in series is 1 - (a exp(-t/a) - b exp(-t/b)) / (a - b)."""
     result = fit_known("slow rise")
     a, b = result.actuation.rise_s, result.actuation.second_s
 
@@ -164,15 +164,15 @@ def test_response_time_solves_closed_form():
         assert time_s == pytest.approx(expected_s, abs=2e-5)
 
 
-def test_law_lag_does_not_change_identified_lags():
-    """A lag inside the law does not change the identified lags, so no lag is counted twice."""
+def test_lag_in_law_does_not_change_identified_lags():
+    """A lag that the law already contains is ignored, so that no lag is counted twice."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]))
     lagged = fit(run, damper=replace(LAW, command_lag_s=0.02))
     assert lags_of(lagged.actuation) == pytest.approx(lags_of(fit_known("slow rise").actuation))
 
 
 def test_response_times_are_found_from_random_current():
-    """Without constant currents, the response times follow from the force of whole runs."""
+    """Without intervals of constant current, the response times are derived from the force of whole runs."""
     run = simulate_runs(with_actuation(KNOWN["slow fall"]), current=random_current(), noise_N=0.0)
     result = fit(run)
     for time_s, ends in ((result.t63_s, (0.0, 1.0)), (result.t63_fall_s, (1.0, 0.0))):
@@ -181,8 +181,8 @@ def test_response_times_are_found_from_random_current():
 
 
 @pytest.mark.nightly
-def test_follow_ratio_of_bristles_is_found():
-    """The fraction that follows the current immediately is found from any start."""
+def test_fraction_that_follows_current_immediately_is_found():
+    """The fraction of the bristle force that follows at once is found from two starting values."""
     bristles = {"bristle_share": 0.9, "bristle_stiffness": 4e5, "friction_force": 60.0}
     chain = with_constants(REFERENCE_DAMPERS["chain"], **bristles, friction_stiffness=2e5)
     truth = with_actuation(KNOWN["slow rise"], with_constants(chain, follow_share=0.5))
@@ -198,7 +198,7 @@ def test_follow_ratio_of_bristles_is_found():
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.integers(2, 6))
 def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count):
-    """The error combines the scatter of the kinds of step, of their repeats, and a relative part."""
+    """The error combines the scatter between kinds of steps, the scatter of repeats, and a relative part."""
     times = np.random.default_rng(seed).uniform(5e-3, 2e-2, (kind_count, repeat_count))
     pairs = [((0, kind), float(time_s)) for kind, row in enumerate(times) for time_s in row]
     mean = mean_time(pairs, 0.06)
@@ -210,13 +210,13 @@ def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count)
     assert np.isnan(mean_time([]).mean_s)
 
 
-# Hysteresis
+# Magnetic hysteresis
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
-def test_known_hysteresis_is_within_standard_error(play):
-    """The width is correct for eight seeds. Without hysteresis, it is at most its standard error."""
+def test_identified_hysteresis_is_within_standard_error(play):
+    """The loop width is correct for eight seeds. A zero width is found as at most its standard error."""
     damper = with_actuation(KNOWN["slow rise"], hysteresis_width_A=play)
     results = [fit(simulate_runs(damper, seed=seed)) for seed in range(8)]
     errors = np.array([result.standard_errors["hysteresis_width_A"] for result in results])
@@ -225,11 +225,11 @@ def test_known_hysteresis_is_within_standard_error(play):
     assert (np.abs(deviations) < 4.0 * errors + 0.02 * play).all()
 
 
-# Rejected runs
+# Runs without usable steps
 
 
 def test_runs_without_steps_are_rejected():
-    """The message names the missing test; a damper that ignores the current has no response either."""
+    """The message names the missing test. Runs of a damper that ignores the current are rejected as well."""
     constant = simulate_runs(LAW, current=CurrentSteps((1.0,), 4.0))
     with pytest.raises(InputError, match=r"no run has a step of the command.*current stepped at mid-stroke"):
         fit(constant)
@@ -241,8 +241,8 @@ def test_runs_without_steps_are_rejected():
 # Driver and magnetic core
 
 
-def test_driver_with_one_quadrant_is_detected():
-    """A free-wheeling current decays as exp(-t / 25 ms) to zero or to its next level."""
+def test_one_quadrant_driver_is_detected():
+    """The free-wheeling current of such a driver decays as exp(-t / 25 ms) to zero or to its next level."""
     run = simulate_runs(with_actuation(Actuation(0.005, 0.005, 0.001, 0.001)), seed=4)
     path, step_s = run.trajectory, run.trajectory.step
     applied, current = [], 0.0
@@ -258,8 +258,8 @@ def test_driver_with_one_quadrant_is_detected():
 
 
 @pytest.mark.nightly
-def test_known_free_wheeling_time_is_found():
-    """The error is at most 2 % with steps and a random current. A two-quadrant driver is unchanged."""
+def test_freewheeling_time_is_identified():
+    """With steps and a random current, the error is at most 2 %. A two-quadrant driver gets no such time."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.025)
     damper = with_actuation(known)
     runs = [simulate_runs(damper, seed=6), simulate_runs(damper, current=random_current())]
@@ -273,8 +273,8 @@ def test_known_free_wheeling_time_is_found():
 
 
 @pytest.mark.nightly
-def test_two_loops_of_saturating_core_are_found():
-    """Saturation and wide loop are within 10 %. A core without saturation gets neither."""
+def test_saturation_and_wide_loop_of_core_are_identified():
+    """Saturation and the wide hysteresis loop are within 10 %. A core without saturation gets neither."""
     known = Actuation(
         0.004, 0.005, 0.002, 0.001, hysteresis_width_A=0.04, wide_hysteresis_width_A=0.2, saturation=1.5
     )
@@ -302,8 +302,8 @@ def test_two_loops_of_saturating_core_are_found():
 
 
 @pytest.mark.nightly
-def test_saturation_with_free_wheeling_is_found():
-    """The errors are at most 5 and 10 %. Cross-validation detects the driver even without steps."""
+def test_saturation_with_freewheeling_is_identified():
+    """The errors are at most 5 % and 10 %. Cross-validation detects the driver even in runs without steps."""
     known = Actuation(
         0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8
     )

@@ -1,4 +1,4 @@
-"""Errors and passivity of runs and dampers with known values."""
+"""Errors of runs and passivity of dampers are correct for known values."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ LAW = "bouc-wen"
 
 
 def remarks(result: SearchResult, runs: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return the notes on a fit to runs."""
+    """Return the notes of the assessment of a fit to runs."""
     fitted: Any = SimpleNamespace(result=result, damper=result.damper, training=runs, held_out=())
     return assess(fitted).words
 
 
-def test_score_of_reference_damper_is_noise() -> None:
+def test_error_of_reference_damper_is_noise() -> None:
     runs = simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.05, seed=1)
     assert np.median([score_run(REFERENCE_DAMPERS[LAW], run).nrmse_percent for run in runs]) == pytest.approx(
         5.0, rel=0.03
     )
 
 
-def test_offset_free_score_ignores_constant_offset() -> None:
+def test_offset_free_error_ignores_constant_offset() -> None:
     run = simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.0, seed=0)[2]
     spread = float(np.std(run.force[run.scored_from :]))
     error = score_run(REFERENCE_DAMPERS[LAW], replace(run, force=np.asarray(run.force) + 0.1 * spread))
@@ -46,8 +46,8 @@ def test_offset_free_score_ignores_constant_offset() -> None:
     assert error.rmse_N == pytest.approx(0.1 * spread, rel=0.01)
 
 
-def test_score_of_doubled_force_is_half() -> None:
-    """Every score is relative to the standard deviation of the measured force in the same samples."""
+def test_error_of_doubled_force_is_half() -> None:
+    """Errors are relative to the standard deviation of the measured force in the same samples."""
     run = simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.0, seed=0)[2]
     force = np.asarray(run.force)
     error = score_run(REFERENCE_DAMPERS[LAW], replace(run, force=2.0 * force))
@@ -60,7 +60,7 @@ def test_score_of_doubled_force_is_half() -> None:
 
 
 def test_energy_per_cycle_is_loop_area() -> None:
-    """A sine is simulated with the true damper. Model and measured energy are equal and dissipated."""
+    """A sine is simulated with the reference damper, so that modelled and measured energy are equal."""
     run = next(
         r
         for r in simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.0, seed=0)
@@ -74,7 +74,7 @@ def test_energy_per_cycle_is_loop_area() -> None:
     assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=1e-9)
 
 
-def test_summary_separates_zero_current() -> None:
+def test_summary_separates_runs_at_zero_current() -> None:
     runs = simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.02, seed=0)
     errors = [score_run(REFERENCE_DAMPERS[LAW], run) for run in runs]
     worse = [replace(e, nrmse_percent=99.0) if e.command == 0.0 else e for e in errors]
@@ -82,8 +82,8 @@ def test_summary_separates_zero_current() -> None:
     assert summary(worse)["worst_above_zero"] < 3.0
 
 
-def test_unidentifiable_parameters_are_named() -> None:
-    """The yield displacement is passed within a sample, so the runs do not show n and kappa."""
+def test_unidentifiable_parameters_are_named_in_notes() -> None:
+    """The yield displacement is passed within one sample, so the runs do not determine n and kappa."""
     steep = replace(
         REFERENCE_DAMPERS[LAW], coefficients={**REFERENCE_DAMPERS[LAW].coefficients, "rho": Constant(5e5)}
     )
@@ -95,11 +95,11 @@ def test_unidentifiable_parameters_are_named() -> None:
     assert "n.value" in words or "kappa.value" in words
 
 
-# Passivity in closed form
+# Passivity, compared with closed forms
 
 
 def bingham(**values: float | Polynomial) -> Damper:
-    """Return a damper with viscosity and friction. Friction reverses within 0.1 % of the maximum speed."""
+    """Return a damper with viscosity and friction, which reverses within 0.1 % of the maximum speed."""
     forms = {
         name: value if isinstance(value, Polynomial) else Constant(value) for name, value in values.items()
     }
@@ -108,11 +108,11 @@ def bingham(**values: float | Polynomial) -> Damper:
     )
 
 
-def test_passivity_matches_closed_forms() -> None:
-    """The loop of a viscous damper is an ellipse with pi/4 of the area of its box.
+def test_passivity_matches_formulas() -> None:
+    """The force loop of a viscous damper is an ellipse with pi/4 of the area of the enclosing rectangle.
 
-    A spring, a mass and an offset dissipate nothing but enlarge the box. The spring has the largest effect at
-    full stroke, the mass at 1 % and the offset at 20 % of the stroke.
+    A spring, a mass and an offset dissipate no energy but enlarge the rectangle. The spring has the largest
+    effect at full stroke, the mass at 1 % and the offset at 20 % of the stroke.
     """
     runs = simulate_runs(REFERENCE_DAMPERS["bingham"], noise=0.0, seed=0)
     stroke = max(np.abs(run.trajectory.displacement).max() for run in runs)
@@ -136,7 +136,7 @@ def test_passivity_matches_closed_forms() -> None:
         assert passivity(damper, runs) == pytest.approx(expected, rel=5e-3)
 
 
-# Messages
+# Notes on a fit
 
 
 def fitted(runs: Sequence[PreparedRun]) -> tuple[FitProblem, SearchResult]:
@@ -154,7 +154,7 @@ def said(result: SearchResult, problem: FitProblem, word: str) -> list[str]:
     return [each for each in remarks(result, problem.runs) if word in each]
 
 
-def test_interrupted_and_active_fits_are_reported(truth) -> None:
+def test_notes_report_interrupted_fit_and_active_damper(truth) -> None:
     problem, result = truth
     assert said(result, problem, "not passive") == said(result, problem, "interrupted") == []
     assert len(said(replace(result, cancelled=True), problem, "The fit was interrupted")) == 1

@@ -1,4 +1,4 @@
-"""Order of equal elements, and fits to one current."""
+"""Fitted cards with two equal elements have a defined order, and fits to one current require an option."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
 LAW = REFERENCE_DAMPERS["bouc-wen"]
 
 
-def test_equal_elements_have_one_order() -> None:
+def test_interchangeable_elements_have_one_order() -> None:
     truth = REFERENCE_DAMPERS["double-bouc-wen"]
     quick, slow = truth.coefficients["rho"], truth.coefficients["second_rho"]
     strong, weak = truth.coefficients["yield_force"], truth.coefficients["second_force"]
@@ -38,7 +38,7 @@ def test_equal_elements_have_one_order() -> None:
     assert canonical(shorter) == shorter
 
 
-def test_single_current_requires_option() -> None:
+def test_fit_to_single_current_requires_option() -> None:
     all_runs = simulate_runs(LAW, noise=0.01, seed=0)
     runs = tuple(run.run for run in all_runs if run.run.constant_command == 1.0)[:2]
     with pytest.raises(InputError, match="all 2 training runs have one command"):

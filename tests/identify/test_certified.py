@@ -1,6 +1,6 @@
-"""The optimiser solves nonlinear regression problems with solutions certified by NIST.
+"""The optimiser solves nonlinear regression problems whose solutions are certified by NIST.
 
-A fit does not depend on the kernel of the linear algebra library.
+In addition, a fit must not depend on the kernel of the linear algebra library.
 
 Source of data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a
 to Misra1d (D. Misra, NIST, 1978, dental research, monomolecular adsorption), in the public domain.
@@ -32,7 +32,7 @@ VOLUME = np.array(
 )
 Column = Callable[[float], FloatArray]
 
-# name: y / b1 and its derivative with respect to b2, starts of b1 and b2, certified b1, b2, residual sum
+# name: (y / b1), derivative with respect to b2, two starts of b1 and b2, certified b1, b2 and residual sum
 PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple[float, float, float]]] = {
     "Misra1a": (
         lambda b: 1.0 - np.exp(-b * PRESSURE),
@@ -62,7 +62,7 @@ PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple
 
 
 class Certified(Objective):
-    """The objective of one problem. b1 is eliminated as the linear parameters of a law, b2 is optimised."""
+    """Objective of one problem. b1 is eliminated like the linear parameters of a law, and b2 is optimised."""
 
     def __init__(self, column: Column, slope: Column) -> None:
         free = FreeParameter("b2", 1e-6, 1e-2, scale="log")
@@ -73,7 +73,7 @@ class Certified(Objective):
         self.column, self.slope, self.evaluations = column, slope, 0
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the Gram matrices of the b2 tangent, the b1 tangent, and the residual."""
+        """Return the Gram matrices of the derivative by b2, the derivative by b1, and the residual."""
         self.evaluations += len(nonlinear)
         sums = []
         for b2, b1 in zip(nonlinear[:, 0].tolist(), linear[:, 0].tolist(), strict=True):
@@ -84,8 +84,8 @@ class Certified(Objective):
 
 @pytest.mark.parametrize("start", [0, 1])
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_descent_reaches_certified_solution(name: str, start: int) -> None:
-    """Parameters agree to six digits and residuals to eight, from both starts of NIST."""
+def test_optimiser_reaches_certified_solution(name: str, start: int) -> None:
+    """From both starts of NIST, the parameters agree to six digits and the residual sum to eight."""
     column, slope, starts, (b1, b2, squares) = PROBLEMS[name]
     from_b1, from_b2 = starts[start]
     found = Descents(Certified(column, slope), np.log([[from_b2]]), np.array([[from_b1]]), most=150)
@@ -114,7 +114,7 @@ print(json.dumps([simulate(damper, run.trajectory).tolist() for run in prepared]
 @pytest.mark.nightly
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names kernels of x86")
 def test_fit_is_independent_of_linear_algebra_kernel():
-    """OpenBLAS without vectors and with AVX2 give the same fitted force."""
+    """OpenBLAS with and without AVX2 gives the same fitted force."""
     found = []
     for kernel in ("Prescott", "Haswell"):
         done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Consistency of a campaign: one wrong run is reported with cause and size, a correct run is not."""
+"""In a campaign, one wrong run is reported with cause and size, and correct runs are not reported."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def rig_runs():
 
 @pytest.fixture(scope="module")
 def noisy():
-    """Twelve runs of a known damper: three motions at four currents."""
+    """Return twelve runs of a known damper: three motions at four currents."""
     return simulate_runs(TRUTH, noise=0.02, seed=5, duration=3.0, rate_Hz=400.0)
 
 
@@ -53,12 +53,12 @@ def with_wrong_run(runs, change):
 
 
 def warnings_by_run(runs):
-    """Return the warnings of ``check --deep``."""
+    """Return the warnings of ``check --deep`` by run."""
     findings = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True)).findings
     return {finding.run: finding for finding in findings if finding.severity != "note"}
 
 
-def test_late_run_is_reported_with_delay(rig_runs):
+def test_run_with_late_force_is_reported(rig_runs):
     assert warnings_by_run(rig_runs) == {}
     finding = warnings_by_run(with_wrong_run(rig_runs, lambda run: late(run, 3e-3)))[WRONG]
     assert finding.kind == "force_delay"
@@ -68,7 +68,7 @@ def test_late_run_is_reported_with_delay(rig_runs):
 
 @pytest.mark.nightly
 def test_wrong_last_run_is_reported():
-    """A fit to all runs follows the wrong run and deviates from other runs. A second fit omits this run."""
+    """A fit to all runs follows the wrong run, so other runs deviate. A second fit omits the wrong run."""
     series = []
     for k, current in enumerate((0.0, 0.7, 1.4, 2.0)):
         motions = ((20, 0.5 + 0.03 * k), (17, 0.7 + 0.02 * k), (13, 0.9 - 0.02 * k), (9 + k, 1.1 + 0.05 * k))
@@ -86,7 +86,7 @@ def test_wrong_last_run_is_reported():
 
 @pytest.mark.nightly
 def test_model_error_of_motion_is_ignored():
-    """Runs of the same command and motion at different temperatures have the same model error."""
+    """Runs with the same command and motion at different temperatures share the same model error."""
     plan = replace(
         PLAN,
         motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic"),
@@ -124,7 +124,7 @@ def test_correct_runs_have_no_finding(noisy):
     ],
 )
 @pytest.mark.parametrize("number", [2, 6])
-def test_wrong_run_is_reported_with_cause(noisy, number, kind, size, value, unit, words):
+def test_wrong_run_is_reported_with_cause_and_size(noisy, number, kind, size, value, unit, words):
     runs = list(noisy)
     runs[number] = changed(runs[number], kind, size)
     (finding,) = find_deviations(TRUTH, runs)
@@ -137,7 +137,7 @@ def test_wrong_run_is_reported_with_cause(noisy, number, kind, size, value, unit
     assert rms_residual(TRUTH, runs, without=runs[number].name) == pytest.approx(0.02, rel=0.06)
 
 
-def test_exchanged_commands_are_reported_for_both(noisy):
+def test_exchanged_commands_are_reported_for_both_runs(noisy):
     runs = list(noisy)
     runs[6], runs[7] = replace(runs[6], force=runs[7].force), replace(runs[7], force=runs[6].force)
     findings = {finding.run: finding for finding in find_deviations(TRUTH, runs)}
@@ -149,7 +149,7 @@ def test_exchanged_commands_are_reported_for_both(noisy):
 
 @pytest.mark.parametrize(("percent", "kinds"), [(2.0, ["errors_contradict"]), (9.0, []), (np.nan, [])])
 def test_training_error_above_cross_validation_is_reported(noisy, percent, kinds):
-    """A wrong model has a large training error. A cross-validation error of 2 % contradicts it."""
+    """A wrong model has a large training error, which contradicts a cross-validation error of 2 %."""
     wrong = TRUTH.with_parameters({"viscosity.c0": 1.2 * TRUTH.parameters["viscosity.c0"]})
     score = CandidateScore("spencer", cv_percent_by_run=(percent,) * 3)
 
@@ -182,7 +182,7 @@ def test_duplicate_of_held_out_run_is_reported(noisy):
         ("force_bandwidth", 0.02, "common_bandwidth", "filtered at about 8 Hz"),
     ],
 )
-def test_lag_of_all_runs_is_one_finding(noisy, cause, size, kind, words):
+def test_common_lag_of_runs_is_one_finding(noisy, cause, size, kind, words):
     (finding,) = find_deviations(TRUTH, [changed(run, cause, size) for run in noisy])
     assert (finding.run, finding.kind) == ("", kind)
     assert finding.size == pytest.approx(size, rel=0.2)
@@ -194,7 +194,7 @@ def test_lag_of_all_runs_is_one_finding(noisy, cause, size, kind, words):
     ("cause", "kind", "size", "value"),
     [("force_gain", "two_groups", 0.2, 1.2), ("force_delay", "group_delay", 12e-3, 12e-3)],
 )
-def test_separated_runs_are_one_group(noisy, cause, kind, size, value):
+def test_wrong_runs_of_one_cause_are_grouped(noisy, cause, kind, size, value):
     group = (1, 4, 6, 11)
     runs = [changed(run, cause, size) if k in group else run for k, run in enumerate(noisy)]
     (finding,) = (finding for finding in find_deviations(TRUTH, runs) if finding.kind == kind)
@@ -204,7 +204,7 @@ def test_separated_runs_are_one_group(noisy, cause, kind, size, value):
 
 
 @pytest.mark.parametrize(("rise", "word"), [(0.2, "grows"), (-0.2, "falls")])
-def test_gain_that_changes_steadily_is_drift(noisy, rise, word):
+def test_gain_that_changes_steadily_is_campaign_drift(noisy, rise, word):
     order = np.random.default_rng(7).permutation(len(noisy))
     ramp = np.linspace(-0.5, 0.5, len(noisy))
     runs = [changed(noisy[k], "force_gain", rise * factor) for k, factor in zip(order, ramp, strict=True)]

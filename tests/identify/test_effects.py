@@ -1,6 +1,6 @@
-"""Sizes of error causes in the residuals: compared with least squares, and recovered from changed runs.
+"""The size of an error cause in the residuals equals least squares and the known size of the cause.
 
-The damper is the one that the runs were simulated with. It is not fitted.
+The residuals are computed with the damper that generated the runs. It is not fitted.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def noisy() -> tuple[PreparedRun, ...]:
 
 @pytest.mark.parametrize("kind", SIZES)
 @pytest.mark.parametrize("number", [1, 7])
-def test_effect_of_changed_run_has_its_size(clean, kind, number):
+def test_effect_in_changed_run_has_known_size(clean, kind, number):
     most = max(float(np.abs(run.force).max()) for run in clean)
     runs = list(clean)
     runs[number] = changed(runs[number], kind, SIZES[kind], most)
@@ -58,7 +58,7 @@ def test_effect_of_changed_run_has_its_size(clean, kind, number):
     assert found.levels[number] == pytest.approx(own / spread, rel=1e-6, abs=1e-9)
 
 
-def test_common_filter_has_its_time_constant(clean):
+def test_common_force_filter_has_known_time_constant(clean):
     lagged = [changed(run, "force_bandwidth", 0.02, 1.0) for run in clean]
     assert analyse_residuals(TRUTH, lagged).common_effect("force_bandwidth").size == pytest.approx(
         0.02, rel=1e-6
@@ -66,7 +66,7 @@ def test_common_filter_has_its_time_constant(clean):
 
 
 def stacked(found: ResidualAnalysis, kind: str, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return residual and columns of the regression on the parameters and the cause."""
+    """Return the residual and the columns of the regression on the parameters and one cause."""
     rows, columns = [], []
     for run, factor in zip(found.residuals, factors.tolist(), strict=True):
         root = np.sqrt(run.weight)
@@ -80,7 +80,7 @@ def stacked(found: ResidualAnalysis, kind: str, factors: FloatArray) -> tuple[Fl
 
 @pytest.mark.parametrize("kind", ["force_gain", "force_delay", "command_label", "force_offset_of_run"])
 def test_effect_size_equals_least_squares_estimate(noisy, kind):
-    """The size is the regression estimate with parameters and cause, also away from the minimum."""
+    """The size is the least-squares estimate with parameters and cause, also away from the minimum."""
     free = ("viscosity.c0", "yield_force.c1", "rho.value")
     found = analyse_residuals(TRUTH, noisy, free)
     one = (np.arange(len(noisy)) == 4).astype(float)
@@ -104,7 +104,7 @@ def test_effect_size_equals_least_squares_estimate(noisy, kind):
             left = run.residual if kind == "force_offset_of_run" else run.residual - run.residual.mean()
             total += (1.0 if factors is one else run.weight) * float(left @ left)
         assert effect.fraction == pytest.approx(gained / scale / total, rel=1e-5)
-        # The standard error of a regression, for a tenth of the samples because they are correlated.
+        # The standard error assumes a tenth of the samples because neighbouring samples are correlated.
         count = sum(
             len(run.residual) for k, run in enumerate(found.residuals) if factors is not one or k == 4
         )
@@ -113,7 +113,7 @@ def test_effect_size_equals_least_squares_estimate(noisy, kind):
         assert effect.standard_error == pytest.approx(usual, rel=1e-5)
 
 
-def test_columns_equal_difference_quotients_of_force(noisy):
+def test_force_derivatives_equal_difference_quotients(noisy):
     free = ("viscosity.c0", "rho.value")
     found = analyse_residuals(TRUTH, noisy, free, suspect=noisy[2].name)
     for number in (0, 5):

@@ -1,4 +1,4 @@
-"""Range of validity of a card, notes on runs outside it, and recognition of the training runs."""
+"""The range of validity of a card, notes on runs outside of it, and recognition of training runs."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def run_of(
     )
 
 
-def test_envelope_contains_all_runs() -> None:
-    """The maxima of a sine with amplitude a and frequency f are a, a 2 pi f, a (2 pi f)^2 and f."""
+def test_envelope_contains_motion_of_all_runs() -> None:
+    """For a sine of amplitude a and frequency f, the maxima are a, a 2 pi f, a (2 pi f)^2 and f."""
     runs = [
         prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), NO_SMOOTHING),
         prepare_run(run_of(Sine(9e-3, 0.5), command=1.5), NO_SMOOTHING),
@@ -76,7 +76,7 @@ def test_training_runs_of_card_are_recognised() -> None:
         assert [each.split for each in errors_of(known, runs)] == [split, "held_out"]
 
 
-def test_temperature_model_requires_measured_temperature() -> None:
+def test_temperature_dependent_damper_requires_measured_temperature() -> None:
     warm = TemperatureDependent(Constant(800.0), Arrhenius(1200.0))
     runs = [run_of(Sine(5e-3, 1.0), name=name, celsius=None) for name in "abc"]
     damper = replace(LAW, coefficients={**LAW.coefficients, "viscosity": warm})

@@ -1,4 +1,4 @@
-"""All fits of one job share one problem, so that parameters have the same meaning in each fit."""
+"""All fits of one job use the same data and scales, so that parameters are comparable between fits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def data() -> FitData:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_final_objective_reproduces_cost_of_quick_fit(data, law) -> None:
-    """On the windows of a quick fit, the objective of the final fit gives the cost of the quick fit."""
+    """On the sample windows of a quick fit, the objective of the final fit has the cost of the quick fit."""
     evaluator = CandidateEvaluator(data, samples_max=3000)
     terms = {"chain": ("viscosity", "knee")}.get(law, ())
     candidate = Candidate(law, terms)
@@ -40,8 +40,8 @@ def test_final_objective_reproduces_cost_of_quick_fit(data, law) -> None:
     assert final.costs_of([fitted.damper])[0] <= cost * (1.0 + 1e-9)
 
 
-def test_scale_does_not_depend_on_windows(data) -> None:
-    """Bounds, start and fixed constants are equal for all numbers of samples."""
+def test_parameter_bounds_do_not_depend_on_windows(data) -> None:
+    """Bounds, starting values and fixed constants are equal for any number of samples."""
     few, many = (
         CandidateEvaluator(data, samples_max=n).problem(Candidate("chain", ())) for n in (1000, 1_000_000)
     )
@@ -49,14 +49,14 @@ def test_scale_does_not_depend_on_windows(data) -> None:
     assert few.template.parameters == many.template.parameters
 
 
-def test_order_of_runs_does_not_matter(data) -> None:
+def test_order_of_runs_does_not_change_fit_data(data) -> None:
     reverse = FitData.prepare(Dataset(tuple(dataset())[::-1]), preparation=NO_SMOOTHING)
     assert [run.name for run in reverse.steady] == [run.name for run in data.steady]
     assert reverse.scale == data.scale
 
 
 def test_repeated_run_is_used_once(data) -> None:
-    """A copy of a run with a different name changes nothing. A note reports the repetition."""
+    """A copy of a run with a different name changes nothing, and a note reports the repetition."""
     runs = tuple(dataset())
     repeated = FitData.prepare(Dataset((*runs, replace(runs[0], name="copy"))), preparation=NO_SMOOTHING)
     assert len(repeated.steady) == len(data.steady)

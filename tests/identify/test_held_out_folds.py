@@ -1,4 +1,4 @@
-"""Cross-validation over motions: expected errors, force band and standard errors."""
+"""Cross-validation over motions gives the expected error, the force band and standard errors."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ BAND = ForceBand(
 
 
 def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
-    """Return a motion with a force as a measured run."""
+    """Return a measured run with this motion and force."""
     return RigRun(
         name=name,
         time=path.time,
@@ -48,7 +48,7 @@ def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
 
 
 def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of a law to the runs of a reference damper, whose law can be different."""
+    """Return the fit of a law to the runs of a reference damper, which may have a different law."""
     runs = simulate_runs(REFERENCE_DAMPERS[truth], noise=noise, seed=0)
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, runs)
@@ -64,8 +64,8 @@ def test_expected_error_of_correct_model_is_noise() -> None:
     assert (band.left_out, band.folds) == ("motions", 3)
 
 
-def test_band_of_wrong_model_covers_new_motion() -> None:
-    """The reference damper has a bristle, the law has none. The band contains the model error."""
+def test_force_band_of_wrong_model_covers_new_motion() -> None:
+    """The reference damper has an elastic element that the law lacks. The band contains this error."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -78,7 +78,7 @@ def test_band_of_wrong_model_covers_new_motion() -> None:
 
 
 def test_standard_errors_of_wrong_model_cover_refits() -> None:
-    """Fits to different motions differ by these standard errors, and by more than the uncorrected ones."""
+    """Fits to different motions differ by these standard errors, and by more than uncorrected errors."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -95,8 +95,8 @@ def test_standard_errors_of_wrong_model_cover_refits() -> None:
     assert any(apart[name] > 3.0 * alone[name] for name in apart), "the residuals alone would do"
 
 
-def test_band_widens_with_distance_from_motions() -> None:
-    """Half the amplitude is at a distance of 0.69 from a motion. A fitted motion has the basic band."""
+def test_force_band_widens_away_from_fitted_motions() -> None:
+    """Half the amplitude has the distance ln 2 = 0.69 from a fitted motion, which has the basic band."""
     path, small = (
         drive(Sine(amplitude, 1.0), duration=2.0, rate_Hz=500.0, command=1.0) for amplitude in (8e-3, 4e-3)
     )
@@ -113,10 +113,11 @@ def test_band_widens_with_distance_from_motions() -> None:
     assert card_from_json(card_to_json(card(force_band=band))).force_band == band
 
 
-def test_fit_to_all_motions_predicts_smaller_error() -> None:
-    """With a wrong law, the fit to all motions has a smaller expected error than the refits.
+def test_fit_to_all_motions_has_smaller_error() -> None:
+    """With a wrong law, the fit to all motions has a smaller expected error than the refits without a motion.
 
-    Each motion then requires different parameters. With the correct law, both errors are equal.
+    Each motion requires different parameters because the law is wrong. With the correct law, both errors are
+    equal.
     """
     shares = {}
     for law in ("bingham", "dahl"):
@@ -130,7 +131,7 @@ def test_fit_to_all_motions_predicts_smaller_error() -> None:
 
 
 def test_expected_error_matches_burman_correction() -> None:
-    """The errors are computed by plain simulations of the fold fits and of the fit to all runs."""
+    """The reference simulates the fits without a motion and the fit to all runs."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -161,7 +162,7 @@ def test_expected_error_matches_burman_correction() -> None:
     assert force_band(left).widening == 1.5
 
 
-def test_single_motion_is_split_in_time() -> None:
+def test_single_motion_is_divided_into_time_blocks() -> None:
     problem, result = fitted("dahl", "dahl", noise=0.02)
     two = replace(problem, runs=problem.runs[2:4])
     left = refit_without_folds(two, result)
@@ -179,8 +180,8 @@ def test_single_motion_is_split_in_time() -> None:
         assert each.standard_error == pytest.approx(max(jackknife, before.standard_error), rel=1e-5)
 
 
-def test_band_covers_runs_with_changing_current() -> None:
-    """A model without lag has larger errors at changing current. The widened band contains 90 % of them."""
+def test_force_band_covers_runs_with_changing_current() -> None:
+    """A model without lag has larger errors at changing current. The wider band contains 90 % of them."""
     model, path = REFERENCE_DAMPERS["dahl"], drive(Sine(0.01, 1.0), duration=6.0, rate_Hz=500.0, command=0.0)
     truth = replace(model, command_lag_s=0.03)
     rng = np.random.default_rng(4)

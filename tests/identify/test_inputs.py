@@ -1,4 +1,4 @@
-"""Difficult data: noise on the current, limits that rounding exceeds, extreme sizes."""
+"""Fits to difficult data: noise on the current, forces of extreme size, runs that belong to the fit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def raw(*, force: float = 1.0, noise_A: float = 0.0) -> Dataset:
-    """Return the runs of a known damper with scaled forces and noise on the current."""
+    """Return runs of a known damper with scaled forces and noise on the current."""
     rng = np.random.default_rng(5)
     return Dataset(
         tuple(
@@ -41,7 +41,7 @@ def data_of(*, force: float = 1.0, noise_A: float = 0.0) -> FitData:
 # Noise on the current
 
 
-def test_noisy_command_is_fitted_as_constant():
+def test_noisy_current_is_fitted_as_constant():
     found = fitting.fit_law(data_of(noise_A=0.03), "bouc-wen")
     assert found.actuation is None
     assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0
@@ -49,21 +49,21 @@ def test_noisy_command_is_fitted_as_constant():
     assert re.search(r"\(at most (29|3[0-3]) mA\)", str(told))
 
 
-# Sizes
+# Extreme sizes
 
 
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"]))
-def test_fit_error_is_independent_of_size(law):
-    """Bounds are relative to the runs. Forces of 200 kN are fitted as accurately as 1 kN."""
+def test_fit_error_is_independent_of_force_size(law):
+    """Forces of 200 kN are fitted as accurately as 1 kN because the bounds are relative to the runs."""
     usual, scaled = (fitting.fit_law(data_of(force=size), law).cost_percent for size in (1.0, 150.0))
     assert scaled == pytest.approx(usual, rel=0.02)
 
 
-# Rejected runs
+# Recognition of the fitted runs
 
 
-def test_fit_damper_and_card_have_equal_errors():
-    """Fit and card recognise their runs. A run with a known name but a different force is not recognised."""
+def test_fit_and_card_report_equal_errors():
+    """Fit and card recognise their runs. A run with a known name but another force counts as held out."""
     found = fitting.fit_law(data_of(), find_law("dahl"))
     runs = list(raw())
     seen = evaluate(found, runs)

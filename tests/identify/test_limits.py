@@ -1,4 +1,4 @@
-"""Limits of the coefficients of a fitted damper over the currents and temperatures of its runs."""
+"""Coefficients of a fitted damper stay valid at all currents and temperatures of its runs."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.01, 0.01), (-0.1, 0.1), TEMPERATURE
 @pytest.mark.parametrize(
     "form",
     [
-        TemperatureDependent(Constant(50.0), Linear(0.145)),  # negative above 300 K
+        TemperatureDependent(Constant(50.0), Linear(0.145)),  # This form is negative above 300 K.
         TemperatureDependent(Polynomial((50.0, 10.0)), Linear(0.145)),
-        Polynomial((50.0, -40.0)),  # negative above 1.25 A
-        Polynomial((10.0, -60.0, 31.0)),  # negative between 0.2 and 1.8 A
+        Polynomial((50.0, -40.0)),  # This form is negative above 1.25 A.
+        Polynomial((10.0, -60.0, 31.0)),  # This form is negative between 0.2 and 1.8 A.
         Bipolynomial((50.0, -6.0, 10.0, 0.0), 1),
     ],
     ids=repr,
 )
-def test_friction_stays_positive_in_the_envelope(form: ParameterLaw) -> None:
+def test_friction_stays_positive_in_envelope(form: ParameterLaw) -> None:
     damper = replace(
         CHAIN, coefficients={**CHAIN.coefficients, "friction_force": form}, temperature_range=TEMPERATURES_K
     )
@@ -42,7 +42,7 @@ def test_friction_stays_positive_in_the_envelope(form: ParameterLaw) -> None:
     assert any("friction_force" in note for note in notes)
 
 
-def test_limits_keep_coefficient_that_vanishes_hot() -> None:
+def test_limits_keep_coefficient_that_vanishes_when_hot() -> None:
     vanishing = TemperatureDependent(Constant(50.0), Linear((1.0 - 1e-7) / (TEMPERATURES_K[1] - 293.15)))
     damper = replace(
         CHAIN,
@@ -58,7 +58,7 @@ def test_limits_keep_coefficient_that_vanishes_hot() -> None:
 
 
 def test_parameter_without_effect_stays_small() -> None:
-    """A breakaway force that decays below the lowest sampled velocity has no effect on any sample."""
+    """A breakaway force that decays below the lowest sampled velocity affects no sample."""
     time = np.arange(1500) / 500.0
     volts = 0.5 * np.sin(4.0 * np.pi * time)
     speed = np.gradient(volts, time)

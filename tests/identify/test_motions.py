@@ -1,4 +1,4 @@
-"""Folds of a cross-validation: whole motions, levels of current, blocks of time."""
+"""The folds of a cross-validation are whole motions, levels of current, or blocks of time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ RUNS = simulate_runs(REFERENCE_DAMPERS["series-valve"], noise=0.01, seed=0)
 
 
 def test_each_motion_is_held_out_once() -> None:
-    """Every run is held out once, together with all runs of the same motion."""
+    """Each run is held out once, together with all other runs of its motion."""
     groups, folds = motion_groups(RUNS), folds_of(RUNS)
     assert sorted(k for fold in folds for k in fold.runs) == list(range(len(RUNS)))
     for group in groups:
@@ -19,7 +19,7 @@ def test_each_motion_is_held_out_once() -> None:
         assert len({RUNS[k].motion for k in group}) == 1
 
 
-def test_folds_of_one_motion_interpolate_current() -> None:
+def test_folds_of_one_motion_hold_out_intermediate_currents() -> None:
     """The smallest and the largest current are never held out."""
     alike = [RUNS[k] for k in motion_groups(RUNS)[0]]
     levels = sorted(float(run.trajectory.command.mean()) for run in alike)
@@ -28,7 +28,7 @@ def test_folds_of_one_motion_interpolate_current() -> None:
 
 
 def test_every_window_is_in_one_time_block() -> None:
-    """One run is divided into blocks. Each window is held out by one fold and trains all others."""
+    """One run is divided into blocks. Each window is held out by one fold and trains all other folds."""
     runs = RUNS[:1]
     folds = folds_of(runs)
     damper, free = template("bingham", runs, one_command=True)

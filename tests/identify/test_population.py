@@ -1,4 +1,4 @@
-"""Genetic algorithm: same cost as a simulation, slower and not better than variable projection."""
+"""The genetic algorithm computes the cost of a simulation, and is slower and not better than projection."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ def problem() -> FitProblem:
     return FitProblem(damper, free, runs, settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9))
 
 
-def test_candidate_cost_is_simulation_error(problem: FitProblem) -> None:
+def test_genetic_cost_is_simulation_error(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
-    candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5  # The slope with current is 0.
-    candidates[:, [f.name.endswith("c0") for f in problem.free]] = 0.7  # The constant term is positive.
+    # These parameters are zero: the force does not depend on current.
+    candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5
+    # These parameters are positive constants.
+    candidates[:, [f.name.endswith("c0") for f in problem.free]] = 0.7
     costs = ensemble.costs(candidates)
     for candidate, cost in zip(candidates, costs, strict=True):
         errors = [score_run(ensemble.damper(candidate), run) for run in problem.runs]
         assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
 
 
-def test_genetic_algorithm_does_not_beat_projection(problem: FitProblem) -> None:
+def test_genetic_algorithm_does_not_beat_variable_projection(problem: FitProblem) -> None:
     told: list[float] = []
     generations = 25
 

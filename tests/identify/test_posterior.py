@@ -1,4 +1,4 @@
-"""Posterior samples: closed form of linear regression, bounds, coverage, and the file next to the card."""
+"""Posterior samples of parameters agree with linear regression, stay in bounds and cover known values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FREE = (
 
 
 def random_campaign(seed: int) -> tuple[Damper, FitProblem, SearchResult]:
-    """Return a damper with random parameters and the fit to four noisy runs of it."""
+    """Return a damper with random parameters, and the fit to four noisy runs of it."""
     rng = np.random.default_rng(seed)
     values = {
         "rho": np.exp(rng.uniform(*np.log([1200.0, 2700.0]))),
@@ -47,7 +47,7 @@ def random_campaign(seed: int) -> tuple[Damper, FitProblem, SearchResult]:
 
 
 def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
-    """Return the result with some standard errors replaced, by the name of the coefficient."""
+    """Return the result with standard errors that are replaced for these coefficients."""
     estimates = tuple(
         replace(e, standard_error=errors.get(e.name.partition(".")[0], e.standard_error))
         for e in result.estimates
@@ -55,8 +55,8 @@ def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
     return replace(result, estimates=estimates)
 
 
-def test_samples_of_linear_regression_match_normal_distribution():
-    """Mean and covariance are the fit and its covariance because the bounds are far away."""
+def test_posterior_of_linear_regression_is_normal():
+    """Mean and covariance equal the fit and its covariance because the bounds are far away."""
     problem, result = linear_problem()
     samples = sample_posterior(problem, result, draws=20_000).values
     errors = np.array([e.standard_error for e in result.estimates])
@@ -66,8 +66,8 @@ def test_samples_of_linear_regression_match_normal_distribution():
     assert np.cov(samples.T) / np.outer(errors, errors) == pytest.approx(expected, abs=0.04)
 
 
-def test_samples_match_standard_errors_between_motions():
-    """A wrong model has larger standard errors between motions; the samples have the same spread."""
+def test_posterior_samples_match_standard_errors():
+    """A wrong model has larger standard errors between motions, and the samples have the same spread."""
     problem, _ = linear_problem()
     runs = tuple(
         replace(run, force=np.asarray(run.force) * (1.01 if run.run.motion == "harmonics" else 1.0))
@@ -87,8 +87,8 @@ def test_samples_match_standard_errors_between_motions():
     assert samples.std(axis=0) / errors == pytest.approx(np.ones(3), abs=0.03)
 
 
-def test_samples_stay_inside_bounds():
-    """Standard errors that exceed the bounds by orders of magnitude fill the range between the bounds."""
+def test_posterior_samples_stay_inside_bounds():
+    """The standard errors are much larger than the bounds, so the samples fill the range between them."""
     _, problem, result = random_campaign(1)
     wide = with_standard_errors(result, rho=1e6, kappa=50.0, yield_force=2000.0)
     samples = sample_posterior(problem, wide, draws=2000)
@@ -100,8 +100,8 @@ def test_samples_stay_inside_bounds():
     assert columns["yield_force.value"].min() >= 0.0
 
 
-def test_interval_of_simulated_force_covers_reference_force():
-    """The 90 % interval of the force contains the force of the reference damper in most of ten campaigns."""
+def test_force_interval_covers_reference_force():
+    """The 90 % interval contains the force of the reference damper in most of ten campaigns."""
     motions: list[Motion] = [Harmonics((4e-3, 2e-3), (0.9, 3.1), (0.2, 1.0)), Sine(8e-3, 1.4)]
     paths = [drive(motion, duration=2.0, rate_Hz=250.0, command=1.0) for motion in motions]
 
@@ -119,7 +119,7 @@ def test_interval_of_simulated_force_covers_reference_force():
 
 
 @pytest.mark.nightly
-def test_intervals_contain_known_parameters():
+def test_parameter_intervals_contain_known_values():
     """The 90 % intervals of six parameters contain the known values in 85 to 97 % of 60 campaigns."""
     inside = []
     for seed in range(7000, 7060):
@@ -130,7 +130,7 @@ def test_intervals_contain_known_parameters():
     assert 0.85 <= np.mean(inside) <= 0.97
 
 
-def test_same_seed_gives_same_samples():
+def test_same_seed_gives_same_posterior_samples():
     problem, result = linear_problem()
     one, two, other = (sample_posterior(problem, result, draws=50, seed=s).values for s in (3, 3, 4))
     assert np.array_equal(one, two)

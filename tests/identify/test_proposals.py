@@ -1,4 +1,4 @@
-"""Tests proposed by a fit are within the range of the runs and reduce the uncertainty as predicted."""
+"""Tests that a fit proposes are within the range of the runs and reduce the uncertainty as predicted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def read(test: str) -> tuple[float, float, float, float]:
-    """Return amplitude [m], frequency [Hz], current [A] and reduction [%] of a proposed test."""
+    """Return amplitude [m], frequency [Hz], current [A] and reduction of the error [%] of a proposed test."""
     pattern = r"run a sine of (\S+) mm at (\S+) Hz, (\S+) A: .* by (\d+) %"
     found = re.fullmatch(pattern, test)
     assert found
@@ -45,8 +45,8 @@ def test_proposed_tests_stay_in_measured_range() -> None:
     assert 0.0 < reductions[0] <= reductions[1] <= reductions[2] < 100.0
 
 
-def test_proposed_test_narrows_uncertain_parameter() -> None:
-    """All runs have one small stroke. The proposed run reduces the errors more than a repeated run."""
+def test_proposed_test_reduces_parameter_errors() -> None:
+    """All runs have a small stroke. The proposed run reduces the errors more than any repetition of a run."""
     few = simulate_runs(TRUTH, noise=0.02, seed=0)[:4]
     damper, free = template("bouc-wen", few)
     problem = FitProblem(damper, free, few)

@@ -1,4 +1,4 @@
-"""Parts of the search compared with independent computations: sums, conditions, bounded steps."""
+"""Parts of the parameter search agree with independent computations: sums, constraints, bounded steps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DAMPER = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def objective_of(*, noise: float = 0.02) -> Objective:
-    """Return the objective of some runs of a Bouc-Wen damper, one of them with varying current."""
+    """Return the objective of a fit to runs of a Bouc-Wen damper, one of them with varying current."""
     *runs, last = simulate_runs(DAMPER, noise=noise, seed=0, duration=2.0)[:5]
     sweep = replace(last.trajectory, command=np.linspace(0.0, 1.0, len(last.trajectory)))
     runs.append(replace(last, trajectory=sweep, force=simulate(DAMPER, sweep)))
@@ -38,16 +38,16 @@ def objective_of(*, noise: float = 0.02) -> Objective:
 
 
 def values_of(objective: Objective, damper: Damper) -> tuple[FloatArray, FloatArray]:
-    """Return the nonlinear and the linear parameters of a damper, one row each."""
+    """Return the nonlinear and the linear parameters of a damper, as one row each."""
     points, linear = objective.points_of([damper])
     return objective.box.to_physical(points), linear
 
 
-# Sums
+# Sums over the samples
 
 
 def test_gram_matrices_match_central_differences() -> None:
-    """The Gram matrix of tangents and residual agrees with central differences of the force."""
+    """The Gram matrix of force derivatives and residual agrees with central differences of the force."""
     objective = objective_of()
     names = (*objective.nonlinear, *objective.linear)
     values = np.array([[1500.0, -0.2, 1.3]]), values_of(objective, objective.problem.template)[1]
@@ -74,7 +74,7 @@ def test_gram_matrices_match_central_differences() -> None:
 
 @pytest.mark.parametrize("tangents", [True, False])
 def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) -> None:
-    """From a guess 1000 times too large, the cost vanishes to the last digits."""
+    """From a start that is 1000 times too large, the cost vanishes to rounding."""
     objective = objective_of(noise=0.0)
     nonlinear, linear = values_of(objective, DAMPER)
     result = objective.eliminate(nonlinear, 1e3 * linear, tangents=tangents)
@@ -83,7 +83,7 @@ def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) ->
 
 
 def test_eliminated_parameters_are_stationary() -> None:
-    """At given nonlinear parameters, a change of any linear parameter increases the cost."""
+    """For given nonlinear parameters, a change of any linear parameter increases the cost."""
     objective = objective_of()
     nonlinear = np.array([[1800.0, -0.5, 1.4]])
     result = objective.eliminate(nonlinear, values_of(objective, objective.problem.template)[1])
@@ -96,7 +96,7 @@ def test_eliminated_parameters_are_stationary() -> None:
 
 
 def test_projected_gradient_matches_finite_differences() -> None:
-    """Kaufman's gradient is the gradient of the cost with eliminated linear parameters."""
+    """Kaufman's gradient equals the gradient of the cost after elimination of the linear parameters."""
     objective = objective_of()
     at = np.array([[1500.0, -0.2, 1.0]])
     best = objective.eliminate(at, values_of(objective, objective.problem.template)[1])
@@ -113,7 +113,7 @@ def test_projected_gradient_matches_finite_differences() -> None:
 @given(seed=st.integers(0, 2**32 - 1))
 @examples(20)
 def test_bounded_least_squares_agrees_with_slsqp(seed: int) -> None:
-    """The quadratic programme with inequality conditions has the minimum of a general solver."""
+    """The quadratic programme with inequality constraints has the same minimum as a general solver."""
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((9, 5))
     matrix, right = root.T @ root, rng.standard_normal(5) * 3.0
@@ -130,7 +130,7 @@ def test_bounded_least_squares_agrees_with_slsqp(seed: int) -> None:
     assert 0.5 * solution @ matrix @ solution - right @ solution <= other.fun + 1e-6
 
 
-# Steps
+# Steps of the optimiser
 
 
 Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -139,7 +139,7 @@ Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass
 class LeastSquares:
-    """An objective without linear parameters. The derivatives have an error factor ``off``."""
+    """An objective without linear parameters. Its derivatives have the error factor ``off``."""
 
     residuals: Residuals
     free: tuple[FreeParameter, ...]
@@ -189,8 +189,8 @@ def descents(objective: LeastSquares, points: FloatArray, most: int = 100) -> De
 
 
 @pytest.mark.parametrize("off", [1.0, 1.01, 1.3, -1.0])
-def test_descents_converge_with_inexact_derivatives(off: float) -> None:
-    """Derivatives with a reported error are computed again. All starts end at the solution."""
+def test_optimiser_converges_with_inexact_derivatives(off: float) -> None:
+    """Derivatives with a known error are computed again. All starts reach the solution."""
     result = descents(LeastSquares(decay, DECAY, off), STARTS)
     result.run()
     assert result.converged.all()
@@ -198,8 +198,8 @@ def test_descents_converge_with_inexact_derivatives(off: float) -> None:
 
 
 @pytest.mark.parametrize("rate_max", [5.0, 0.4])
-def test_descent_in_box_agrees_with_scipy(rate_max: float) -> None:
-    """The minimum is that of the trust-region reflective method, inside the box and at a bound."""
+def test_optimiser_with_bounds_agrees_with_scipy(rate_max: float) -> None:
+    """The minimum equals the trust-region reflective method of SciPy, inside the bounds and at a bound."""
     free = (DECAY[0], FreeParameter("rate", 0.0, rate_max))
 
     def residual(x: FloatArray) -> FloatArray:

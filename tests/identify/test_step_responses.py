@@ -1,4 +1,4 @@
-"""Step responses of forces with a known response at every sample."""
+"""Step responses are computed from forces whose response is known at every sample."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ TIME_CONSTANT_s = 0.004
 
 
 def blended_run(*, bend_N: float = 0.0, hysteresis_N: float = 0.0) -> tuple[PreparedRun, FloatArray]:
-    """Return a run whose force follows each step as a first-order lag, and its response at each sample.
+    """Return a run whose force follows each current step with a lag, and its response at each sample.
 
-    ``bend_N`` adds a parabola over position that differs between directions and levels. ``hysteresis_N`` is
-    added while the present level was reached from above.
+    ``bend_N`` adds a parabola over position that differs between directions and current levels.
+    ``hysteresis_N`` is added while the present level was reached from above.
     """
     count = HOLD_SAMPLES * len(LEVELS)
     number = np.arange(count) // HOLD_SAMPLES
@@ -71,12 +71,12 @@ def measure(run: PreparedRun) -> SteppedRun:
     return stepped
 
 
-# Measured responses
+# Step responses of the measured force
 
 
 @pytest.mark.parametrize(("bend_N", "hysteresis_N"), [(0.0, 0.0), (25.0, 0.0), (0.0, 40.0)])
-def test_step_response_equals_known_lag(bend_N, hysteresis_N):
-    """A dependence of the force on position, direction and hysteresis does not change the response."""
+def test_step_response_equals_known_current_lag(bend_N, hysteresis_N):
+    """The response is not changed by a force that depends on position, direction and hysteresis."""
     run, known = blended_run(bend_N=bend_N, hysteresis_N=hysteresis_N)
     responses = measure(run).responses
     assert len(responses) >= 3
@@ -90,8 +90,8 @@ def test_step_response_equals_known_lag(bend_N, hysteresis_N):
         assert len(set(direction.tolist())) == 1
 
 
-def test_response_size_is_distance_between_levels():
-    """The distance of the maps is the difference of the forces at the two constant currents."""
+def test_response_size_is_force_difference_between_levels():
+    """The size is the difference of the forces at the two constant currents."""
     run, _ = blended_run()
     for response in measure(run).responses:
         number = response.window.start // HOLD_SAMPLES
@@ -103,8 +103,8 @@ def test_response_size_is_distance_between_levels():
         assert response.law_after_N - response.law_before_N == pytest.approx(after - before)
 
 
-def test_response_time_from_measured_force_is_reproduced():
-    """A model with the measured force has the measured times. A model without lags has the time 0."""
+def test_response_times_of_measured_force_are_reproduced():
+    """A model with exactly the measured force has the measured times. A model without lags has the time 0."""
     run, _ = blended_run()
     stepped = measure(run)
     same = model_times([stepped, stepped], [run.force] * 2, SETTINGS)
@@ -119,7 +119,7 @@ def test_response_time_from_measured_force_is_reproduced():
 
 
 def test_crossing_time_of_exponential_is_time_constant():
-    """A response that never reaches 63 % has no time. A response that starts above 63 % has time zero."""
+    """A response that never reaches 63 % has no time. A response that starts above 63 % has the time zero."""
     time = 1e-4 * np.arange(1000)
     assert crossing_time(1.0 - np.exp(-time / 0.01), 1e-4) == pytest.approx(0.01, rel=0.03)
     assert np.isnan(crossing_time(np.full(20, 0.5), 1e-3))

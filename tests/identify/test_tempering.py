@@ -1,4 +1,4 @@
-"""Temperature dependence in a template: required runs, dependent coefficients, and their bounds."""
+"""Temperature dependence in the template of a fit: dependent coefficients, assumptions and recovery."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run_at(
     name: str = "",
     until: float | None = None,
 ) -> PreparedRun:
-    """Return a noiseless run at a temperature or warming to ``until`` [degC]; None omits the channel."""
+    """Return a noiseless run at a temperature, or warming to ``until`` [degC]. None omits the channel."""
     path = drive(motion, duration=2.0, rate_Hz=250.0, command=command)
     if celsius is not None:
         end = celsius if until is None else until
@@ -81,8 +81,8 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
 # Coefficients that depend on temperature
 
 
-def test_paper_temperature_dependence_is_separable_polynomial():
-    """In the reconstructed Eq. (12), each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
+def test_paper_temperature_dependence_is_polynomial_factor():
+    """In Eq. (12) of the paper, as reconstructed, each coefficient is multiplied by 1 + t1 dT + t2 dT^2."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
     for name in ("viscosity", "yield_force"):
         form = damper.coefficients[name]
@@ -93,7 +93,7 @@ def test_paper_temperature_dependence_is_separable_polynomial():
     assert not damper.coefficients["breakaway_friction"].temperature_dependent
 
 
-# Assumption
+# Assumed temperature dependence of a fluid
 
 
 THINS, WEAKENS = Arrhenius(1435.5), Linear(1e-3)
@@ -124,8 +124,8 @@ def test_assumed_dependence_is_marked_and_constant():
 @pytest.mark.parametrize(
     "factor", [Arrhenius(1435.5), Reynolds(0.012), Vft(600.0, 150.0)], ids=lambda f: f.kind
 )
-def test_assumed_thinning_scales_with_viscosity_exponent(factor):
-    """|v|^m scales with the viscosity to the power m for any temperature law."""
+def test_assumed_thinning_force_scales_with_viscosity(factor):
+    """The shear-thinning force c|v|^m is proportional to the viscosity to the power m."""
     forms = dict(REFERENCE_DAMPERS["series-valve"].coefficients)
     truth = Damper(LAWS["series-valve"], apply_fluid(forms, Oil(viscosity_factor=factor)))
     kelvin = np.array([273.15, 293.15, 350.0])
@@ -146,12 +146,12 @@ def test_assumed_thinning_scales_with_viscosity_exponent(factor):
     assert scale_thinning(identified) == identified
 
 
-# Known temperature dependence
+# Recovery of a known temperature dependence
 
 
 @pytest.mark.parametrize("kind", ["auto", "reynolds"])
 def test_known_temperature_dependence_is_recovered(kind: Temperature) -> None:
-    """Activation, rate and decrease of the yield force are recovered without noise at three temperatures."""
+    """Activation temperature, rate, and decrease of the yield force are recovered from three temperatures."""
     factor = Arrhenius(1435.5) if kind == "auto" else Reynolds(0.012)
     truth = Damper(
         LAWS["bouc-wen"],

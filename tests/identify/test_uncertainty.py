@@ -1,4 +1,4 @@
-"""Errors of parameters and predictions compared with textbook formulas.
+"""Uncertainties of parameters and predictions agree with textbook formulas.
 
 The problem is a linear regression on velocity, displacement and a constant, so that all formulas are
 explicit.
@@ -37,7 +37,7 @@ def linear() -> tuple[FitProblem, SearchResult]:
 
 
 def regression(problem: FitProblem, result: SearchResult) -> list[tuple[float, FloatArray, FloatArray]]:
-    """Return weight, columns (n, 3) and residual for each run."""
+    """Return weight, regressor columns (n, 3) and residual of each run."""
     found = []
     for run in problem.runs:
         kept, path = slice(run.scored_from, None), run.trajectory
@@ -49,14 +49,14 @@ def regression(problem: FitProblem, result: SearchResult) -> list[tuple[float, F
 
 
 def blocks_of(run: FitWindow) -> list[slice]:
-    """Return the scored samples between reversals, counted from the first scored sample."""
+    """Return slices of the scored samples between reversals, counted from the first scored sample."""
     velocity = run.drive.trajectory.velocity
     turns = np.flatnonzero(np.signbit(velocity[1:]) != np.signbit(velocity[:-1])) + 1
     cuts = [0, *(turns[turns > run.start] - run.start).tolist(), len(velocity) - run.start]
     return [slice(a, b) for a, b in pairwise(cuts)]
 
 
-def test_covariances_match_weighted_regression(linear):
+def test_parameter_covariances_match_weighted_regression(linear):
     problem, result = linear
     runs = problem.windows()
     rows = regression(problem, result)
@@ -73,7 +73,8 @@ def test_covariances_match_weighted_regression(linear):
     )
     small_sample = len(scores) / (len(scores) - 3)
     expected = small_sample * bread @ scores.T @ scores @ bread
-    spread = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))  # A reversal can shift by one sample.
+    # The tolerance allows a reversal to shift by one sample.
+    spread = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert blocks / spread == pytest.approx(expected / spread, abs=0.05)
     clusters = [k // 4 for k in range(len(runs))]
     scores = np.array(
@@ -84,7 +85,7 @@ def test_covariances_match_weighted_regression(linear):
 
 
 @pytest.mark.parametrize(("value", "side"), [(900.0, "lower"), (3600.0, "upper"), (901.0, ""), (3590.0, "")])
-def test_parameter_on_bound_has_no_error(value, side):
+def test_parameter_on_bound_has_no_standard_error(value, side):
     free = (FreeParameter("rho.value", 900.0, 3600.0, "log"), FreeParameter("kappa.value", -1.0, 1.0))
     damper = REFERENCE_DAMPERS["bouc-wen"].with_parameters({"rho.value": value})
     problem = FitProblem(damper, free, simulate_runs(damper, noise=0.02, seed=0)[:3])
@@ -95,7 +96,7 @@ def test_parameter_on_bound_has_no_error(value, side):
 
 
 @pytest.mark.parametrize("decades", [0.0, 12.0])
-def test_inverse_is_independent_of_units(decades):
+def test_matrix_inverse_is_independent_of_units(decades):
     root = np.random.default_rng(0).standard_normal((9, 5))
     matrix, units = root.T @ root, 10.0 ** np.linspace(-decades, decades, 5)
     scaled = matrix * np.outer(units, units)
@@ -110,7 +111,7 @@ def test_inverse_is_independent_of_units(decades):
     assert not pseudoinverse(nothing)[5].any()
 
 
-# Held-out motions
+# Errors between held-out motions
 
 
 def test_errors_between_motions_match_regression(linear):
@@ -120,7 +121,7 @@ def test_errors_between_motions_match_regression(linear):
     groups = motion_groups(problem.runs)
     number = {k: g for g, members in enumerate(groups) for k in members}
     rows = regression(problem, result)
-    # The normal equations without the runs of a motion give the parameters of the fit without this motion.
+    # Without the runs of a motion, the normal equations give the parameters of the fit without this motion.
     for fold, damper in zip(sorted(groups), folds.dampers, strict=True):
         rest = [k for k in range(len(rows)) if k not in fold]
         if len(rest) == len(rows) - len(fold):
@@ -145,8 +146,8 @@ def test_errors_between_motions_match_regression(linear):
         assert after.standard_error == pytest.approx(expected, rel=1e-5)
 
 
-def test_band_of_similar_folds_contains_90_percent():
-    """The errors are uniform up to the unit width of the band, so 90 % of them are below 0.9 of it."""
+def test_force_band_contains_90_percent_of_errors():
+    """The errors are uniform between 0 and the unit width of the band, so 90 % of them are below 0.9."""
     rng = np.random.default_rng(0)
     folds = []
     for _ in range(4):
@@ -171,14 +172,14 @@ def test_band_of_similar_folds_contains_90_percent():
 
 
 def validated(squares: FloatArray) -> ValidatedCandidate:
-    """Return a candidate with the given squared error [%^2] in each fold."""
+    """Return a candidate with this squared error [%^2] in each fold."""
     fitted = FittedCandidate(Candidate("dahl", ()), REFERENCE_DAMPERS["dahl"], 1, 1.0, 0.0)
     folds = np.arange(len(squares))
     return ValidatedCandidate(fitted, (), squares, np.full(len(folds), 1.0 / len(folds)), folds, folds, 0.0)
 
 
-def test_term_gain_is_tested_with_paired_t():
-    """The statistic is Student's t of the differences of the errors, computed with SciPy."""
+def test_gain_between_candidates_uses_paired_t():
+    """The statistic is Student's t of the differences of the errors, as computed by SciPy."""
     first, second = np.random.default_rng(0).uniform(1.0, 4.0, (2, 6))
     gain, statistic = validated(first).gain_relative_to(validated(second))
     assert statistic == pytest.approx(ttest_1samp(np.sqrt(second) - np.sqrt(first), 0.0).statistic)

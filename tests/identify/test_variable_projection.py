@@ -1,4 +1,4 @@
-"""The fit of a law: global minimum, admissible coefficients, and given dampers as upper bound of the cost."""
+"""The fit of a law reaches the global minimum, keeps coefficients valid, and improves any given damper."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, duration: float 
 
 @pytest.mark.system
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "bouc-wen-saturating", "series-valve"], 2))
-def test_more_starts_find_same_minimum(law: str) -> None:
+def test_additional_starts_find_same_minimum(law: str) -> None:
     problem = problem_of(law, duration=4.0)
     costs = [fit_variable_projection(problem, starts=count).cost_percent for count in (1, 3)]
     assert max(costs) < 1.001 * min(costs)
 
 
-def test_same_seed_gives_same_parameters() -> None:
+def test_same_seed_gives_same_fitted_parameters() -> None:
     problem = problem_of("bouc-wen")
     first, second = (fit_variable_projection(problem, starts=1) for _ in range(2))
     assert first.damper.parameters == second.damper.parameters
 
 
 def test_cost_is_mean_squared_error_of_runs() -> None:
-    """The cost agrees with plain simulations at the full sampling rate."""
+    """The cost agrees with plain simulations at the full sample rate."""
     problem = replace(problem_of("bouc-wen"), settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9))
     result = fit_variable_projection(problem, starts=1)
     errors = []
@@ -51,7 +51,7 @@ def test_cost_is_mean_squared_error_of_runs() -> None:
 
 @pytest.mark.parametrize("rho", [200.0, 1800.0, 2e4])
 def test_fit_never_exceeds_cost_of_given_damper(rho: float) -> None:
-    """Even with one iteration, the result is at least as good as the best of the given dampers."""
+    """Even after one iteration, the cost is at most the cost of the best given damper."""
     problem = replace(problem_of("bouc-wen"), settings=FitSettings())
     start = REFERENCE_DAMPERS["bouc-wen"].with_parameters({"rho.value": rho})
     objective = Objective(problem, problem.windows())
@@ -63,8 +63,8 @@ def test_fit_never_exceeds_cost_of_given_damper(rho: float) -> None:
         assert result.cost_percent <= limit * (1.0 + 1e-9)
 
 
-def test_fit_keeps_viscosity_in_range_of_law() -> None:
-    """Data with negative viscosity give zero viscosity, because the damper would be active otherwise."""
+def test_fitted_viscosity_is_never_negative() -> None:
+    """Data with negative viscosity give zero viscosity because the damper would be active otherwise."""
     problem = problem_of("bouc-wen")
     active = tuple(
         replace(run, force=np.asarray(run.force) - 1500.0 * run.trajectory.velocity) for run in problem.runs
@@ -74,7 +74,7 @@ def test_fit_keeps_viscosity_in_range_of_law() -> None:
     assert viscosity.min() == pytest.approx(0.0, abs=1.0)
 
 
-def test_interrupt_keeps_best_parameters() -> None:
+def test_interrupted_fit_keeps_best_parameters() -> None:
     states: list[SearchState] = []
 
     def stop_after_three(progress: ProgressUpdate) -> None:

@@ -1,4 +1,4 @@
-"""Windows represent the runs: the cost on the windows is close to the cost on all samples."""
+"""The sample windows of a quick fit represent the runs: the cost is close to the cost on all samples."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def chirp() -> tuple[PreparedRun, ...]:
 
 
 def growing_amplitude() -> tuple[PreparedRun, ...]:
-    """Return one record whose amplitude grows from 1 mm to 20 mm."""
+    """Return one run whose amplitude grows from 1 mm to 20 mm."""
     path = drive(Sine(1e-3, 1.0), duration=GROWTH_DURATION_s, rate_Hz=200.0, command=1.0)
     envelope = 1.0 + 19.0 * path.time / GROWTH_DURATION_s
     displacement = envelope * path.displacement
@@ -50,20 +50,20 @@ def grid() -> tuple[PreparedRun, ...]:
 
 
 def cost(damper: Damper, windows: Sequence[FitWindow]) -> float:
-    """Return the weighted squared error [%^2]."""
+    """Return the weighted squared error [%^2] of a damper on the windows."""
     errors = [(simulate(damper, w.drive) - w.force)[w.start :] for w in windows]
     return float(sum(w.weight * e @ e for w, e in zip(windows, errors, strict=True)))
 
 
 def wrong(damper: Damper) -> Damper:
-    """Return a damper with a model error: 10 % less force, and a larger error at small amplitudes."""
+    """Return a damper with a model error: 10 % less force, and thus a larger error at small amplitudes."""
     return damper.with_parameters(
         {name: 0.9 * value for name, value in damper.parameters.items() if name.startswith("yield_force.")}
     )
 
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude, grid])
-def test_cost_on_windows_approximates_total_cost(campaign) -> None:
+def test_cost_on_sample_windows_approximates_total(campaign) -> None:
     """A quarter of the samples gives the cost of a damper with model error within 10 %."""
     runs, damper = campaign(), wrong(warm_damper() if campaign is grid else DAMPER)
     every = run_windows(runs, DEFAULT_SETTINGS)
@@ -73,7 +73,7 @@ def test_cost_on_windows_approximates_total_cost(campaign) -> None:
     assert np.sqrt(cost(damper, windows)) == pytest.approx(np.sqrt(cost(damper, every)), rel=0.1)
 
 
-def test_windows_ignore_order_of_runs() -> None:
+def test_sample_windows_ignore_order_of_runs() -> None:
     """The same windows with the same weights are selected for any order of the runs."""
 
     def content(runs: Sequence[PreparedRun]) -> list[tuple[str, float, float, float]]:
@@ -86,8 +86,8 @@ def test_windows_ignore_order_of_runs() -> None:
     assert content(runs) == content(runs[::-1])
 
 
-def test_windows_cover_growing_amplitude() -> None:
-    """Every amplitude of the record is within 30 % of the amplitude of a selected window."""
+def test_sample_windows_cover_growing_amplitude() -> None:
+    """Every amplitude of the run is within 30 % of the amplitude of a selected window."""
     (run,) = growing_amplitude()
     windows = representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 3)
     selected = np.array([np.ptp(w.drive.trajectory.displacement[w.start :]) for w in windows])
@@ -96,7 +96,7 @@ def test_windows_cover_growing_amplitude() -> None:
 
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude])
-def test_warm_up_restores_hysteresis_state(campaign) -> None:
+def test_samples_before_window_restore_hysteresis(campaign) -> None:
     """Inside a window, the force differs by less than 1 % from the simulation of the whole run."""
     (run,) = campaign()
     for window in representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 4):

@@ -1,4 +1,4 @@
-"""The Python interface has the same options and results as the command line."""
+"""The Python interface has the same options and the same results as the command line."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_changed_run_counts_as_held_out(fitted, runs):
 
 
 @pytest.mark.nightly
-def test_law_class_or_object_is_fitted(runs, tmp_path):
+def test_python_law_class_or_object_is_fitted(runs, tmp_path):
     path = tmp_path / "own_law.py"
     path.write_text(PYTHON_LAW, encoding="utf-8")
     spec = importlib.util.spec_from_file_location("own_law", path)
@@ -62,19 +62,19 @@ def test_law_class_or_object_is_fitted(runs, tmp_path):
 
 
 @pytest.mark.parametrize("option", [{"temperature": "guess"}, {"posterior": -1}, {"law": "bouc-when"}])
-def test_invalid_option_value_is_rejected(runs, option):
+def test_invalid_fit_option_is_rejected(runs, option):
     with pytest.raises(mrdamper.InputError):
         mrdamper.fit(runs, **option)
 
 
-def test_message_names_all_invalid_runs(runs):
+def test_fit_message_names_all_invalid_runs(runs):
     wrong = [replace(run, force=-run.force) for run in runs[:2]]
     with pytest.raises(mrdamper.InputError) as fault:
         mrdamper.fit([*wrong, *runs[2:]], "dahl")
     assert all(run.name in str(fault.value) for run in wrong)
 
 
-def test_either_all_files_or_none_are_written(tmp_path):
+def test_interrupted_output_writes_no_file(tmp_path):
     out = tmp_path / "new" / "out"
 
     def fail_half_way():
@@ -92,7 +92,7 @@ def test_either_all_files_or_none_are_written(tmp_path):
 
 
 def _beginning(run, samples=1200):
-    """Return the beginning of a run because a law in Python is slow."""
+    """Return the beginning of a run because simulating a law in Python is slow."""
     return replace(
         run,
         **{name: getattr(run, name)[:samples] for name in ("time", "displacement", "force", "command")},

@@ -1,4 +1,4 @@
-"""The catalogue of public data, tested with a local mirror. Nothing is downloaded."""
+"""The catalogue of public data copies and checks files of a local mirror. Nothing is downloaded."""
 
 import hashlib
 import io
@@ -17,7 +17,7 @@ CONTENT = b"time_s,force_N\n0,1\n"
 
 @pytest.fixture
 def small_set(monkeypatch, tmp_path):
-    """Return a data set of two files, and a mirror with these files."""
+    """Create a mirror with two files and a catalogue entry for them, and return the path of the mirror."""
     mirror = tmp_path / "mirror"
     (mirror / "raw").mkdir(parents=True)
     (mirror / "raw" / "a.csv").write_bytes(CONTENT)
@@ -30,7 +30,7 @@ def small_set(monkeypatch, tmp_path):
     return mirror
 
 
-def test_every_set_is_pinned_and_licensed():
+def test_public_datasets_have_commit_and_licence():
     assert {known.name for known in list_sets()} == {"utfsm", "utfpr"}
     for known in list_sets():
         assert re.fullmatch(r"[0-9a-f]{40}", known.commit)
@@ -45,14 +45,14 @@ def test_every_set_is_pinned_and_licensed():
         assert (Path(__file__).parents[2] / "examples" / known.channels).is_file()
 
 
-def test_files_are_copied_from_the_mirror(small_set, tmp_path):
+def test_data_files_are_copied_from_mirror(small_set, tmp_path):
     target = fetch("small", folder=tmp_path / "kept")
     assert (target / "a.csv").read_bytes() == CONTENT
     assert (target / "b.csv").read_bytes() == CONTENT * 2
     assert sorted(file.name for file in target.iterdir()) == ["a.csv", "b.csv"]
 
 
-def test_file_with_other_hash_is_rejected(small_set, tmp_path):
+def test_mirror_file_with_wrong_hash_is_rejected(small_set, tmp_path):
     (small_set / "raw" / "a.csv").write_bytes(b"other")
     with pytest.raises(InputError, match=r"is not a\.csv of small at 00000000: SHA-256 .*expected"):
         fetch("small", folder=tmp_path / "kept")
@@ -79,13 +79,13 @@ def test_download_with_wrong_hash_is_rejected(small_set, tmp_path, monkeypatch):
     assert {each.stem: each.read_bytes() for each in target.iterdir()} == sent
 
 
-def test_public_files_have_the_pinned_hashes(real_data, tmp_path):
+def test_mirrored_public_files_have_expected_hashes(real_data, tmp_path):
     for name, expected in (("utfsm", {"ME5mm3Hz.txt"}), ("utfpr", {"ensaio.A.1.mat", "ensaio.A.3.mat"})):
         target = fetch(name, folder=tmp_path / name)
         assert expected <= {file.name for file in target.iterdir()}
 
 
-def test_installed_maps_equal_examples():
+def test_installed_channel_maps_equal_examples():
     examples = Path(__file__).parents[2] / "examples"
     names = {each.channels for each in list_sets()}
     assert {path.name for path in MAPS.iterdir() if path.suffix == ".toml"} == names

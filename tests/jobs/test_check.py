@@ -1,4 +1,4 @@
-"""``mrdamper check`` in scripts, and its findings in the report of a fit."""
+"""The command ``check`` reports faults of runs in files, JSON and exit codes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FINDING = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return a folder of correct runs, a run with clipping and an offset, and a damaged file."""
+    """Return a folder with correct runs, a clipped run, a run with a force offset, and a damaged file."""
     place = tmp_path_factory.mktemp("rig")
     runs = short_runs()
     write_runs(place / "runs", runs)
@@ -42,7 +42,7 @@ def spoilt(folder):
     return mrdamper("check", folder / "spoilt", "--out", folder / "out", "--json")
 
 
-def test_correct_runs_give_exit_code_0(folder):
+def test_check_of_correct_runs_gives_exit_code_0(folder):
     answer = answer_of(mrdamper("check", folder / "runs", "--json"))
     assert answer["usable"] is True
     assert answer["counts"]["fault"] == 0
@@ -55,7 +55,7 @@ def test_correct_runs_give_exit_code_0(folder):
 
 
 def test_file_named_by_two_paths_is_one_run(folder):
-    """A relative path, a path through another folder and a link refer to the same file."""
+    """A relative path, a path through another folder and a link that name the same file give one run."""
     file = folder / "spoilt" / "shifted.csv"
     link = folder / "link.csv"
     link.symlink_to(file)
@@ -78,8 +78,8 @@ def test_file_named_by_two_paths_is_one_run(folder):
     ],
     ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
 )
-def test_faulty_time_is_the_only_finding(tmp_path, spoil):
-    """Comparisons between runs, and with the frequencies in their names, require correct times."""
+def test_time_fault_is_only_finding(tmp_path, spoil):
+    """Comparisons between runs and with the frequencies in their names are omitted without correct times."""
     columns = columns_of(short_runs()[0])
     columns["time_s"] = spoil(columns["time_s"])
     for name in ("sine 1 Hz.csv", "sine 2 Hz.csv"):
@@ -90,7 +90,7 @@ def test_faulty_time_is_the_only_finding(tmp_path, spoil):
     assert checked.groups == ()
 
 
-def test_fault_gives_exit_code_5_and_json(spoilt):
+def test_faulty_run_gives_exit_code_5(spoilt):
     assert spoilt.returncode == 5
     assert spoilt.stderr == ""
     answer = json.loads(spoilt.stdout)
@@ -107,7 +107,7 @@ def test_fault_gives_exit_code_5_and_json(spoilt):
     assert "clipped" in row["findings"]
 
 
-def test_files_agree_with_json(spoilt, folder):
+def test_check_files_agree_with_json(spoilt, folder):
     answer = json.loads(spoilt.stdout)
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "check.html", "check.json", "findings.csv",
@@ -121,7 +121,7 @@ def test_files_agree_with_json(spoilt, folder):
     assert "clipped" in page
 
 
-def test_unreadable_file_is_reported_with_others(folder):
+def test_check_reports_unreadable_file_and_other_runs(folder):
     run = mrdamper("check", folder / "mixed", "--json")
     assert run.returncode == 3
     answer = json.loads(run.stdout)
@@ -131,7 +131,7 @@ def test_unreadable_file_is_reported_with_others(folder):
     assert "broken.csv: no rows of numbers" in run.stderr
 
 
-def test_channel_map_is_used(folder, tmp_path):
+def test_check_uses_channel_map(folder, tmp_path):
     text = (folder / "spoilt" / "shifted.csv").read_text().replace("force_N", "CH1", 1)
     (tmp_path / "raw.csv").write_text(text)
     assert mrdamper("check", tmp_path / "raw.csv").returncode == 3

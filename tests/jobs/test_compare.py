@@ -1,4 +1,4 @@
-"""The command ``compare``: page, JSON, and rejected cards."""
+"""The command ``compare`` writes a page and JSON, and rejects unsuitable cards."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.system
 NASTY = "<script>alert('x')</script>"
 
 
-def test_page_contains_no_foreign_markup():
+def test_comparison_page_escapes_card_names():
     cards = a_card(warm_damper(), WARM), a_card(warm_damper(assumed=True), WARM)
     assert REPORT.page is not None
     page = REPORT.page.render(compare_cards(*cards, names=(NASTY, "b")))
@@ -31,7 +31,7 @@ def test_page_contains_no_foreign_markup():
     assert "the temperature factor of yield_force is assumed" in page.lower()
 
 
-def test_command_prints_and_writes_the_same_answer(tmp_path):
+def test_compare_prints_and_writes_same_answer(tmp_path):
     write_card(a_card(a_damper()), tmp_path / "new.json")
     write_card(a_card(a_damper(0.9)), tmp_path / "worn.json")
     cards = (tmp_path / "new.json", tmp_path / "worn.json")
@@ -47,7 +47,7 @@ def test_command_prints_and_writes_the_same_answer(tmp_path):
     assert answer["energy"][0]["second_gas_N"] == pytest.approx(35.0, abs=1e-6)
 
 
-def test_command_refuses_other_units_and_writes_nothing(tmp_path):
+def test_compare_rejects_cards_with_different_units(tmp_path):
     write_card(a_card(a_damper()), tmp_path / "amperes.json")
     write_card(a_card(replace(a_damper(), command_unit="V")), tmp_path / "volts.json")
     run = mrdamper("compare", tmp_path / "amperes.json", tmp_path / "volts.json", "--out", tmp_path / "out")
@@ -56,7 +56,7 @@ def test_command_refuses_other_units_and_writes_nothing(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_cards_called_card_are_named_by_folder(tmp_path):
+def test_equally_named_cards_are_named_by_folder(tmp_path):
     for folder in ("before", "after"):
         (tmp_path / folder).mkdir()
         write_card(a_card(a_damper()), tmp_path / folder / "card.json")

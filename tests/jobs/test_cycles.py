@@ -1,4 +1,4 @@
-"""``mrdamper cycles``: table, page and summary of a record."""
+"""The command ``cycles`` writes the table, the page and the summary of a record."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def answer_of(record: Path, out: Path | None = None) -> Json:
 
 
 @pytest.mark.system
-def test_command_writes_table_page_and_summary(tmp_path: Path) -> None:
+def test_cycles_writes_table_page_and_summary(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
     done = CliRunner().invoke(cli, ["cycles", str(record), "--out", str(tmp_path / "out"), "--json"])
     assert done.exit_code == 0, done.output
@@ -44,8 +44,8 @@ def test_command_writes_table_page_and_summary(tmp_path: Path) -> None:
     assert "<svg" in page
 
 
-def test_groups_have_the_mean_of_all_cycles(tmp_path: Path) -> None:
-    """Mean, min and max stay the same if a record has more cycles than a curve has points."""
+def test_grouped_cycles_keep_mean_of_all_cycles(tmp_path: Path) -> None:
+    """Mean, minimum and maximum stay the same if a record has more cycles than the curve has points."""
     answer = answer_of(write(tmp_path / "record.parquet", samples=500_001))
     assert (answer["cycles"], answer["group_cycles"]) == (2_499, 2)
     energy = answer["figures"]["energy_J"]

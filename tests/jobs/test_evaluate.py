@@ -1,4 +1,4 @@
-"""The job ``evaluate``: errors that a card states, and errors of a card on runs."""
+"""The job ``evaluate`` returns the errors that a card states and the errors of a card on runs."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def card(tmp_path_factory) -> ModelCard:
 
 
 def run_of(card, amplitude=0.008, gain=1.0):
-    """Return a run with the force of the card times a gain."""
+    """Return a run with the force of the card, multiplied by a gain."""
     run = make_run(Sine(amplitude, 0.5), duration=6.0)
     run = replace(run, temperature=np.full(len(run), 40.0 + ZERO_CELSIUS_K))
     return replace(run, force=gain * simulate(card.damper, prepare_run(run).trajectory))
 
 
-def test_card_has_expected_error(card):
+def test_evaluation_gives_known_error(card):
     run = run_of(card, gain=1.1)
     found, bare = evaluate(card, read_dataset([run])), evaluate(card.damper, read_dataset([run]))
     assert set(found.promised) == {"training", "held_out"}
@@ -44,13 +44,13 @@ def test_card_has_expected_error(card):
         assert each.notes == ()
 
 
-def test_runs_beyond_envelope_are_noted(card):
+def test_runs_outside_envelope_are_noted(card):
     far = evaluate(card, read_dataset([run_of(card, amplitude=0.02)]))
     (note,) = far.notes
     assert "displacement" in note
 
 
-def test_flip_force_flips_objects_and_files(card, tmp_path):
+def test_flip_force_applies_to_objects_and_files(card, tmp_path):
     write_csv(tmp_path / "file.csv")
     given = run_of(card)
     plain = read_dataset([given, tmp_path / "file.csv"])

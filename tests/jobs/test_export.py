@@ -1,4 +1,4 @@
-"""``mrdamper export``: files, answer, exit codes and messages."""
+"""The command ``export`` writes C code, a table and an FMU, or prints one message."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(folder, tool):
-    """Export all outputs once."""
+    """Export all outputs once; all tests of the outputs use this export."""
     tool("cc")
     places = ("--c", folder / "c", "--table", folder / "map.csv", "--fmu", folder / "damper.fmu")
     return mrdamper("export", folder / "card.json", *places, "--json")
 
 
-def test_answer_names_files_and_verification(made, folder):
+def test_export_answer_names_files_and_verification(made, folder):
     answer = answer_of(made)
     assert made.stderr == ""
     assert answer["controller"] == "recommended"
@@ -68,7 +68,7 @@ def test_answer_names_files_and_verification(made, folder):
     }  # fmt: skip
 
 
-def test_outputs_share_one_verification(made, folder):
+def test_all_exported_outputs_share_one_verification(made, folder):
     record = json.loads((folder / "c" / "verification.json").read_text(encoding="utf-8"))
     assert {path.name for path in (folder / "c").iterdir()} == FILES
     assert list(folder.rglob(".*")) == []
@@ -84,7 +84,7 @@ def test_outputs_share_one_verification(made, folder):
 
 
 @pytest.mark.nightly
-def test_another_process_writes_the_same_bytes(made, folder):
+def test_export_in_another_process_gives_same_bytes(made, folder):
     assert made.returncode == 0
     done = subprocess.run(
         command("export", folder / "card.json", "--c", folder / "again", "--table", folder / "again.csv"),
@@ -100,7 +100,7 @@ def test_another_process_writes_the_same_bytes(made, folder):
 
 
 @pytest.mark.nightly
-def test_geometry_file_gives_the_heat_capacity(folder, tmp_path, tool):
+def test_export_uses_heat_capacity_of_geometry_file(folder, tmp_path, tool):
     tool("cc")
     (tmp_path / "mine.txt").write_text("mine", encoding="ascii")
     drawing = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
@@ -114,8 +114,8 @@ def test_geometry_file_gives_the_heat_capacity(folder, tmp_path, tool):
 
 
 @pytest.mark.parametrize("law", one_by_day(["double-bouc-wen", "chain"]))
-def test_card_of_one_current_exports_its_model(law, tmp_path, tool):
-    """If current does not change the force, a model is exported but no controller."""
+def test_card_of_one_current_exports_only_model(law, tmp_path, tool):
+    """If the current does not change the force, a model can be exported, but no controller."""
     tool("cc")
     damper = passive({**DAMPERS, "chain": CHAIN}[law])
     write_card_of(tmp_path / "card.json", damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
@@ -125,10 +125,10 @@ def test_card_of_one_current_exports_its_model(law, tmp_path, tool):
     assert (done.returncode, done.stderr.count("does not depend on the command")) == (3, 1)
 
 
-# -------------------------------------------------------------------------------- failures without output
+# -------------------------------------------------------------------------------- errors without output files
 
 
-def test_missing_compiler_writes_nothing(folder, tmp_path, monkeypatch):
+def test_export_without_compiler_writes_nothing(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "")
     done = mrdamper("export", folder / "card.json", "--c", tmp_path / "c")
@@ -137,8 +137,8 @@ def test_missing_compiler_writes_nothing(folder, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch):
-    """The verification runs the compiled program. In this test the compiler changes a table."""
+def test_export_fails_if_compiler_changes_table(folder, tool, tmp_path, monkeypatch):
+    """The verification runs the compiled program, and in this test the compiler changes a table."""
     wrapper = tmp_path / "cc"
     wrapper.write_text(
         "#!/bin/sh\n[ -f damper_tables.c ] && sed -i 's/largest = 2.0f/largest = 2.0001f/' damper_tables.c\n"
@@ -163,7 +163,7 @@ def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch
         ("card.json", (), 2, "No output is given. Use --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
     ],
 )
-def test_bad_input_gives_one_message(folder, tmp_path, card, arguments, code, message):
+def test_invalid_export_input_gives_one_message(folder, tmp_path, card, arguments, code, message):
     done = mrdamper("export", folder / card, *arguments, cwd=tmp_path)
     assert done.returncode == code, done.stderr
     assert message in done.stderr

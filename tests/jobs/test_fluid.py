@@ -1,4 +1,4 @@
-"""``mrdamper fluid`` fits laws to rheometer tables, and writes a fluid file and a figure."""
+"""The command ``fluid`` fits laws to rheometer tables and writes a fluid file and a page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STRESS = Carlson(47.9e3).stress(FIELD) * Linear(1.67e-3).value(AT + 273.15)
 
 
 def fluid(tables, *, like="paper", out=None) -> Any:
-    """Run the job in this process and return its answer."""
+    """Run the job ``fluid`` in this process and return its answer."""
     given = {"tables": tables, "like": like}
     return JOBS["fluid"].perform(given, out=out)[1]
 
@@ -46,7 +46,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fitted(folder):
-    """Run the command once."""
+    """Run the command ``fluid`` once for all tests of its result."""
     tables = (folder / "viscosity.csv", folder / "yield.csv")
     return mrdamper("fluid", *tables, "--out", folder / "out", "--json")
 
@@ -55,7 +55,7 @@ def near(number, truth):
     return abs(number["value"] - truth) < 3.0 * number["standard_error"]
 
 
-def test_true_laws_are_recovered(fitted):
+def test_true_fluid_laws_are_recovered(fitted):
     answer = answer_of(fitted)
     laws = {law["law"]: law["numbers"] for law in answer["viscosity"]["laws"]}
     assert laws.keys() == {"arrhenius", "reynolds", "vft"}
@@ -84,21 +84,21 @@ def test_fluid_file_contains_fitted_laws(fitted, folder):
     assert any("those of 'viscosity': viscosity, density" in note for note in again["notes"])
 
 
-def test_flux_density_and_field_give_the_same_law(fitted, folder):
+def test_flux_density_and_field_give_same_law(fitted, folder):
     by_flux = answer_of(fitted)["yield_stress"]["numbers"]["saturation_Pa"]
     by_field = fluid([folder / "strength.csv"])["yield_stress"]["numbers"]["saturation_Pa"]
     assert by_field["value"] == pytest.approx(by_flux["value"], rel=1e-6)
 
 
-def test_iron_fraction_is_taken_from_like_fluid(folder):
+def test_iron_fraction_is_copied_from_like_fluid(folder):
     (folder / "iron.toml").write_text('like = "paper"\n[properties]\nparticle_fraction = 0.22\n')
     given = fluid([folder / "yield.csv"], like=folder / "iron.toml")
     assert given["particle_fraction"] == 0.22
     assert any("with 22 % of iron by volume" in note for note in given["notes"])
 
 
-def test_valid_range_ends_with_the_law(tmp_path):
-    """A VFT law with a pole at -35 degC has no value at -40 degC."""
+def test_valid_range_excludes_pole_of_viscosity_law(tmp_path):
+    """A VFT law with a pole at -35 degC has no value at -40 degC, where the usual range begins."""
     celsius = np.linspace(-20.0, 100.0, 25)
     viscosity = 0.1 * Vft(400.0, 238.0).value(celsius + 273.15)
     write(tmp_path / "cold.csv", "temperature_degC,viscosity_Pas", celsius, viscosity)
@@ -108,7 +108,7 @@ def test_valid_range_ends_with_the_law(tmp_path):
     assert any("in the range of the tables only: -20 to 100 degC" in note for note in answer["notes"])
 
 
-def test_example_in_docs_is_correct(tmp_path):
+def test_fluid_example_in_docs_is_correct(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "fluid.md").read_text(encoding="utf-8")
     blocks = dict(re.findall(r"`(\w+\.(?:csv|toml))`:\n\n((?:    .*\n|\n)+)", page))
     table = "".join(f"{line.strip()}\n" for line in blocks["oil.csv"].splitlines() if line.strip())

@@ -1,4 +1,4 @@
-"""``mrdamper heat`` computes temperatures from a card and a geometry file, or prints one message."""
+"""The command ``heat`` computes temperatures from a card and a geometry file, or prints one message."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.system
 def heating(
     card: Path, damper: Path, *, options: HeatOptions | None = None, out: Path | None = None, **given: Any
 ) -> Any:
-    """Run the job with the fastest thermal model as default; return its answer as JSON."""
+    """Run the job ``heat``, by default with the fastest thermal model, and return its answer as JSON."""
     named = {"card": card, "drawing": damper, **given}
     return JOBS["heat"].perform(named, options or HeatOptions(model="network"), out=out)[1]
 
@@ -44,7 +44,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shown(folder):
-    """Run the command once, for all tests of the result."""
+    """Run the command ``heat`` once for all tests of its result."""
     return mrdamper(
         "heat", folder / "card.json", "--damper", PAPER_DRAWING, "--out", folder / "out", "--json"
     )
@@ -62,12 +62,12 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
     return folder / name
 
 
-# ------------------------------------------------------------------------------------- values of the paper
+# ------------------------------------------------------------------------------------- values in the paper
 
 
 @pytest.mark.nightly
 def test_fitted_card_heats_as_in_paper():
-    """Power and loss of force follow from the card. Force losses agree within 0.3 percentage points."""
+    """Temperatures agree with the paper within 0.5 K, losses of force within 0.3 percentage points."""
     card, drawing = paper_card(), read_drawing(PAPER_DRAWING)
     run = heat(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), HeatOptions(past_limit=True))
     assert run.bare is not None
@@ -91,8 +91,8 @@ def test_heating_without_sink_is_simulated(answer):
     assert "fin convection" not in bare["paths_W"]
 
 
-def test_limits_refer_to_hottest_points(answer):
-    """The hottest point of each part (fluid, coil, seals) is at least as hot as the mean of the part."""
+def test_temperature_limits_refer_to_hottest_points(answer):
+    """The hottest point of a part (fluid, coil, seals) is at least as hot as the mean of the part."""
     rows = {row["part"]: row for row in answer["without_sink"]["limits"]}
     assert [rows[name]["limit_degC"] for name in ("fluid", "coil", "seals")] == [130.0, 155.0, 150.0]
     for name, mean in (("fluid", "fluid"), ("coil", "coil")):
@@ -100,7 +100,7 @@ def test_limits_refer_to_hottest_points(answer):
         assert (hot >= np.array(answer["without_sink"]["curve"][f"{mean}_degC"]) - 1e-9).all()
 
 
-def test_page_has_figures_and_no_external_file(answer, folder):
+def test_heating_page_has_figures_without_external_files(answer, folder):
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
     assert "fingerprint of its training runs" in page  # The end of the page states the source of the card.
     assert "mrdamper 0." in page
@@ -116,8 +116,8 @@ def test_page_has_figures_and_no_external_file(answer, folder):
     assert "not reached" in page
 
 
-def test_fins_are_drawn_to_scale(folder):
-    """The distance of the fins in the figure is that of the geometry file."""
+def test_fins_in_figure_are_to_scale(folder):
+    """The distance between fins in the figure equals the distance in the geometry file."""
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
     picture = re.search(r'<svg[^>]*aria-label="The damper to scale".*?</svg>', page, flags=re.DOTALL)
     assert picture is not None
@@ -140,7 +140,7 @@ def test_fins_are_drawn_to_scale(folder):
     assert tall / length == pytest.approx(92.0 / 200.0, abs=2e-3)
 
 
-def test_sink_option_replaces_sink(folder):
+def test_sink_option_replaces_sink_of_geometry(folder):
     sink = folder / "sink.toml"
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
     found = heating(folder / "card.json", PAPER_DRAWING, sink=sink)
@@ -148,8 +148,8 @@ def test_sink_option_replaces_sink(folder):
     assert found["correlations"]["fins"] == "annular fins, Tsubouchi and Masuda"
 
 
-def test_curve_ends_at_limit_of_fluid(folder):
-    """A damper without heat sink is simulated only once."""
+def test_heating_curve_ends_at_fluid_limit(folder):
+    """The damper has no heat sink, so it is simulated only once."""
     bare = changed(folder, "fins = 5", "fins = 0")
     ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=HeatOptions())
     past = HeatOptions(past_limit=True)
@@ -159,7 +159,7 @@ def test_curve_ends_at_limit_of_fluid(folder):
     assert ended["time_to_limit_s"] == pytest.approx(gone_on["time_to_limit_s"], abs=1.0)
     assert (
         ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]
-    )  # The hottest point reaches the limit before the mean temperature does.
+    )  # The hottest point reaches the limit earlier than the mean temperature.
     early, late = ended["time_to_limit_interval_s"]
     assert early < ended["time_to_limit_s"] < (late or np.inf)
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
@@ -169,7 +169,7 @@ def test_curve_ends_at_limit_of_fluid(folder):
     assert f"reached after {ended['time_to_limit_s'] / 60:.1f} min" in page.stdout
 
 
-def test_assumed_temperature_laws_are_marked(folder):
+def test_assumed_temperature_dependence_is_marked(folder):
     card = write_heated_card(folder, "assumed.json", assumed=True)
     found: Any = heating(card, PAPER_DRAWING, out=folder / "assumed")
     assert found["assumed"] == ["viscosity", "yield_force"]
@@ -177,7 +177,7 @@ def test_assumed_temperature_laws_are_marked(folder):
     assert "The temperature dependence is assumed" in page
 
 
-def test_temperatures_beyond_card_are_noted(folder):
+def test_temperatures_outside_card_range_are_noted(folder):
     card = read_card(folder / "card.json")
     drawing, duty = read_drawing(PAPER_DRAWING).with_sink(None), read_duty("sine:15mm:1Hz:2A:600s")
     run = heat(card, drawing, duty, HeatOptions(start_degC=-10.0))
@@ -188,7 +188,7 @@ def test_temperatures_beyond_card_are_noted(folder):
     assert heat(card, drawing, duty).notes == ()
 
 
-def test_damper_at_rest_has_no_loss(folder):
+def test_damper_at_rest_has_no_force_loss(folder):
     (folder / "rest.csv").write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,0,0,2\n600,0,0,2\n", encoding="utf-8"
     )
@@ -202,7 +202,7 @@ def test_damper_at_rest_has_no_loss(folder):
 
 
 @pytest.mark.nightly
-def test_same_run_gives_same_bytes(folder):
+def test_repeated_heating_gives_identical_page(folder):
     for name in ("one", "two"):
         heating(folder / "card.json", PAPER_DRAWING, out=folder / name)
     one, two = ((folder / name / "heat.html").read_bytes() for name in ("one", "two"))
@@ -212,7 +212,7 @@ def test_same_run_gives_same_bytes(folder):
 # ------------------------------------------------------------------------------------- uncertainty
 
 
-def test_interval_contains_curve_and_time_to_limit(folder):
+def test_heating_interval_contains_curve_and_time(folder):
     bare = changed(folder, "fins = 5", "fins = 0", "open.toml")
     found: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3600s")
     soonest, latest = found["time_to_limit_interval_s"]
@@ -229,9 +229,9 @@ def test_interval_contains_curve_and_time_to_limit(folder):
 
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
-    """Write 8 min of the heating curve of a damper that differs from its geometry file.
+    """Write the first 8 min of the heating curve of a damper that deviates from its geometry file.
 
-    Return the file and the temperature at the end of the load cycle.
+    Return the file and the temperature of the damper at the end of the load cycle.
     """
     drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
@@ -259,7 +259,7 @@ def calibrated(folder, astray) -> Any:
 
 @pytest.mark.nightly
 def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
-    """Calibration with 8 min reduces the interval to a fifth. The interval contains the true temperature."""
+    """Calibration with 8 min of data narrows the interval to a fifth; it contains the true temperature."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):
         low, high = found["interval"]["low_degC"][-1], found["interval"]["high_degC"][-1]
@@ -282,8 +282,8 @@ def test_calibration_reports_errors_and_correlation(calibrated):
 
 
 @pytest.mark.nightly
-def test_calibrated_geometry_file_reproduces_curve(calibrated, folder):
-    """The calibrated file is a geometry file. It does not contain the fitted initial temperature."""
+def test_calibrated_geometry_reproduces_heating_curve(calibrated, folder):
+    """The calibrated file is a geometry file, without the fitted initial temperature."""
     assert calibrated["drawing"] == str(folder / "fitted" / "calibrated.toml")
     start = HeatOptions(start_degC=calibrated["calibration"]["start_degC"])
     again: Any = heating(folder / "card.json", folder / "fitted" / "calibrated.toml", options=start)
@@ -291,7 +291,7 @@ def test_calibrated_geometry_file_reproduces_curve(calibrated, folder):
     assert again["calibration"] is None
 
 
-def test_invalid_curve_is_rejected_with_message(folder):
+def test_implausible_heating_curve_is_rejected(folder):
     path = folder / "contact.csv"
     rows = "".join(f"{20 * k},{20 + 30 * (k % 2)}\n" for k in range(25))
     path.write_text(f"time_s,fluid_degC\n{rows}", encoding="utf-8")
@@ -316,13 +316,13 @@ def test_invalid_curve_is_rejected_with_message(folder):
         ("sine:150mm:4Hz:2A:1800s", "is at"),
     ],
 )
-def test_invalid_duty_is_rejected(folder, duty, message):
+def test_invalid_load_cycle_is_rejected(folder, duty, message):
     with pytest.raises(InputError, match=re.escape(message)):
         heating(folder / "card.json", PAPER_DRAWING, duty=duty, options=HeatOptions(past_limit=True))
 
 
-def test_polynomial_heat_capacity_slows_the_heating(folder):
-    """A damper with 50 % more heat capacity has a lower temperature after 10 min."""
+def test_larger_heat_capacity_slows_heating(folder):
+    """With 50 % more heat capacity, the damper is cooler after 10 min."""
     card, duty = folder / "card.json", "sine:15mm:1Hz:2A:600s"
     quick = HeatOptions(with_sink=False)
     table = "[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [1450, 2.5]\n\n[body]"

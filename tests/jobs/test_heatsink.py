@@ -1,4 +1,4 @@
-"""``mrdamper heatsink`` computes a Pareto front of heat sinks, or prints one message."""
+"""The command ``heatsink`` computes a Pareto front of heat sinks, or prints one message."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TWO_MM = ("[body]", "[manufacture]\nleast_thickness_mm = 2\n\n[body]")
 
 
 def search(card, drawing, *, options=SMALL, duty=None, out=None) -> Any:
-    """Run the job in this process and return its answer."""
+    """Run the job ``heatsink`` in this process and return its answer."""
     given = {"card": card, "drawing": drawing, "duty": duty}
     return JOBS["heatsink"].perform(given, options, out=out)[1]
 
@@ -39,12 +39,12 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(folder) -> Any:
-    """Run the job once, with 30 mm of length for the fins and four designs by finite elements."""
+    """Run the job once with 30 mm for the fins. Four designs are computed by finite elements."""
     options = HeatsinkOptions(span_mm=30.0, members=4)
     return search(folder / "card.json", PAPER_DRAWING, options=options, out=folder / "out")
 
 
-def test_front_is_ordered_by_mass(answer):
+def test_heat_sink_front_is_ordered_by_mass(answer):
     front = answer["front"]
     masses, degrees = ([each[key] for each in front] for key in ("mass_kg", "temperature_degC"))
     assert masses == sorted(masses)
@@ -53,8 +53,8 @@ def test_front_is_ordered_by_mass(answer):
 
 
 @pytest.mark.nightly
-def test_heat_sink_search_reduces_temperature_and_mass():
-    """The temperature reduction is from the network; tests/thermal/test_design.py uses finite elements."""
+def test_best_heat_sink_is_cooler_and_lighter():
+    """The thermal network gives the temperatures here; ``thermal/test_design.py`` uses finite elements."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
     run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(75.5, abs=0.5)
@@ -64,14 +64,14 @@ def test_heat_sink_search_reduces_temperature_and_mass():
     assert run.lightest.fluid <= run.reference.fluid
 
 
-def test_answer_contains_fin_sweeps_of_paper(answer):
+def test_heat_sink_answer_contains_paper_sweeps(answer):
     study = answer["study"]
     assert [round(1e3 * row["width_m"]) for row in study["width"]] == [18, 23, 28, 33]
     assert [row["fins"] for row in study["fins"]] == [3, 4, 5]
     assert study["follows_paper"] == {"width": True, "fins": True}
 
 
-def test_page_has_front_dampers_and_sweeps(answer, folder):
+def test_heat_sink_page_shows_front_and_sweeps(answer, folder):
     page = (folder / "out" / "heatsink.html").read_text(encoding="utf-8")
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
@@ -86,7 +86,7 @@ def test_page_has_front_dampers_and_sweeps(answer, folder):
     assert names == ["best.toml", "front.csv", "heatsink.html", "heatsink.json"]
 
 
-def test_best_file_heats_to_the_same_temperature(answer, folder):
+def test_best_sink_file_gives_same_temperature(answer, folder):
     found: Any = JOBS["heat"].perform(
         {"card": folder / "card.json", "drawing": PAPER_DRAWING, "sink": folder / "out" / "best.toml"},
         HeatOptions(),
@@ -94,7 +94,7 @@ def test_best_file_heats_to_the_same_temperature(answer, folder):
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(answer["best"]["temperature_degC"], abs=1e-3)
 
 
-def test_terminal_lists_reference_and_coolest(folder):
+def test_terminal_lists_reference_and_coolest_sink(folder):
     thick = changed(folder, *TWO_MM, name="thick.toml")
     run = mrdamper("heatsink", folder / "card.json", "--damper", thick, "--span-mm", 30, "--network-only")
     assert run.returncode == 0, run.stderr
@@ -104,7 +104,7 @@ def test_terminal_lists_reference_and_coolest(folder):
 
 
 @pytest.mark.nightly
-def test_damper_without_sink_is_the_reference(folder):
+def test_damper_without_heat_sink_is_reference(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
     options = HeatsinkOptions(span_mm=20.0, width_mm=10.0, by_field=False)
     found: Any = search(folder / "card.json", bare, options=options, out=folder / "bare")
@@ -125,6 +125,6 @@ def test_short_damper_has_no_paper_sweeps(folder):
 
 
 @pytest.mark.nightly
-def test_duty_too_hot_for_any_sink_is_reported(folder):
+def test_load_cycle_too_hot_for_sinks_is_noted(folder):
     found: Any = search(folder / "card.json", PAPER_DRAWING, duty="sine:15mm:2Hz:2A:4500s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])

@@ -1,7 +1,8 @@
-"""Intervals from posterior samples, compared with the same job on the extreme dampers.
+"""Intervals from posterior samples equal the results of the extreme dampers among these samples.
 
-One parameter, the viscosity, has 21 evenly spaced values. All tested results are monotonic in the viscosity.
-Therefore the 5th and the 95th percentile are the results of the second smallest and second largest value.
+The posterior has 21 evenly spaced values of one parameter, the viscosity. All tested results are monotonic in
+the viscosity. Therefore the 5th and the 95th percentile are the results of the second smallest and second
+largest value.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def a_run(damper: Damper) -> RigRun:
     )
 
 
-def test_simulated_interval_equals_extreme_dampers(folder: Path):
+def test_simulated_force_interval_equals_extreme_dampers(folder: Path):
     found, low, high = (
         mrdamper.simulate(folder / f"{name}.json", MOTION, posterior=samples)
         for name, samples in (("card", 21), ("low", 0), ("high", 0))
@@ -69,8 +70,8 @@ def test_simulated_interval_equals_extreme_dampers(folder: Path):
 
 
 @pytest.mark.parametrize("where", [0.82, 1.0, 1.17])
-def test_interval_contains_force_of_sampled_damper(folder: Path, where: float):
-    """The run is from a damper within the range of the posterior samples. The card was not fitted to it."""
+def test_force_interval_contains_force_of_sampled_damper(folder: Path, where: float):
+    """The run is from a damper within the range of the samples, but the card was not fitted to it."""
     runs = Dataset((a_run(with_viscosity(where * TRUTH.parameters[NAME])),))
     result = mrdamper.evaluate(folder / "card.json", runs, posterior=21)
     (force,) = result.forces
@@ -78,11 +79,12 @@ def test_interval_contains_force_of_sampled_damper(folder: Path, where: float):
     assert inside.mean() > 0.95
     assert force.rmse_N[0] <= force.rmse_N[1]
     (viscosity,) = (each for each in result.coefficients if each.name == "viscosity")
-    assert np.ptp(viscosity.high - viscosity.low) == pytest.approx(0.0, abs=1e-6)  # Only c0 is sampled.
+    # Only the coefficient c0 is sampled.
+    assert np.ptp(viscosity.high - viscosity.low) == pytest.approx(0.0, abs=1e-6)
     assert (viscosity.high - viscosity.low)[0] == pytest.approx(LEVELS[-2] - LEVELS[1])
 
 
-def test_tracking_interval_equals_extreme_dampers(folder: Path):
+def test_tracking_error_interval_equals_extreme_dampers(folder: Path):
     result = mrdamper.track(
         folder / "card.json",
         targets=["sine-900N-1Hz"],
@@ -114,7 +116,7 @@ def test_tracking_interval_equals_extreme_dampers(folder: Path):
     assert np.allclose([error.low_N[scored], error.high_N[scored]], ends, atol=1.0)
 
 
-def test_parameter_samples_of_another_card_are_rejected(folder: Path, tmp_path: Path):
+def test_posterior_of_another_card_is_rejected(folder: Path, tmp_path: Path):
     def refused(card: Any, *words: str) -> None:
         with pytest.raises(InputError) as fault:
             mrdamper.simulate(card, MOTION, posterior=5)
@@ -127,7 +129,7 @@ def test_parameter_samples_of_another_card_are_rejected(folder: Path, tmp_path: 
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 
-def test_interval_requires_option_for_posterior_samples(tmp_path: Path):
+def test_interval_requires_posterior_option(tmp_path: Path):
     path = write_card_of(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate(path, MOTION).interval is None

@@ -1,4 +1,4 @@
-"""Previews that web pages show before a job starts: file formats, plotted runs, quick heating curves."""
+"""Previews that web pages show before a job starts: columns of files, plotted runs, quick heating curves."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ def file(tmp_path):
 
 @pytest.fixture
 def bare(tmp_path):
-    """Return a file whose column names have no meaning."""
+    """Return a data file whose column names have no meaning."""
     write_csv(tmp_path / "bare.csv")
     text = (tmp_path / "bare.csv").read_text().split("\n", 1)[1]
     (tmp_path / "bare.csv").write_text(f"a,b,c,d\n{text}")
     return tmp_path / "bare.csv"
 
 
-# ------------------------------------------------------------------------------------------- previews
+# ------------------------------------------------------------------------------------------ previews of files
 
 
-def test_preview_shows_columns_run_and_findings(file):
+def test_preview_shows_columns_and_findings(file):
     answer = look(file)
     assert (answer["error"], answer["rows"], answer["checked"], answer["map"]) == (None, len(RUN), True, None)
     assert [column["role"] for column in answer["columns"]] == ["time", "displacement", "force", "current"]
@@ -64,7 +64,7 @@ def test_preview_shows_columns_run_and_findings(file):
     assert answer["findings"] == findings_in(file)["findings"][0]
 
 
-def test_card_list_entry_describes_card_or_error(tmp_path):
+def test_card_list_shows_card_or_error(tmp_path):
     card = read_card(write_card_of(tmp_path / "card.json"))
     line = card_line(tmp_path / "card.json")
     assert (line["title"], line["law"], line["error"]) == (card.title, card.damper.law.name, None)
@@ -79,7 +79,7 @@ def test_card_list_entry_describes_card_or_error(tmp_path):
 # -------------------------------------------------------------------------------------- stored runs
 
 
-def test_stored_run_has_single_precision(file, tmp_path):
+def test_stored_run_is_rounded_to_single_precision(file, tmp_path):
     answer = keep_runs(file, tmp_path / "kept")
     assert [row["name"] for row in answer["runs"]] == ["run"]
     header, columns = read_series(tmp_path / "kept/0.series")
@@ -95,10 +95,10 @@ def test_stored_run_has_single_precision(file, tmp_path):
         assert np.allclose(columns[name], values.astype(np.float32), rtol=1e-6, atol=1e-5), name
 
 
-def test_window_keeps_extremes_of_each_interval(tmp_path):
+def test_reduced_samples_keep_extremes_of_intervals(tmp_path):
     run = make_run(duration=20.0, rate_Hz=500.0)
     force = run.force.copy()
-    force[4321] = 9e4  # The run has a spike of one sample.
+    force[4321] = 9e4  # A single sample is a spike.
     lines = [f"{t!r},{1e3 * x!r},{f!r},0.5" for t, x, f in zip(*(
         each.tolist() for each in (run.time, run.displacement, force)), strict=True)]  # fmt: skip
     (tmp_path / "run.csv").write_text("time_s,displacement_mm,force_N,current_A\n" + "\n".join(lines) + "\n")
@@ -117,12 +117,12 @@ def test_window_keeps_extremes_of_each_interval(tmp_path):
     inside = (whole["time_s"] >= 2.0) & (whole["time_s"] <= 3.0)
     assert np.array_equal(part["force_N"], whole["force_N"][inside])
     keep_window(tmp_path / "0.series", tmp_path / "like", most=10, samples_of=tmp_path / "0.series")
-    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # The window has at most 64 samples.
+    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # At least 64 samples may remain.
     with pytest.raises(InputError, match=r"no sample from 30 to None s.*a part of 0 to 20 s"):
         keep_window(tmp_path / "0.series", tmp_path / "none", from_s=30)
 
 
-def test_model_of_stored_run_is_simulated(file, tmp_path):
+def test_model_force_of_stored_run_is_simulated(file, tmp_path):
     card = write_card_of(tmp_path / "card.json")
     warm = replace(RUN, temperature=np.full(len(RUN), 310.0))
     table = np.column_stack([warm.time, 1e3 * warm.displacement, warm.force, warm.command])
@@ -146,7 +146,7 @@ def test_model_of_stored_run_is_simulated(file, tmp_path):
 
 
 def written(folder, *headers):
-    """Return the text of the channel map of files, each with its own header."""
+    """Return the channel map that is written for files, each with its own header."""
     for k, header in enumerate(headers):
         write_csv(folder / f"{k}.csv")
         body = (folder / f"{k}.csv").read_text().split("\n", 1)[1]
@@ -154,7 +154,7 @@ def written(folder, *headers):
     return write_map(read_files([folder]))
 
 
-def test_channel_map_has_common_entries(tmp_path):
+def test_written_channel_map_has_common_entries(tmp_path):
     same = "time_s,displacement_mm,force_kN,current_A"
     found = written(tmp_path, same, "time_s,stroke_mm,force_kN,current_A")
     assert set(found.document["channel"]) == {"time", "force", "current"}
@@ -165,7 +165,7 @@ def test_channel_map_has_common_entries(tmp_path):
     assert f"# {comment}" in found.text
 
 
-def test_written_channel_map_is_read_again(tmp_path):
+def test_written_channel_map_can_be_read(tmp_path):
     odd = {"segments": {"split": 'a "b"\t\x7f', "current_A": [0.5, 1.0]}, "channel": {"force": {
         "name": "Kraft [N] = 1", "unit": "N", "sign": -1}}}  # fmt: skip
     text = channels_toml(odd, ["two\nlines"])
@@ -178,8 +178,8 @@ def test_written_channel_map_is_read_again(tmp_path):
 # ------------------------------------------------------------------------------------------- heating
 
 
-def test_heating_preview_agrees_with_heat_job(tmp_path):
-    """The preview is the quick curve that a page updates while the user changes values."""
+def test_heating_preview_agrees_with_heat(tmp_path):
+    """The preview is the quick curve that a page updates while a user changes values."""
     card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()
     fast = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0)
@@ -191,7 +191,7 @@ def test_heating_preview_agrees_with_heat_job(tmp_path):
     assert max(half["curve"]["hottest_degC"]) < max(fast["curve"]["hottest_degC"])
 
 
-def test_quick_tile_names_assumption_and_extrapolation(tmp_path):
+def test_heating_preview_marks_assumptions_and_extrapolation(tmp_path):
     card = write_heated_card(tmp_path, "assumed.json", assumed=True)
     found = QuickHeat().curve(card, "paper", amplitude_mm=300.0, duration_s=60.0)
     (mark,) = (tile["mark"] for tile in found["tiles"] if tile["label"] == "force lost by heating")
@@ -199,7 +199,7 @@ def test_quick_tile_names_assumption_and_extrapolation(tmp_path):
     assert "extrapolated" in mark
 
 
-def test_copies_and_runs_of_other_dampers_are_marked(file):
+def test_copied_and_foreign_runs_are_marked(file):
     (row,) = look(file)["runs"]
     low, high = row["force_range_N"]
     others = [{**row, "name": f"run{k}", "force_range_N": [low - k, high + k]} for k in range(4)]

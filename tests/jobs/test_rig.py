@@ -1,4 +1,4 @@
-"""``mrdamper rig`` writes files of the runs and of the exact values, either all of them or none."""
+"""The command ``rig`` writes measured runs and their exact values, either all files or none."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def answer(folder):
 
 @pytest.fixture
 def run_rig(folder):
-    """Return a function that runs the job in this process and returns its answer."""
+    """Return a function that runs the job ``rig`` in this process and returns its answer."""
 
     def run(out, preset="nominal", *, draw=None, on_progress=None):
         inputs = {"preset": preset, "campaign": folder / "campaign.toml"}
@@ -52,7 +52,7 @@ def run_rig(folder):
     return run
 
 
-def test_answer_names_runs_and_held_out_ones(answer):
+def test_rig_answer_names_runs_and_held_out(answer):
     assert [run["name"] for run in answer["runs"]] == [
         "hard_020C_0.00A_sine5mm1Hz", "hard_020C_2.00A_sine5mm1Hz", "hard_020C_0-2A_steps",
         "hard_060C_0.00A_sine5mm1Hz", "hard_060C_2.00A_sine5mm1Hz", "hard_060C_0-2A_steps",
@@ -62,7 +62,7 @@ def test_answer_names_runs_and_held_out_ones(answer):
     assert answer["simulated"] is True
 
 
-def test_files_contain_the_measured_runs(answer, folder):
+def test_rig_files_contain_measured_runs(answer, folder):
     """Values are rounded to 0.1 um, 0.01 N and 0.01 K. The first line states that the run is simulated."""
     read = {run.name: run for run in read_runs(folder / "runs")}
     campaign = Campaign.from_mapping(tomllib.loads(CAMPAIGN))
@@ -77,14 +77,14 @@ def test_files_contain_the_measured_runs(answer, folder):
             assert getattr(read[name], channel) == pytest.approx(getattr(run, channel), abs=0.51 * unit)
 
 
-def test_channel_map_changes_only_session_name(answer, folder):
+def test_channel_map_of_rig_changes_only_session(answer, folder):
     place = folder / "runs"
     plain, mapped = read_runs(place), read_runs(place, read_channel_map(place / "channels.toml"))
     assert plain.fingerprint == mapped.fingerprint
     assert {run.session for run in mapped} == {"virtual rig hard"}
 
 
-def test_truth_folder_contains_damper_campaign_and_forces(answer, folder):
+def test_truth_folder_contains_exact_values(answer, folder):
     truth = folder / "runs.truth"
     assert answer["truth"] == str(truth)
     assert read_damper(truth / "hard.damper.toml") == PRESETS["hard"]
@@ -94,22 +94,22 @@ def test_truth_folder_contains_damper_campaign_and_forces(answer, folder):
         assert np.std(run.force - true[3]) == pytest.approx(5.0, rel=0.15)
 
 
-def test_preset_may_be_a_file(run_rig, tmp_path):
+def test_rig_preset_may_be_file(run_rig, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text('preset = "stiff"\nname = "mine"\nfriction_N = 0.0\n', encoding="utf-8")
     assert run_rig(tmp_path / "out", file)["damper"] == "mine"
     assert read_damper(tmp_path / "out.truth" / "mine.damper.toml").friction_N == 0.0
 
 
-def test_draw_option_randomises_the_preset(run_rig, tmp_path):
-    """A second campaign in the same folder is noted."""
+def test_draw_option_randomises_preset(run_rig, tmp_path):
+    """The answer notes that the folder already holds another campaign."""
     assert run_rig(tmp_path / "out", "stiff", draw=6)["damper"] == "stiff-6"
     assert read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml") == draw_variant(PRESETS["stiff"], 6)
     (note,) = run_rig(tmp_path / "out", "stiff", draw=8)["notes"]
     assert "has 6 other runs, such as stiff-6_020C_0-2A_steps" in note
 
 
-def test_interrupted_campaign_leaves_nothing(run_rig, tmp_path):
+def test_interrupted_rig_campaign_writes_nothing(run_rig, tmp_path):
     def stop(update):
         if update.done == 3:
             raise KeyboardInterrupt
@@ -126,7 +126,7 @@ def test_interrupted_campaign_leaves_nothing(run_rig, tmp_path):
         (("--campaign", "x.toml"), 3, "x.toml: cannot read the campaign"),
     ],
 )
-def test_bad_options_give_one_message(options, code, message, tmp_path):
+def test_invalid_rig_options_give_one_message(options, code, message, tmp_path):
     run = mrdamper("rig", "--out", tmp_path / "out", *options, cwd=tmp_path)
     assert run.returncode == code
     assert message in run.stderr

@@ -1,4 +1,4 @@
-"""Sweeps give the same results with any number of workers, after killed workers, and after a resume."""
+"""Sweeps give the same results with any number of workers, with killed workers, and after a resume."""
 
 from __future__ import annotations
 
@@ -58,21 +58,21 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def reference(card: Path) -> bytes:
-    """Return the result of one uninterrupted process."""
+    """Return the result file of a sweep that one process computes without interruption."""
     sweep(card, card.parent / "one", workers=1)
     return (card.parent / "one" / "sweep.json").read_bytes()
 
 
 @pytest.mark.nightly
-def test_two_workers_give_equal_results(card: Path, tmp_path: Path, reference: bytes):
-    """Results do not depend on the number of workers."""
+def test_sweep_with_two_workers_gives_same_result(card: Path, tmp_path: Path, reference: bytes):
+    """The results do not depend on the number of workers."""
     sweep(card, tmp_path / "two", workers=2)
     assert (tmp_path / "two" / "sweep.json").read_bytes() == reference
 
 
 @pytest.mark.nightly
-def test_killed_workers_lose_no_result(card: Path, tmp_path: Path, reference: bytes):
-    """A task whose worker dies is run again."""
+def test_killed_sweep_workers_lose_no_result(card: Path, tmp_path: Path, reference: bytes):
+    """A task whose worker is killed is run again."""
     done, killed = threading.Event(), list[int]()
 
     def kill() -> None:
@@ -94,7 +94,7 @@ def test_killed_workers_lose_no_result(card: Path, tmp_path: Path, reference: by
 
 @pytest.mark.nightly
 def test_killed_sweep_is_resumed(card: Path, tmp_path: Path, reference: bytes):
-    """Results that were stored before the kill are not computed again."""
+    """The resumed sweep uses the results that were stored before it was killed."""
     out = tmp_path / "resumed"
     code = (
         "from pathlib import Path; from mrdamper.registry import JOBS\n"
@@ -116,8 +116,8 @@ def test_killed_sweep_is_resumed(card: Path, tmp_path: Path, reference: bytes):
 
 
 @pytest.mark.nightly
-def test_incomplete_result_line_is_computed_again(card: Path, tmp_path: Path, reference: bytes):
-    """An incomplete line is computed again. Complete lines are used."""
+def test_incomplete_result_line_is_recomputed(card: Path, tmp_path: Path, reference: bytes):
+    """Complete lines of the result file are used, an incomplete line is computed again."""
     out = tmp_path / "torn"
     out.mkdir()
     lines = (card.parent / "one" / RESULTS_FILE).read_bytes().splitlines(keepends=True)
@@ -127,8 +127,8 @@ def test_incomplete_result_line_is_computed_again(card: Path, tmp_path: Path, re
     assert (out / "sweep.json").read_bytes() == reference
 
 
-def test_results_of_another_sweep_are_refused(tmp_path: Path):
-    """A folder with results requires ``resume`` and the same sweep."""
+def test_results_of_another_sweep_are_rejected(tmp_path: Path):
+    """A folder with results can be used only with ``resume`` and for the same sweep."""
     head = {"kind": "samples", "seed": 1}
     with open_store(tmp_path, resume=False) as store:
         store.begin(head)
@@ -144,9 +144,9 @@ def test_results_of_another_sweep_are_refused(tmp_path: Path):
             store.begin({**head, "seed": 2})
 
 
-def test_sweep_does_not_replace_its_card(card: Path, tmp_path: Path):
-    """An input in the output folder is kept."""
-    own = tmp_path / "out" / "sweep.json"  # A name that a sweep writes.
+def test_sweep_does_not_overwrite_its_card(card: Path, tmp_path: Path):
+    """The output folder may contain an input file, which is not replaced."""
+    own = tmp_path / "out" / "sweep.json"  # A sweep writes a file of this name.
     own.parent.mkdir()
     shutil.copy(card, own)
     with pytest.raises(InputError, match="which this job reads"):
@@ -155,8 +155,8 @@ def test_sweep_does_not_replace_its_card(card: Path, tmp_path: Path):
 
 
 @pytest.mark.nightly
-def test_cluster_gives_equal_results(card: Path, tmp_path: Path, reference: bytes):
-    """If a Dask worker is killed, no result is lost."""
+def test_cluster_gives_same_sweep_result(card: Path, tmp_path: Path, reference: bytes):
+    """No result is lost although a Dask worker is killed."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
@@ -169,8 +169,10 @@ def test_cluster_gives_equal_results(card: Path, tmp_path: Path, reference: byte
     assert (tmp_path / "dask" / "sweep.json").read_bytes() == reference
 
 
-def test_missing_scheduler_is_an_error(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A missing scheduler and a cluster without workers are errors."""
+def test_sweep_without_reachable_scheduler_is_rejected(
+    card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """An unreachable scheduler and a cluster without workers cause an error."""
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(tasks, "CONNECT_MAX_S", 0.5)
     monkeypatch.setattr(tasks, "WORKERS_WAIT_MAX_S", 0.3)
@@ -186,8 +188,8 @@ def test_missing_scheduler_is_an_error(card: Path, tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.nightly
-def test_each_campaign_is_fitted_alone(tmp_path: Path):
-    """An invalid file affects only its own result."""
+def test_sweep_fits_each_campaign_separately(tmp_path: Path):
+    """An invalid file affects only the result of its own campaign."""
     for seed in (1, 2):
         given = {"damper": PRESETS["nominal"], "campaign": SMALL}
         JOBS["rig"].perform(given, RigOptions(seed=seed), out=tmp_path / f"lab-{seed}")
@@ -204,8 +206,8 @@ def test_each_campaign_is_fitted_alone(tmp_path: Path):
 
 
 @pytest.mark.nightly
-def test_heat_sink_is_searched_for_each_damper(card: Path):
-    """The best sink is not warmer than the damper without fins."""
+def test_sweep_searches_heat_sink_for_each_damper(card: Path):
+    """The fluid with the best heat sink is cooler than without fins."""
     found = mrdamper.sweep(card=card, dampers=["paper"], duty=DUTY, workers=1)
     (task,) = found.tasks
     assert task.name == found.plan.tasks[0].name
@@ -219,8 +221,8 @@ def plan_of(card: Path, **options: Any) -> Plan:
     return make_plan(None, mrdamper.read_card(card), None, read_duty(DUTY), None, SweepOptions(**options))
 
 
-def test_seeds_of_tasks_follow_the_seed(card: Path):
-    """Every task has its own seed."""
+def test_sweep_tasks_have_reproducible_seeds(card: Path):
+    """Each task has its own seed, which depends only on the seed of the sweep."""
     first, again, other = (
         [task.seed for task in plan_of(card, samples=5, seed=seed).tasks] for seed in (7, 7, 8)
     )
@@ -229,7 +231,7 @@ def test_seeds_of_tasks_follow_the_seed(card: Path):
     assert not set(first) & set(other)
 
 
-def test_sweep_needs_one_kind(card: Path, tmp_path: Path):
+def test_sweep_accepts_exactly_one_kind(card: Path, tmp_path: Path):
     """Campaigns, random dampers and geometry files exclude each other."""
     duty = read_duty(DUTY)
     with pytest.raises(UsageError, match="0 kinds of sweep"):
@@ -242,8 +244,8 @@ def test_sweep_needs_one_kind(card: Path, tmp_path: Path):
         make_plan([tmp_path / "none*"], None, None, duty, None, SweepOptions())
 
 
-def test_campaigns_have_unique_names(tmp_path: Path):
-    """A name contains as many parent folders as necessary. Parameter files are not campaigns."""
+def test_swept_campaigns_have_unique_names(tmp_path: Path):
+    """A name contains as many parent folders as necessary. Files with exact values are not campaigns."""
     for place in ("a/run.csv", "b/run.csv", "c.csv", "c.truth"):
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).write_text("t,x\n", encoding="utf-8")
@@ -252,8 +254,8 @@ def test_campaigns_have_unique_names(tmp_path: Path):
     assert [task.name for task in plan.tasks] == ["a-run", "b-run", "c"]
 
 
-def test_task_that_kills_workers_is_an_error(monkeypatch: pytest.MonkeyPatch):
-    """A task is run again a limited number of times."""
+def test_task_that_kills_workers_ends_sweep(monkeypatch: pytest.MonkeyPatch):
+    """A task whose workers die is repeated only a limited number of times."""
     monkeypatch.setattr(tasks, "DEATHS_MAX", 3)
     monkeypatch.setattr(tasks, "run_task", _die)
     with pytest.raises(InputError, match="workers died 3 times"):

@@ -1,4 +1,4 @@
-"""``mrdamper track``: rows and ranking of controllers, the page, and messages for invalid inputs."""
+"""The command ``track`` compares controllers in rows and a page, and rejects unsuitable inputs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ temperature_degC = 60
 
 
 def track(card, options, *, out=None, **inputs):
-    """Return the result of the job."""
+    """Return the result of the job ``track``."""
     return JOBS["track"].perform({"card": card, **inputs}, options, out=out)[0]
 
 
@@ -58,11 +58,11 @@ def score(run, name, degrees):
     return found
 
 
-# --- Rows -------------------------------------------------------------------------------------------------
+# --- Errors of controllers ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
-def test_recommended_controller_beats_the_paper(run, degrees):
+def test_recommended_controller_beats_paper_controller(run, degrees):
     best, paper = score(run, "recommended", degrees), score(run, "paper", degrees)
     assert best.rmse_feasible_N < 0.5 * paper.rmse_feasible_N
     assert score(run, "recommended-causal", degrees).rmse_feasible_N < 1.3 * best.rmse_feasible_N
@@ -70,22 +70,22 @@ def test_recommended_controller_beats_the_paper(run, degrees):
 
 @pytest.mark.parametrize("name", ["recommended", "paper"])
 def test_temperature_unaware_controller_is_worse_when_hot(run, name):
-    """A controller whose card ignores temperature is equally accurate at 20 degC but not at 123 degC."""
+    """A controller that ignores temperature is equally accurate at 20 degC but not at 123 degC."""
     hot, hot_unaware = score(run, name, 123.0), score(run, f"{name}-unaware", 123.0)
     assert hot_unaware.rmse_feasible_N > 2.0 * hot.rmse_feasible_N
     cold, cold_unaware = score(run, name, 20.0), score(run, f"{name}-unaware", 20.0)
     assert cold_unaware.rmse_feasible_N == pytest.approx(cold.rmse_feasible_N, rel=0.1)
 
 
-def test_summary_contains_largest_errors_of_all_temperatures(run):
+def test_tracking_summary_has_largest_errors(run):
     for row in run.max_error_rows:
         each = [r.score for r in run.rows if r.controller == row.controller]
         assert row.score.max_N == max(s.max_N for s in each)
         assert row.score.rmse_feasible_N == max(s.rmse_feasible_N for s in each)
 
 
-def test_tracking_own_model_has_no_model_error(folder):
-    """Only lag and noise cause errors. The same controller has a larger error on the virtual damper."""
+def test_tracking_own_model_has_small_error(folder):
+    """Only lag and noise cause errors if the damper is the model of the controller itself."""
     options = TrackOptions(controllers=("recommended",))
     itself = track(folder / "card.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
     real = track(folder / "card.json", options, targets=[folder / "short.toml"], plant="hard")
@@ -104,7 +104,7 @@ def test_same_seed_gives_same_tracking_errors(folder):
 
 
 @pytest.mark.nightly
-def test_parallel_job_count_does_not_change_results(folder):
+def test_process_count_does_not_change_tracking(folder):
     found = [
         track(
             folder / "card.json",
@@ -121,8 +121,8 @@ def test_parallel_job_count_does_not_change_results(folder):
 
 
 @pytest.mark.parametrize("times", one_by_day([0.05, 1.0, 20.0]))
-def test_card_of_any_size_is_tracked(folder, times):
-    """The relative error is constant because targets are proportional to the force of the damper."""
+def test_damper_of_any_size_is_tracked(folder, times):
+    """The relative error is limited because targets are proportional to the force of the damper."""
     path = write_card_of(folder / "other.json", rig_damper(force=times))
     found = track(path, PAPER, plant=path)
     assert found.targets == (["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"] if times == 1.0 else SIZED)
@@ -130,10 +130,10 @@ def test_card_of_any_size_is_tracked(folder, times):
         assert row.score.rmse_feasible_N < 0.25 * np.sqrt(np.mean(each.course.target**2))
 
 
-# --- Output -----------------------------------------------------------------------------------------------
+# --- Output of the command ----------------------------------------------------------------------------------
 
 
-def test_command_writes_page_and_rows(folder):
+def test_track_writes_page_and_rows(folder):
     answer = answer_of(
         mrdamper(
             "track", folder / "card.json", "--target", folder / "short.toml", "--temperature", 123,
@@ -146,12 +146,12 @@ def test_command_writes_page_and_rows(folder):
     assert json.loads((folder / "out" / "track.json").read_text(encoding="utf-8")) == answer
     page = (folder / "out" / "track.html").read_text(encoding="utf-8")
     assert "simulation, not a measurement" in page
-    assert page.count("<svg") == 2  # The page has the errors versus temperature, and the target.
+    assert page.count("<svg") == 2  # The page shows the errors versus temperature, and the target.
     table = (folder / "out" / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(table) == 1 + len(answer["rows"])
 
 
-def test_terminal_shows_a_table(folder):
+def test_terminal_shows_table_of_controllers(folder):
     done = mrdamper(
         "track", folder / "card.json", "--target", folder / "short.toml", "--controller", "paper",
         "--controller", "clipped-on-off",
@@ -161,7 +161,7 @@ def test_terminal_shows_a_table(folder):
     assert "clipped-on-off" in done.stdout
 
 
-def test_notes_list_missing_parts_of_card(folder):
+def test_tracking_notes_list_missing_parts_of_card(folder):
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.02, 0.02), (293.15, 313.15))
     narrow = write_card_of(folder / "narrow.json", envelope=envelope)
     options = TrackOptions(controllers=("paper",))
@@ -180,7 +180,7 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
 
 
 def test_infeasible_default_targets_are_omitted(folder):
-    """In two of three targets, the force at zero current exceeds the target force most of the time."""
+    """For two of three targets, the force at zero current exceeds the target most of the time."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
     path = write_card_of(folder / "thick.json", thick)
@@ -200,15 +200,15 @@ def refused(folder, *arguments, card="card.json"):
     return done.stderr
 
 
-def test_target_out_of_reach_is_refused(folder):
+def test_mostly_infeasible_target_is_rejected(folder):
     target = 'kind = "sine"\namplitude_N = 900\nfrequency_Hz = 1\nphase_deg = 180\n'
     (folder / "against.toml").write_text(f"[target]\n{target}", encoding="utf-8")
     message = refused(folder, "--target", folder / "against.toml")
     assert "target 'against': feasible only 4 % of the time on the damper 'nominal' at 20 degC" in message
 
 
-def test_card_without_actuation_is_refused(folder):
-    """Controllers without a lag model accept such a card."""
+def test_card_without_lag_model_is_rejected(folder):
+    """The paper's controllers accept such a card because they use no lag model."""
     write_card_of(folder / "unlagged.json", rig_damper(lag=None))
     message = refused(folder, card="unlagged.json")
     assert "unlagged.json: has no actuation, so recommended, recommended-causal" in message
@@ -216,7 +216,7 @@ def test_card_without_actuation_is_refused(folder):
     assert track(folder / "unlagged.json", options, targets=[folder / "short.toml"]).rows
 
 
-def test_card_without_dependence_is_refused(folder):
+def test_card_without_current_dependence_is_rejected(folder):
     forms = {"viscosity": Constant(2000.0), "yield_force": Constant(500.0), "rho": Constant(3000.0)}
     write_card_of(folder / "still.json", Damper(LAWS["dahl"], forms))
     message = "still.json: its force does not depend on the current"
@@ -224,8 +224,8 @@ def test_card_without_dependence_is_refused(folder):
     assert message in refused(folder, "--plant", folder / "still.json")
 
 
-def test_stroke_beyond_the_card_is_refused(folder):
-    """A named target with a longer stroke is rejected. Default targets stay within the card's stroke."""
+def test_target_beyond_stroke_of_card_is_rejected(folder):
+    """A named target with a longer stroke is rejected. Default targets stay within the stroke of the card."""
     envelope = OperatingEnvelope((0.0, 2.0), (-0.003, 0.003), (-0.04, 0.04), (293.15, 393.15))
     small = write_card_of(folder / "small.json", envelope=envelope)
     assert "its data cover -3 to 3 mm" in refused(folder, card="small.json")
@@ -237,7 +237,7 @@ def test_stroke_beyond_the_card_is_refused(folder):
         assert np.abs(each.course.velocity).max() <= 0.04
 
 
-def test_refused_job_writes_nothing(folder):
+def test_rejected_tracking_job_writes_nothing(folder):
     with pytest.raises(InputError):
         track(folder / "card.json", TrackOptions(), plant="none", out=folder / "never")
     assert not (folder / "never").exists()

@@ -1,4 +1,4 @@
-"""Actuation: closed forms of lags and delay, limits, and an independent integrator."""
+"""Actuation (lags, delay, hysteresis and driver) agrees with closed forms and an integrator."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def a_step(samples: int, at: int = 1) -> FloatArray:
     return command
 
 
-# ---------------------------------------------------------------------------------------- closed forms
+# ----------------------------------------------------------------------------------- closed forms of the lags
 
 
 @given(tau=times, share=shares)
-def test_one_lag_has_logarithmic_response_time(tau, share):
-    """The time is -tau ln(1 - share). The command is a ramp over one sample and thus 2.5e-4 tau late."""
+def test_single_lag_has_logarithmic_response_time(tau, share):
+    """The time is -tau ln(1 - share). The step is a ramp over one sample, which adds 2.5e-4 tau."""
     lag = Actuation(tau, tau)
     assert lag.response_time(T63) == pytest.approx(tau, rel=5e-4)
     assert lag.response_time(share) == pytest.approx(-tau * math.log1p(-share), abs=5e-4 * tau)
 
 
 @given(tau=times, share=shares)
-def test_two_equal_lags_are_closed_form(tau, share):
-    """The time solves 1 - (1 + t/tau) exp(-t/tau) = share, by Lambert's W (2.146 tau for 63 %)."""
+def test_two_equal_lags_match_lambert_w(tau, share):
+    """The time solves 1 - (1 + t/tau) exp(-t/tau) = share, by Lambert's W function (2.146 tau for 63 %)."""
     expected = -tau * (1.0 + float(lambertw((share - 1.0) / math.e, -1).real))
     assert Actuation(tau, tau, tau).response_time(share) == pytest.approx(expected, abs=1e-3 * tau)
     assert Actuation(tau, tau, tau).response_time(T63) == pytest.approx(2.1462 * tau, rel=1e-3)
@@ -55,7 +55,7 @@ def ramp_through_two_lags(time: FloatArray, a: float, b: float) -> FloatArray:
     return np.asarray(time - (a + b) + fading, dtype=np.float64)
 
 
-def test_ramp_through_two_lags_is_closed_form():
+def test_ramp_through_two_lags_matches_formula():
     """The ramp is 1 A/s. The first lag is linear between samples, which causes an error of step^2/(8a)."""
     a, b, step = 0.030, 0.012, 1e-4
     time = step * np.arange(3000, dtype=np.float64)
@@ -63,7 +63,7 @@ def test_ramp_through_two_lags_is_closed_form():
     assert np.abs(off).max() < step**2 / (8.0 * a)
 
 
-def test_two_lags_converge_with_order_two():
+def test_two_current_lags_converge_with_order_two():
     """The first lag is exact. The second lag assumes that its input is linear between the samples."""
     a, b = 0.030, 0.012
 
@@ -76,7 +76,7 @@ def test_two_lags_converge_with_order_two():
 
 
 @given(tau=times, second=times, delay=times)
-def test_delay_adds_to_every_response(tau, second, delay):
+def test_delay_adds_to_response_time(tau, second, delay):
     without, late = Actuation(tau, 0.5 * tau, second), Actuation(tau, 0.5 * tau, second, delay)
     resolution = 2e-4 * (delay + 10.0 * (tau + second))
     for share in (0.1, T63, 0.9):
@@ -85,8 +85,8 @@ def test_delay_adds_to_every_response(tau, second, delay):
 
 
 @given(rise=times, fall=times)
-def test_rise_and_fall_have_own_times(rise, fall):
-    """The output rises with one time constant and falls with the other. A negative command is mirrored."""
+def test_rise_and_fall_have_separate_time_constants(rise, fall):
+    """The output rises with one time constant and falls with the other, also for negative commands."""
     both = Actuation(rise, fall)
     resolution = 1e-3 * max(rise, fall)
     assert both.response_time(T63, 0.0, 1.0) == pytest.approx(rise, abs=resolution)
@@ -97,7 +97,7 @@ def test_rise_and_fall_have_own_times(rise, fall):
 
 @given(rise=times, fall=times, second=times, delay=times)
 def test_area_above_step_response_is_total_lag(rise, fall, second, delay):
-    """The area between command and response is the step times the sum of lags and delay, up and down."""
+    """The area between command and output is the step times the sum of lags and delay, up and down."""
     both = Actuation(rise, fall, second, delay)
     step = (rise + fall + second + delay) / 500.0
     up = a_step(15_000)
@@ -110,7 +110,7 @@ def test_area_above_step_response_is_total_lag(rise, fall, second, delay):
 def test_lag_matches_adaptive_integrator():
     """The equation is a' = (c - a)/lag, with lag = rise if |c| > |a|, else fall. The command crosses zero.
 
-    The lag is chosen once per sample. Therefore the error decreases with the step.
+    The lag is selected once per sample, so the error decreases with the step.
     """
     rise, fall, omega = 0.02, 0.05, 2.0 * math.pi * 3.0
 
@@ -131,11 +131,11 @@ def test_lag_matches_adaptive_integrator():
     assert fine < 0.3 * coarse
 
 
-# ------------------------------------------------------------------------------------ limits and order
+# ------------------------------------------------------------------------------- free-wheeling and saturation
 
 
-def test_free_wheeling_current_decays_to_the_command():
-    """A fall from 2 A is 2 exp(-t / 25 ms) until the command is reached. A rise is not affected."""
+def test_freewheeling_current_decays_exponentially():
+    """The current falls from 2 A as 2 exp(-t / 25 ms) until it reaches the command. A rise is unaffected."""
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=0.025), 1e-4
     time = step * np.arange(2000)
     to_zero, to_level = np.zeros(2000), np.ones(2000)
@@ -150,7 +150,7 @@ def test_free_wheeling_current_decays_to_the_command():
     assert actuation.response_time(0.9, 1.0, 0.0) == pytest.approx(0.025 * math.log(10.0), rel=1e-3)
 
 
-def test_free_wheeling_in_saturated_iron_matches_integrator():
+def test_freewheeling_in_saturated_iron_matches_integrator():
     """An adaptive integrator solves T phi' = -I, phi = I / (1 + I / I_s) with the free-wheeling time T."""
     wheel, bend = 0.08, 1.6
     actuation, step = Actuation(0.004, 0.0, freewheel_time_s=wheel, saturation=bend), 2e-4
@@ -169,11 +169,11 @@ def test_free_wheeling_in_saturated_iron_matches_integrator():
     np.testing.assert_allclose(applied, solved.y[0], rtol=2e-4)
     finer = actuation.apply(np.repeat(command, 2)[1:], 0.5 * step)[::2]
     errors = [np.abs(found - solved.y[0]).max() for found in (applied, finer)]
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)  # second order
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)  # The error has second order.
     assert actuation.response_time(0.5, 5.0, 0.0) < 0.3 * actuation.response_time(0.5, 0.5, 0.0)
 
 
-def test_hysteresis_in_saturated_iron_follows_flux():
+def test_hysteresis_of_saturated_iron_follows_flux():
     """A fall from 5 A to 1 A opens the full hysteresis. A fall to 4 A adds half of the change of flux."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.apply(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
@@ -182,7 +182,7 @@ def test_hysteresis_in_saturated_iron_follows_flux():
     np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
 
 
-def test_flux_lags_in_saturated_iron():
+def test_flux_of_saturated_iron_follows_lags():
     """Two equal lags of the flux give 1 - (1 + t/tau) exp(-t/tau) within 1e-5, from 0 to 4 A and back."""
     tau, bend, step = 0.008, 1.5, 2e-5
     actuation = Actuation(tau, tau, tau, saturation=bend)
@@ -205,8 +205,8 @@ def test_flux_and_current_are_inverse_functions(level, bend):
     np.testing.assert_allclose(Actuation(0.0, 0.0, saturation=1e9).flux(size), size, rtol=1e-7)
 
 
-def test_two_hysteresis_widths_superpose():
-    """During a fall from 2 A the narrow loop saturates first. A rise of 0.3 A closes only the narrow loop."""
+def test_narrow_and_wide_hysteresis_superpose():
+    """A fall from 2 A saturates the narrow loop first. A rise of 0.3 A closes only the narrow loop."""
     narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
     felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).apply(commands, 1e-3)
@@ -216,8 +216,8 @@ def test_two_hysteresis_widths_superpose():
 
 
 @given(actuation=actuations, command=levels, step=st.floats(1e-4, 0.1))
-def test_applied_command_has_no_overshoot(actuation, command, step):
-    """The output is always within the range of past commands."""
+def test_applied_current_has_no_overshoot(actuation, command, step):
+    """The applied current is always within the range of past commands."""
     at = np.array(command)
     felt = actuation.apply(at, step)
     assert np.all(felt <= np.maximum.accumulate(at) + 1e-12)
@@ -225,10 +225,10 @@ def test_applied_command_has_no_overshoot(actuation, command, step):
 
 
 @given(actuation=actuations, command=levels, size=st.sampled_from([0.25, 2.0, -1.0, -4.0]))
-def test_applied_command_scales_with_the_command(actuation, command, size):
-    """The output is proportional to the command because rise and fall depend on the absolute command only.
+def test_applied_current_is_proportional_to_command(actuation, command, size):
+    """The output is proportional to the command because rise and fall depend only on its absolute value.
 
-    Powers of two scale without rounding.
+    Scaling by powers of two is exact.
     """
     at = np.array(command)
     np.testing.assert_array_equal(
@@ -236,14 +236,14 @@ def test_applied_command_scales_with_the_command(actuation, command, size):
     )
 
 
-# ---------------------------------------------------------------------------------------- hysteresis
+# ---------------------------------------------------------------------------------------- magnetic hysteresis
 
 slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501), np.linspace(0.5, 1.0, 501)])
 
 
 @pytest.mark.parametrize("width", [0.01, 0.08])
-def test_hysteresis_adds_to_a_falling_command(width):
-    """After a reversal the output falls with slope 1/2 until it exceeds the command by the width."""
+def test_hysteresis_adds_width_to_falling_command(width):
+    """After a reversal, the output falls with slope 1/2 until it exceeds the command by the width."""
     felt = Actuation(0.0, 0.0, hysteresis_width_A=width).apply(slow, 1e-3)
     np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
     away = 2001 + int(2e3 * width) + 1
@@ -253,8 +253,8 @@ def test_hysteresis_adds_to_a_falling_command(width):
 
 
 @given(levels=levels, width=st.floats(1e-3, 0.2))
-def test_hysteresis_is_bounded_and_even(levels, width):
-    """Hysteresis increases the absolute effective command; mirrored commands give mirrored results."""
+def test_magnetic_hysteresis_is_bounded_and_even(levels, width):
+    """Hysteresis increases the absolute value of the output. Mirrored commands give mirrored outputs."""
     command = np.repeat(np.abs(levels), 3)
     with_hysteresis = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).apply(command, 1e-3)
     without = Actuation(0.004, 0.006, 0.002).apply(command, 1e-3)

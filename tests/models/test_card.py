@@ -1,4 +1,4 @@
-"""The model card: reading, writing, and rejection of edited or invalid files."""
+"""Model cards are written and read without change, and edited or invalid cards are rejected."""
 
 from __future__ import annotations
 
@@ -139,8 +139,8 @@ COEFFICIENTS = "coefficients"
 
 
 @pytest.mark.parametrize("card", [CARD, WARM], ids=["current alone", "temperature dependent"])
-def test_card_written_and_read_is_unchanged(card, tmp_path):
-    """Reading returns the card that was written, and writing this card gives the same bytes."""
+def test_written_card_is_read_unchanged(card, tmp_path):
+    """The read card equals the written card, and writing it again gives the same bytes."""
     first, second = tmp_path / "card.json", tmp_path / "again.json"
     write_card(card, first)
     assert read_card(first) == card
@@ -199,9 +199,7 @@ json_values = st.recursive(
     beyond=st.none() | st.tuples(st.floats(200.0, 273.0), st.floats(393.0, 500.0)),
     actuation=st.none() | st.builds(Actuation, *[st.floats(0.0, 1.0)] * 4, st.none() | positive),
 )
-def test_any_card_survives_a_round_trip(
-    forms, lag, unit, title, notes, error, temperature, beyond, actuation
-):
+def test_any_card_survives_round_trip(forms, lag, unit, title, notes, error, temperature, beyond, actuation):
     damper = Damper(LAWS["bouc-wen"], forms, unit, 0.0 if actuation else lag, actuation, beyond)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.02, 0.03), (-1.0, 1.0), temperature)
     card = a_card(damper, title=title, notes=notes, envelope=envelope, standard_errors={"n.value": error})
@@ -212,7 +210,7 @@ def test_any_card_survives_a_round_trip(
 
 
 def test_card_bytes_are_independent_of_order():
-    """Equal cards have equal bytes, whatever the order of notes and the types of numbers."""
+    """Equal cards have equal bytes for any order of notes and any types of numbers."""
     one = a_card(notes={"a": 1, "b": {"x": 1, "y": 2}})
     other = a_card(notes={"b": {"y": 2, "x": 1}, "a": 1})
     assert card_text(one) == card_text(other)
@@ -220,7 +218,7 @@ def test_card_bytes_are_independent_of_order():
     assert card_text(card_from_json(json.loads(whole))) == whole
 
 
-def test_numbers_have_units_and_standard_errors():
+def test_card_numbers_have_units_and_errors():
     numbers = DOCUMENT[COEFFICIENTS]["yield_force"]["numbers"]
     assert numbers["half_command"] == {"value": 1.14, "unit": "A", "standard_error": None}
     assert numbers["gain"]["standard_error"] == 3.5
@@ -251,7 +249,7 @@ def test_card_page_documents_every_key():
     assert [word for word in (*keys, *kinds, *parameters) if f"`{word}`" not in PAGE] == []
 
 
-def test_coefficients_on_page_are_valid():
+def test_coefficients_in_card_documentation_are_valid():
     shown = re.findall(r'(?m)^    "\w+": \{\n(?:     .*\n)+    \}', PAGE)
     coefficients = json.loads("{" + ",".join(shown) + "}")
     assert list(coefficients) == ["yield_force", "viscosity"]
@@ -261,7 +259,7 @@ def test_coefficients_on_page_are_valid():
     assert damper.parameters["yield_force.gain"] == 629.0
 
 
-# The hash
+# Hash of the content
 
 
 @pytest.mark.parametrize(
@@ -275,7 +273,7 @@ def test_coefficients_on_page_are_valid():
     ],
 )
 def test_edited_card_is_rejected(place):
-    """A change in the ninth digit of one number is detected by the hash."""
+    """The hash detects a change in the ninth digit of a single number."""
     changed = json.loads(json.dumps(DOCUMENT))
     inside = changed
     for key in place[:-1]:
@@ -285,19 +283,19 @@ def test_edited_card_is_rejected(place):
         card_from_json(changed)
 
 
-def test_hash_ignores_notes_layout_and_spelling():
+def test_card_hash_ignores_notes_and_layout():
     noted = {**DOCUMENT, "notes": {"serial": "A-17"}}
     other_layout = json.dumps(noted, indent=7, sort_keys=True).replace("600.0", "6e2")
     assert card_sha256(card_from_json(json.loads(other_layout))) == DOCUMENT["content_sha256"]
 
 
 @pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1, None, "4"])
-def test_unknown_schema_version_is_rejected(version):
+def test_unknown_card_schema_is_rejected(version):
     with pytest.raises(InputError, match=rf"schema_version is .*expected {SCHEMA_VERSION}, the only version"):
         card_from_json(document("schema_version", value=version))
 
 
-# Invalid content with a valid hash
+# Invalid content with a correct hash
 
 
 @pytest.mark.parametrize(
@@ -336,8 +334,8 @@ def test_invalid_card_is_rejected_with_location(damaged, said, tmp_path):
 @pytest.mark.system
 @examples(50)
 @given(st.data(), st.sampled_from([DOCUMENT, WARM_DOCUMENT]))
-def test_card_with_any_value_never_crashes(data, valid):
-    """A file with any value at any location is either read or rejected with an ``InputError``."""
+def test_card_with_random_value_never_crashes(data, valid):
+    """A card with any value at any location is either read or rejected with ``InputError``."""
     changed = json.loads(json.dumps(valid))
     inside = changed
     while True:
@@ -375,7 +373,7 @@ def test_missing_file_or_folder_is_rejected(tmp_path):
         write_card(CARD, tmp_path / "nowhere" / "card.json")
 
 
-def test_failed_write_keeps_the_old_card(tmp_path, monkeypatch):
+def test_failed_write_keeps_old_card(tmp_path, monkeypatch):
     path = tmp_path / "card.json"
     write_card(CARD, path)
     before = path.read_bytes()
@@ -390,7 +388,7 @@ def test_failed_write_keeps_the_old_card(tmp_path, monkeypatch):
     assert path.read_bytes() == before
 
 
-# Cards made in Python
+# Cards created in Python
 
 
 class Dashpot:
@@ -406,8 +404,8 @@ class Dashpot:
         return values["c"] * velocity
 
 
-def test_card_with_user_law_needs_the_law(tmp_path):
-    """The card contains the path of the law's file but no code."""
+def test_card_with_user_law_requires_law(tmp_path):
+    """The card contains the path of the file with the law, but no code."""
     law = law_from_python(Dashpot())
     path = tmp_path / "card.json"
     own = a_card(Damper(law, {"c": Constant(200.0)}), python_law="laws.py:Dashpot", standard_errors={})
@@ -423,8 +421,8 @@ def test_card_with_user_law_needs_the_law(tmp_path):
         read_card(path, python_law=law_from_python(Other()))
 
 
-def test_coefficients_are_clipped_outside_the_envelope():
-    """A yield force that would be negative above the highest current of the runs is zero there."""
+def test_coefficients_are_clipped_outside_envelope():
+    """A yield force that would be negative above the largest current of the runs is zero there."""
     falling = {**CARD.damper.coefficients, "yield_force": Polynomial((100.0, -80.0))}
     card = a_card(replace(CARD.damper, coefficients=falling), standard_errors={})
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=2.0)
@@ -450,6 +448,6 @@ def test_card_that_cannot_be_written_is_rejected(make, said):
         make()
 
 
-def test_numbers_from_numpy_become_python_numbers():
+def test_numpy_numbers_in_card_become_python_numbers():
     card = a_card(notes={"x": np.float64(1.5), "y": np.arange(3), "z": np.bool_(1)})
     assert dict(card.notes) == {"x": 1.5, "y": (0, 1, 2), "z": True}

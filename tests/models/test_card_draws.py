@@ -1,4 +1,4 @@
-"""Posterior samples next to a card."""
+"""Posterior samples are stored in a file next to their card."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ DRAWS = CardDraws(NAMES, np.column_stack([600.0 + np.arange(101.0), 1e-3 * np.ar
 
 
 @pytest.mark.parametrize(("most", "rows"), [(2, [0, 100]), (5, [0, 25, 50, 75, 100]), (500, range(101))])
-def test_dampers_are_evenly_spaced_samples(most, rows):
-    """Each posterior sample is used once. Parameters without samples keep the values of the card."""
+def test_posterior_dampers_are_evenly_spaced_samples(most, rows):
+    """Each selected sample is used once. Parameters without samples keep the values of the card."""
     dampers = DRAWS.dampers(CARD.damper, most)
     assert [each.parameters["yield_force.gain"] for each in dampers] == [600.0 + row for row in rows]
     assert [each.command_lag_s for each in dampers] == pytest.approx([1e-3 * row for row in rows])
@@ -39,14 +39,14 @@ def test_posterior_samples_of_another_card_are_rejected(tmp_path):
 
 
 @pytest.mark.parametrize("values", [np.ones((3, 1)), np.ones(2), np.empty((0, 2)), np.array([[1.0, np.nan]])])
-def test_samples_with_invalid_values_are_rejected(tmp_path, values):
+def test_invalid_posterior_samples_are_rejected(tmp_path, values):
     write_draws(CardDraws(NAMES, values), CARD.damper, tmp_path / DRAWS_FILE)
     with pytest.raises(InputError, match="values have shape"):
         read_draws(tmp_path, CARD.damper)
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"no archive"])
-def test_damaged_samples_file_is_rejected(tmp_path, content):
+def test_damaged_posterior_file_is_rejected(tmp_path, content):
     (tmp_path / DRAWS_FILE).write_bytes(content)
     with pytest.raises(InputError, match="no posterior samples of this card"):
         read_draws(tmp_path, CARD.damper)

@@ -1,4 +1,4 @@
-"""Characteristics compared with closed forms: Bingham, viscous and Dahl dampers, linear factors, lags."""
+"""Characteristics of Bingham, viscous and Dahl dampers agree with closed forms."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ REFERENCE = 293.15
 
 
 def bingham(actuation: Actuation | None = None, **given_coefficients: ParameterLaw) -> Damper:
-    """Return a Bingham damper with so small a regularisation that it is ideal at the tested speeds."""
+    """Return a Bingham damper. Its regularisation is so small that it is ideal at the tested speeds."""
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((40.0, 500.0)),
         "yield_velocity": Constant(1e-7),
@@ -52,7 +52,7 @@ def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Cha
     return characterise(damper, default_scope(damper, envelope))
 
 
-# Cycles
+# Energy of cycles
 
 
 @given(
@@ -61,8 +61,8 @@ def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Cha
     amplitude=st.floats(1e-3, 0.05),
     frequency=st.floats(0.1, 10.0),
 )
-def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency):
-    """The energy is 4 A F_y + pi c omega A^2. Spring and gas force have no effect."""
+def test_bingham_energy_matches_formula(command, viscosity, amplitude, frequency):
+    """The energy per cycle is 4 A F_y + pi c omega A^2. Spring and gas force have no effect."""
     damper = bingham(viscosity=Constant(viscosity), stiffness=Constant(2e3), offset=Constant(70.0))
     cycle = steady_cycle(damper, Sine(amplitude, frequency), command)
     yielding = 4.0 * amplitude * (40.0 + 500.0 * command)
@@ -71,7 +71,7 @@ def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency)
 
 
 def test_dahl_energy_converges_to_rectangle():
-    """The missing energy compared with 4 A F_y is proportional to 1 / rho."""
+    """The energy that is missing to the rectangle 4 A F_y is proportional to 1 / rho."""
     rectangle = 4.0 * SINE.amplitude * 300.0
     gaps = [1.0 - steady_cycle(dahl(rho), SINE, 0.0).energy_J / rectangle for rho in (4e3, 8e3, 16e3)]
     assert gaps[0] > 0.0
@@ -79,13 +79,13 @@ def test_dahl_energy_converges_to_rectangle():
     assert gaps[2] / gaps[1] == pytest.approx(0.5, abs=0.03)
 
 
-def test_settled_cycle_is_closed():
+def test_settled_force_cycle_is_closed():
     cycle = steady_cycle(dahl(600.0, viscosity=Constant(500.0)), SINE, 0.0)
     assert cycle.force[-1] == pytest.approx(cycle.force[0], rel=1e-6)
     assert cycle.velocity[-1] == pytest.approx(cycle.velocity[0], rel=1e-9)
 
 
-# Peak velocity
+# Force versus peak velocity
 
 
 def test_viscous_peak_force_is_proportional_to_speed():
@@ -97,7 +97,7 @@ def test_viscous_peak_force_is_proportional_to_speed():
 
 
 def test_gas_force_shifts_both_branches_equally():
-    """The gas force is the same on both branches at mid-stroke and is not part of the damping force."""
+    """At mid-stroke, the gas force is the same on both branches. It is not part of the damping force."""
     bare = peak_velocity_pick(bingham(viscosity=Constant(800.0)), SPEEDS, amplitude=0.01, command=1.0)
     damper = bingham(
         viscosity=Constant(800.0), offset=Constant(65.0), stiffness=Constant(3e3), mass=Constant(3.0)
@@ -108,11 +108,11 @@ def test_gas_force_shifts_both_branches_equally():
     np.testing.assert_allclose(curve.damping, 540.0 + 800.0 * SPEEDS, rtol=1e-12)
 
 
-# Temperature
+# Force at high temperature
 
 
-def test_force_loss_is_smaller_at_higher_current():
-    """The force loss is the viscous fraction of the force times the viscosity decrease (as in the paper)."""
+def test_relative_force_loss_decreases_with_current():
+    """The loss is the viscous fraction of the force times the decrease of the viscosity, as in the paper."""
     damper = bingham(viscosity=TemperatureDependent(Constant(3e3), Arrhenius(1435.5)))
     fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / REFERENCE))
     viscous = 3e3 * OMEGA * SINE.amplitude
@@ -125,10 +125,10 @@ def test_force_loss_is_smaller_at_higher_current():
     assert losses == sorted(losses, reverse=True)
 
 
-# Characterisation
+# Complete characterisation
 
 
-def test_bingham_characteristics_are_closed_forms():
+def test_bingham_characteristics_match_formulas():
     damper = bingham(
         viscosity=Constant(900.0),
         offset=Constant(35.0),
@@ -157,7 +157,7 @@ def test_bingham_characteristics_are_closed_forms():
             assert curve.damping == pytest.approx(yielding[t, i] + 900.0 * scope.curve_speeds, rel=1e-6)
 
 
-# Response
+# Response to current steps
 
 
 def response(damper: Damper) -> tuple[Response, Response]:
@@ -165,8 +165,8 @@ def response(damper: Damper) -> tuple[Response, Response]:
     return rising, falling
 
 
-def test_linear_force_responds_like_its_lag():
-    """The time is delay - tau ln(1 - fraction), with the rise time up and the fall time down."""
+def test_linear_force_responds_like_current():
+    """The time is delay - tau ln(1 - fraction), with the rise time upwards and the fall time downwards."""
     damper = bingham(Actuation(rise_s=0.012, fall_s=0.007, delay_s=0.004), viscosity=Constant(900.0))
     for way, tau in zip(response(damper), (0.012, 0.007), strict=True):
         for times, fraction in (
@@ -177,24 +177,24 @@ def test_linear_force_responds_like_its_lag():
 
 
 def test_quadratic_force_rises_later_and_falls_sooner():
-    """The fraction is (1 - exp(-t/tau))^2 upwards, and exp(-2 t/tau) remains downwards."""
+    """Upwards, the fraction is (1 - exp(-t/tau))^2. Downwards, exp(-2 t/tau) remains."""
     up, down = response(bingham(Actuation(0.01, 0.01), yield_force=Polynomial((0.0, 0.0, 300.0))))
     assert up.force_t63 == pytest.approx(-0.01 * math.log(1.0 - math.sqrt(0.63)), rel=3e-3)
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_force_response_needs_lag_and_current_dependence():
+def test_force_response_requires_lag_and_current_dependence():
     assert characterised(bingham()).responses == ()
     for way in response(bingham(Actuation(0.01, 0.01), yield_force=Constant(300.0))):
         assert (way.force_t63, way.force_t90) == (None, None)
         assert way.command_t63 == pytest.approx(-0.01 * math.log(0.37), rel=2e-3)
 
 
-# Default scope: commands, temperatures and speeds of the evaluation
+# Default currents, temperatures and speeds of the evaluation
 
 
-def test_assumed_temperature_range_is_in_default_scope():
-    """A damper tested at one temperature is evaluated over the range of its assumed temperature laws."""
+def test_default_scope_includes_assumed_temperatures():
+    """After tests at one temperature, the scope is the range of the assumed temperature dependence."""
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
     assert default_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
     assert default_scope(damper, ENVELOPE).temperatures == (REFERENCE,)
@@ -203,7 +203,7 @@ def test_assumed_temperature_range_is_in_default_scope():
     assert default_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
 
 
-def test_example_in_docs_is_correct():
+def test_characteristics_example_in_docs_is_correct():
     page = Path(__file__).parents[2] / "docs" / "characteristics.md"
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert failed == 0

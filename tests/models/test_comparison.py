@@ -1,4 +1,4 @@
-"""Comparison of two cards: closed forms of the differences, antisymmetry, common envelope."""
+"""The comparison of two cards agrees with closed forms, is antisymmetric, and uses the common envelope."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ERRORS = {"yield_force.c0": 3.0, "yield_force.c1": 4.0, "viscosity.value": 30.0}
 
 
 def a_damper(strength: float = 1.0, **changed: ParameterLaw) -> Damper:
-    """Return a Bingham damper, whose characteristics are closed forms."""
+    """Return a Bingham damper because its characteristics are closed forms."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": Constant(900.0),
         "yield_force": Polynomial((60.0 * strength, 600.0 * strength)),
@@ -59,15 +59,15 @@ def compared(first: ModelCard, second: ModelCard, names: tuple[str, str] = ("fir
     return compare_cards(first, second, names=names)
 
 
-def test_card_does_not_differ_from_itself():
+def test_card_equals_itself_in_comparison():
     same = compared(a_card(a_damper()), a_card(a_damper()))
     assert (same.found[0].extension == same.found[1].extension).all()
     assert all(pair.z == 0.0 for pair in same.parameters if pair.z is not None)
     assert same.verdict == "second and first give the same force everywhere."
 
 
-def test_yield_force_difference_is_closed_form():
-    """The Bingham force is F_y(I) + c v. With 10 % less F_y the difference is -0.1 F_y(I) at every speed."""
+def test_yield_force_difference_matches_formula():
+    """The Bingham force is F_y(I) + c v. With 10 % less F_y, the difference is -0.1 F_y(I) at every speed."""
     found = compared(a_card(a_damper()), a_card(a_damper(0.9)), ("before", "after"))
     difference = found.found[1].damping - found.found[0].damping
     for i, command in enumerate(found.scope.commands):
@@ -77,7 +77,7 @@ def test_yield_force_difference_is_closed_form():
     assert found.parameters[0].name == "viscosity.value"
 
 
-def test_swapped_cards_have_the_opposite_difference():
+def test_swapped_cards_have_opposite_difference():
     first, second = a_card(a_damper()), a_card(a_damper(1.2, viscosity=Constant(700.0)))
     there, back = compared(first, second), compared(second, first)
     assert (there.found[1].damping == back.found[0].damping).all()
@@ -85,15 +85,15 @@ def test_swapped_cards_have_the_opposite_difference():
     assert {pair.name: None if pair.z is None else -pair.z for pair in back.parameters} == z
 
 
-def test_z_is_difference_divided_by_standard_error():
+def test_parameter_z_is_difference_by_standard_error():
     found = compared(a_card(a_damper()), a_card(a_damper(viscosity=Constant(1020.0))))
     (viscosity,) = (pair for pair in found.parameters if pair.name == "viscosity.value")
     assert viscosity.z == pytest.approx(120.0 / math.hypot(30.0, 30.0), rel=1e-12)
     assert (viscosity.first, viscosity.second) == (900.0, 1020.0)
 
 
-def test_difference_below_own_errors_is_unclear():
-    """RMS errors of 60 and 80 N combine to 100 N, which is more than a difference of 0.5 % of the force."""
+def test_force_difference_below_model_errors_is_unclear():
+    """RMS errors of 60 and 80 N combine to 100 N, which exceeds a difference of 0.5 % of the force."""
     verdict = compared(a_card(a_damper(), rmse=60.0), a_card(a_damper(1.005), rmse=80.0)).verdict
     assert verdict.startswith("No clear difference: ")
     assert "(100 N)" in verdict
@@ -107,16 +107,16 @@ def test_difference_below_own_errors_is_unclear():
         ((), None),
     ],
 )
-def test_own_error_prefers_held_out_runs(runs, own):
+def test_model_error_in_comparison_prefers_held_out_runs(runs, own):
     card = a_card(a_damper())
     other = replace(card, evidence=replace(card.evidence, runs=runs), damper=a_damper(1.5))
     assert compared(card, other).own_error_N == (None if own is None else pytest.approx(own))
 
 
-# Common envelope
+# Common range of validity of two cards
 
 
-def test_forces_are_compared_in_the_common_envelope():
+def test_forces_are_compared_in_common_envelope():
     small = OperatingEnvelope((0.5, 3.0), (-0.005, 0.03), (-0.1, 0.3))
     scope = compared(a_card(a_damper()), a_card(a_damper(), small)).scope
     assert (scope.commands[0], scope.commands[-1]) == (0.5, 2.0)
@@ -132,8 +132,8 @@ def test_warm_dampers_are_compared_at_common_temperatures():
     assert unknown.temperatures[0] == pytest.approx(333.15)
 
 
-def test_constant_damper_is_compared_at_tested_temperature():
-    """At 60 degC the yield force of the other damper is 4 % lower."""
+def test_damper_without_temperature_is_compared_where_tested():
+    """At 60 degC, the yield force of the other damper is 4 % lower, so both forces are equal."""
     tested = replace(ENVELOPE, temperature=(332.0, 334.3))
     found = compared(a_card(warm_damper(), WARM), a_card(a_damper(0.96), tested))
     assert found.scope.temperatures == pytest.approx((333.15,))

@@ -1,4 +1,4 @@
-"""A damper: parameters, coefficients as functions of the command, and invalid inputs."""
+"""A damper has parameters and coefficients that depend on the command, and rejects invalid inputs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
 
-MILLIAMPERE: Any = "mA"  # A user without a type checker can pass this.
+MILLIAMPERE: Any = "mA"  # A user who runs no type checker can pass this unit.
 ONE_END: Any = (0.0,)
 ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2))
 WARM_ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2), (293.15, 393.15))
@@ -68,14 +68,14 @@ def series_valve(**changed):
     return Damper(LAWS["series-valve"], {**forms, **changed})
 
 
-def test_missing_coefficients_have_defaults():
+def test_missing_damper_coefficients_have_defaults():
     damper = bouc_wen()
     assert tuple(damper.coefficients) == LAWS["bouc-wen"].names
     assert damper.coefficients["mass"] == Constant(0.0)
     assert damper.coefficients["stribeck_velocity"] == Constant(3e-3)
 
 
-def test_parameters_have_flat_names_and_units():
+def test_damper_parameters_have_names_and_units():
     damper = bouc_wen()
     assert list(damper.parameters)[:3] == ["viscosity.c0", "viscosity.c1", "stiffness.value"]
     assert damper.parameters["yield_force.gain"] == 629.0
@@ -85,7 +85,7 @@ def test_parameters_have_flat_names_and_units():
 
 
 @given(st.data())
-def test_with_parameters_is_inverse_of_parameters(data):
+def test_damper_is_rebuilt_from_its_parameters(data):
     damper = bouc_wen()
     assert damper.with_parameters(damper.parameters) == damper
     name = data.draw(st.sampled_from(sorted(damper.parameters)))
@@ -94,7 +94,7 @@ def test_with_parameters_is_inverse_of_parameters(data):
     assert damper == bouc_wen()  # The damper is immutable.
 
 
-def test_coefficients_are_rows_commands_are_columns():
+def test_coefficient_table_has_column_per_command():
     damper = bouc_wen()
     commands = np.array([0.0, 0.5, 1.0])
     table = damper.coefficients_at(commands)
@@ -129,7 +129,7 @@ def test_coefficients_are_rows_commands_are_columns():
         (lambda: OperatingEnvelope((1.0, 0.0), (0.0, 1.0), (0.0, 1.0)), r"envelope: command is \(1.0, 0.0\)"),
     ],
 )
-def test_invalid_damper_is_rejected_by_name(make, said):
+def test_message_names_invalid_damper(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
@@ -137,8 +137,8 @@ def test_invalid_damper_is_rejected_by_name(make, said):
 @pytest.mark.parametrize(
     ("gain", "fine"), [(-2.3, True), (-39.9, True), (39.9, True), (-40.0, False), (41.0, False)]
 )
-def test_valve_gain_is_limited_by_stroke(gain, fine):
-    """1 + gain x is positive within +-25 mm if |gain| < 40 per metre."""
+def test_position_gain_is_limited_by_stroke(gain, fine):
+    """Within +-25 mm, 1 + gain x is positive if |gain| < 40 per metre."""
     damper = series_valve(position_gain=Constant(gain))
     assert (damper.problems(ENVELOPE) == ()) == fine
     if not fine:
@@ -149,7 +149,7 @@ def test_valve_gain_is_limited_by_stroke(gain, fine):
 # ----------------------------------------------------------------------------------------- temperature
 
 
-def test_temperature_factor_parameters_are_damper_parameters():
+def test_temperature_parameters_are_damper_parameters():
     damper = warm()
     assert damper.parameters["viscosity.activation_K"] == 1435.5
     assert damper.units["viscosity.activation_K"] == "K"
@@ -162,7 +162,7 @@ def test_temperature_factor_parameters_are_damper_parameters():
     assert changed.assumed == ("yield_force",)
 
 
-def test_coefficient_outside_range_when_warm_is_named():
+def test_invalid_coefficient_when_warm_is_named():
     fading = warm(yield_force=TemperatureDependent(Constant(100.0), Linear(0.015)))
     commands, kelvins = np.array([0.0, 0.0, 0.5]), np.array([293.15, 353.15, 373.15])
     (said,) = fading.violations(commands, kelvins)
@@ -174,7 +174,7 @@ def test_coefficient_outside_range_when_warm_is_named():
     fading.check(ENVELOPE)  # Coefficients are evaluated at 20 degC.
 
 
-def test_pole_inside_temperatures_is_rejected():
+def test_viscosity_pole_inside_temperatures_is_rejected():
     frozen = warm(held=None, viscosity=TemperatureDependent(Constant(600.0), Vft(50.0, 280.0)))
     (said,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
     assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"

@@ -1,4 +1,4 @@
-"""Parameter laws: limits, gradients compared with the complex step, and JSON."""
+"""Functions for coefficients (of current and temperature) have correct limits, gradients and JSON."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ every_factor = pytest.mark.parametrize("factor", FACTORS_DRAWN)
 
 
 def factor_on_paper(kind, parameters, kelvin):
-    """Return a temperature factor by its textbook formula; arguments may be complex."""
+    """Return a temperature factor from its textbook formula. The arguments may be complex."""
     above = kelvin - 293.15
     match kind:
         case "linear":
@@ -96,7 +96,7 @@ def factor_on_paper(kind, parameters, kelvin):
 
 
 def on_paper(law, parameters, command, kelvin=293.15):
-    """Return the form by its textbook formula; parameters or command may be complex."""
+    """Return a coefficient from its textbook formula. Parameters or command may be complex."""
     if isinstance(law, TemperatureDependent):
         split = len(law.form.parameters)
         factor = factor_on_paper(law.factor.kind, parameters[split:], kelvin)
@@ -122,7 +122,7 @@ def on_paper(law, parameters, command, kelvin=293.15):
 
 
 def scale_of(law, command, kelvin):
-    """Return the magnitude of the terms of a value, the reference for rounding errors."""
+    """Return the magnitude of the terms of a value, to which rounding errors are proportional."""
     if isinstance(law, TemperatureDependent):
         factor = abs(float(law.factor.value(kelvin)))
         if isinstance(law.factor, PolynomialFactor):
@@ -136,7 +136,7 @@ def scale_of(law, command, kelvin):
 
 
 @given(laws, commands, kelvins)
-def test_value_equals_equation(law, command, kelvin):
+def test_coefficient_value_equals_formula(law, command, kelvin):
     expected = on_paper(law, law.parameters, command, kelvin)
     scale = scale_of(law, command, kelvin)
     found = float(law.value(command, kelvin))
@@ -144,7 +144,7 @@ def test_value_equals_equation(law, command, kelvin):
 
 
 def assert_gradient(law, command, kelvin):
-    """Compare with the complex step, which has no cancellation error."""
+    """Compare the gradient with the complex step, which has no cancellation error."""
     for k in range(len(law.parameters)):
         step = 1e-30
         moved = [complex(x, step if i == k else 0.0) for i, x in enumerate(law.parameters)]
@@ -161,7 +161,7 @@ def assert_slope(law, command, kelvin):
 
 
 @given(st.one_of(cold_laws, bipolynomials), commands.filter(bool), kelvins)
-def test_gradient_and_slope_equal_complex_step(law, command, kelvin):
+def test_coefficient_gradient_equals_complex_step(law, command, kelvin):
     assert_gradient(law, command, kelvin)
     assert_slope(law, command, kelvin)
 
@@ -169,15 +169,15 @@ def test_gradient_and_slope_equal_complex_step(law, command, kelvin):
 @pytest.mark.system
 @every_factor
 @given(data=st.data(), command=commands.filter(bool), kelvin=kelvins)
-def test_gradient_with_factor_equals_complex_step(factor, data, command, kelvin):
+def test_gradient_with_temperature_equals_complex_step(factor, data, command, kelvin):
     law = TemperatureDependent(data.draw(cold_laws), data.draw(FACTORS_DRAWN[factor]))
     assert_gradient(law, command, kelvin)
     assert_slope(law, command, kelvin)
 
 
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
-def test_linear_parameters_are_jointly_linear(law, command, kelvin):
-    """The derivative with respect to a linear parameter does not depend on any linear parameter."""
+def test_linear_parameters_act_jointly_linearly(law, command, kelvin):
+    """The derivative by a linear parameter does not depend on any linear parameter."""
     twice = [2.0 * x if linear else x for x, linear in zip(law.parameters, law.linear, strict=True)]
     both = law.with_parameters(twice)
     for k, linear in enumerate(law.linear):
@@ -199,7 +199,7 @@ SOME: list[ParameterLaw] = [
 @pytest.mark.parametrize("law", SOME, ids=lambda law: f"{type(law).__name__} {law.kind}")
 @pytest.mark.parametrize("shape", [(), (7,), (2, 3)])
 @pytest.mark.parametrize("kelvin", [None, "each"])
-def test_results_have_the_shape_of_command(law, shape, kelvin):
+def test_coefficient_values_have_shape_of_command(law, shape, kelvin):
     command = np.linspace(0.0, 2.0, int(np.prod(shape))).reshape(shape)
     warm = 300.0 + 40.0 * command if kelvin == "each" else kelvin
     assert law.value(command, warm).shape == shape
@@ -209,7 +209,7 @@ def test_results_have_the_shape_of_command(law, shape, kelvin):
     assert len(set(law.parameter_names)) == len(law.parameters)
 
 
-# ----------------------------------------------------------------------------------------- temperature
+# ---------------------------------------------------------------------------------- dependence on temperature
 
 
 @given(laws, commands)
@@ -221,7 +221,7 @@ def test_missing_temperature_means_20_degrees(law, command):
 
 @given(temperature_dependent, commands, commands, kelvins)
 def test_relative_temperature_effect_is_independent_of_command(law, here, there, kelvin):
-    """The relative change of a coefficient with temperature is equal at every command."""
+    """The relative change of a coefficient with temperature is the same at every command."""
     one, two = law.value(here, kelvin) * law.value(there), law.value(there, kelvin) * law.value(here)
     assert one == pytest.approx(two, rel=1e-12, abs=1e-300)
 
@@ -244,7 +244,7 @@ def test_bipolynomial_of_degree_zero_is_polynomial(law, command, kelvin):
     commands,
     kelvins,
 )
-def test_separable_polynomial_is_bipolynomial_of_products(command, factor, at, kelvin):
+def test_separable_polynomial_equals_bipolynomial(command, factor, at, kelvin):
     """(a0 + a1 I + ...)(1 + t1 dT + ...) has the bipolynomial coefficients c_ij = a_i t_j with t_0 = 1."""
     law = TemperatureDependent(Polynomial(tuple(command)), PolynomialFactor(tuple(factor)))
     assert law.kind == "polynomial"
@@ -258,7 +258,7 @@ def test_separable_polynomial_is_bipolynomial_of_products(command, factor, at, k
 
 
 @given(hills, commands)
-def test_saturation_of_sharpness_one_is_hill(law, command):
+def test_saturation_of_sharpness_one_equals_hill(law, command):
     same = Saturation(law.base, law.gain, law.half_command, law.exponent, law.reference)
     assert float(same.value(command)) == float(law.value(command))
     assert float(same.slope(command)) == float(law.slope(command))
@@ -272,7 +272,7 @@ def test_sharp_saturation_is_power_then_constant():
 
 
 @given(st.one_of(hills, saturations), commands)
-def test_hill_is_even_in_the_command(law, command):
+def test_hill_function_is_even_in_command(law, command):
     assert float(law.value(-command)) == float(law.value(command))
     if command:
         assert float(law.slope(-command)) == -float(law.slope(command))
@@ -295,19 +295,19 @@ def test_hill_slope_at_zero_is_limit(exponent, expected):
     assert float(sharp.slope(0.0)) == pytest.approx(expected if exponent != 1.0 else slope)
 
 
-def test_steep_hill_is_step_without_overflow():
+def test_steep_hill_function_is_step():
     law = Hill(1.0, 2.0, 0.5, 5000.0)
     np.testing.assert_allclose(law.value([0.0, 0.49, 0.51, 1.0, 9.0]), [1.0, 1.0, 3.0, 3.0, 3.0])
     assert np.isfinite(law.gradient([0.0, 1e-300, 0.5, 1.0, 9.0])).all()
 
 
 def written(law):
-    """Return a law as the JSON of a card."""
+    """Return a coefficient function as the JSON of a card."""
     return json.loads(json.dumps(write_record(record_of_law(law, "N", "A"), defaults=True, nulls=True)))
 
 
 def read(data):
-    """Read a law from JSON as in a card, without units and standard errors."""
+    """Read a coefficient function from the JSON of a card, without units and standard errors."""
     numbers = data.get("numbers")
     if isinstance(numbers, dict):
         numbers = {
@@ -319,6 +319,6 @@ def read(data):
 
 
 @given(laws)
-def test_law_survives_json_round_trip(law):
+def test_coefficient_survives_json_round_trip(law):
     assert read(written(law)) == law
     assert law.with_parameters(law.parameters) == law

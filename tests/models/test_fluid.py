@@ -1,4 +1,4 @@
-"""Fluids: values stated in the paper, presets, valid ranges, files."""
+"""Fluid models have the values of the paper, valid ranges, and files that can be read again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAPER = find_fluid("paper")
 LORD = find_fluid("lord-mrf-132dg")
 C20, C100 = 293.15, 373.15
 
-# The paper
+# Fluid of the paper
 
 
 def test_viscosity_of_paper_falls_by_65_percent():
@@ -31,7 +31,7 @@ def test_viscosity_of_paper_falls_by_65_percent():
 
 @pytest.mark.parametrize("flux_density", [0.1, 0.6])
 def test_yield_stress_of_paper_falls_linearly(flux_density):
-    """The yield stress falls linearly with temperature, and less than the viscosity."""
+    """With temperature, the yield stress falls linearly and less than the viscosity."""
     kelvin = np.linspace(C20, 403.15, 12)
     stress = PAPER.yield_stress(kelvin, flux_density_T=flux_density)
     steps = np.diff(stress)
@@ -48,7 +48,7 @@ def test_thermal_collapse_is_logistic_in_temperature(kelvin):
 
 
 def test_thermal_collapse_is_included_on_request():
-    """The decrease of the viscosity by the collapse begins at 138 degC, outside the valid range."""
+    """The collapse reduces the viscosity from 138 degC on, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
         plain, collapsed = float(PAPER.viscosity(hot)), float(PAPER.viscosity(hot, with_collapse=True))
@@ -60,12 +60,12 @@ def test_thermal_collapse_is_included_on_request():
         LORD.viscosity(C20, with_collapse=True)
 
 
-# Presets
+# Predefined fluids
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_preset_has_range_viscosity_and_yield_stress(name):
-    """Presets are valid from -40 to 130 degC, have 0.112 Pa s at 40 degC and Carlson's yield stress."""
+def test_fluid_preset_has_range_viscosity_yield_stress(name):
+    """Presets are valid from -40 to 130 degC, with 0.112 Pa s at 40 degC and Carlson's yield stress."""
     fluid = find_fluid(name)
     assert fluid.valid_K == pytest.approx((233.15, 403.15))
     assert fluid.viscosity_fitted_K == pytest.approx((293.15, 403.15))
@@ -77,7 +77,7 @@ def test_preset_has_range_viscosity_and_yield_stress(name):
     assert "Viscosity: " in fluid.source
 
 
-def test_lord_viscosity_is_walthers_law():
+def test_lord_viscosity_follows_walther_equation():
     """log10 log10(nu + 0.7) = A - B log10 T, with 17 mm^2/s at 40 degC and 3.9 mm^2/s at 100 degC."""
 
     def twice(nu):
@@ -90,7 +90,7 @@ def test_lord_viscosity_is_walthers_law():
     np.testing.assert_allclose(LORD.viscosity_factor.value(kelvin), nu / nu[0], rtol=3e-3)
 
 
-def test_density_agrees_with_iron_fraction_of_lord():
+def test_lord_density_agrees_with_iron_fraction():
     """32 % iron (7860 kg/m^3) in oil (800 to 960) is heavier than the 2300 kg/m^3 that the paper states."""
     light, heavy = (0.32 * 7860.0 + 0.68 * oil for oil in (800.0, 960.0))
     assert LORD.density_kg_m3 is not None
@@ -99,7 +99,7 @@ def test_density_agrees_with_iron_fraction_of_lord():
     assert PAPER.density_kg_m3 < light - 500.0
 
 
-# Ranges
+# Valid temperatures
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_density_agrees_with_iron_fraction_of_lord():
         ([0.0, 20.0], "viscosity requested at 0 degC; its law is from measurements at 20 to 130 degC"),
     ],
 )
-def test_fluid_warns_once_outside_its_range(celsius, said):
+def test_fluid_warns_once_outside_range(celsius, said):
     with pytest.warns(EnvelopeWarning) as caught:
         values = PAPER.viscosity(np.array(celsius) + 273.15)
     assert [str(warning.message) for warning in caught] == [f"fluid 'paper': {said}"]
@@ -119,19 +119,19 @@ def test_fluid_warns_once_outside_its_range(celsius, said):
 
 
 @pytest.mark.parametrize("kelvin", [25.0, -10.0, 1000.0, math.nan])
-def test_celsius_instead_of_kelvin_is_rejected(kelvin):
+def test_fluid_temperature_in_celsius_is_rejected(kelvin):
     with pytest.raises(EnvelopeError, match=r"expected 223 to 453 K\. Temperatures are in kelvin"):
         PAPER.viscosity(kelvin)
 
 
-def test_law_without_a_positive_value_is_rejected():
-    """With a slope of 0.7 % per kelvin, the yield stress is zero at 163 degC."""
+def test_yield_stress_without_positive_value_is_rejected():
+    """With a slope of 0.7 % per kelvin, the yield stress reaches zero at 163 degC."""
     steep = replace(PAPER, yield_factor=Linear(7e-3))
     with pytest.raises(EnvelopeError, match="linear law of the yield stress has no value at 170 degC"):
         steep.yield_stress(443.15, field_A_m=1e5)
 
 
-def test_field_and_flux_density_are_equivalent():
+def test_field_and_flux_density_give_same_stress():
     by_flux = PAPER.yield_stress(C20, flux_density_T=0.4)
     assert float(PAPER.yield_stress(C20, field_A_m=66787.318)) == pytest.approx(float(by_flux), rel=1e-6)
     stress = PAPER.yield_stress(np.array([[C20], [C100]]), field_A_m=np.array([1e4, 5e4, 1e5]))
@@ -155,7 +155,7 @@ def test_impossible_fluid_is_rejected(changes, said):
         replace(PAPER, **changes)
 
 
-# Files
+# Fluid files
 
 positive = st.floats(1e-6, 1e6)
 factors = st.one_of(
@@ -174,7 +174,7 @@ factors = st.one_of(
     name=st.text(min_size=1, max_size=20),
     source=st.text(max_size=30),
 )
-def test_fluid_survives_a_round_trip(factor, viscosity, stress, slope, name, source):
+def test_fluid_file_survives_round_trip(factor, viscosity, stress, slope, name, source):
     fluid = replace(
         PAPER,
         name=name,
@@ -199,7 +199,8 @@ def test_omitted_values_are_taken_from_like_fluid():
     assert fluid.viscosity_factor == Reynolds(0.02)
     assert fluid.density_kg_m3 == 2800.0
     assert fluid.yield_factor == PAPER.yield_factor
-    assert fluid.collapse is None  # The thermal collapse belongs to the viscosity of the paper.
+    # The thermal collapse belongs to the viscosity of the paper, which is replaced.
+    assert fluid.collapse is None
     same = fluid_from_toml('like = "paper"', "ours.toml")
     assert replace(same, title=PAPER.title) == replace(PAPER, name="ours")
 
@@ -223,7 +224,7 @@ SHORT = 'like = "paper"\n'
         (SHORT + "[properties]\ndensity_kg_m3 = -1", "density_kg_m3 is -1.0; expected a number, above 0"),
     ],
 )
-def test_invalid_file_is_rejected_with_location(text, said):
+def test_invalid_fluid_file_is_rejected_with_location(text, said):
     with pytest.raises(InputError, match=said) as caught:
         fluid_from_toml(text, "mine.toml")
     assert str(caught.value).startswith("mine.toml: ")

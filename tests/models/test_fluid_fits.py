@@ -1,4 +1,4 @@
-"""Fits of rheometer tables: recovery of known laws, standard errors, textbook fits, rejected tables."""
+"""Fits to rheometer tables recover known laws with correct standard errors and reject invalid tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.examples import examples
 
 KELVIN = np.linspace(293.15, 403.15, 23)
 LAWS = (Arrhenius(1435.5), Reynolds(0.013), Vft(753.0, 165.4))
-FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # value of the paper
+FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # Flux densities of the paper
 AT = np.tile(np.linspace(293.15, 393.15, 6), 4)
 SCALES = [(FIELD_SCALE_A_m, "carlson"), (1.1e5, "carlson-free-scale")]
 
@@ -44,7 +44,7 @@ def test_viscosity_law_is_recovered_without_noise(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_standard_errors_of_viscosity_are_calibrated(law):
-    """In 20 tables with 2 % noise, deviations from the true values match the stated standard error."""
+    """In 20 tables with 2 % noise, the deviations from the true values match the standard errors."""
     scores, chosen = [], []
     for seed in range(20):
         study = fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed))
@@ -59,8 +59,8 @@ def test_standard_errors_of_viscosity_are_calibrated(law):
     assert chosen.count(law.kind) >= 15
 
 
-def test_arrhenius_fit_is_the_textbook_line():
-    """The reference is the fit of ln eta versus 1/T by numpy.polyfit, with the covariance of this fit."""
+def test_arrhenius_fit_equals_straight_line_fit():
+    """The reference is numpy.polyfit of ln(eta) versus 1/T, with the covariance of this fit."""
     viscosity = noisy(0.15 * Arrhenius(1435.5).value(KELVIN), 1)
     (slope, _), covariance = np.polyfit(1.0 / KELVIN - 1.0 / 293.15, np.log(viscosity), 1, cov=True)
     activation = named(fit_viscosity(KELVIN, viscosity), "arrhenius").parameters[1]
@@ -76,7 +76,7 @@ def test_arrhenius_fit_is_the_textbook_line():
     rate=st.floats(0.002, 0.03),
     seed=st.integers(0, 99),
 )
-def test_fit_is_independent_of_unit_and_order(scale, order, rate, seed):
+def test_viscosity_fit_is_independent_of_unit_and_order(scale, order, rate, seed):
     kelvin = np.linspace(300.0, 390.0, 8)
     viscosity = noisy(0.1 * Reynolds(rate).value(kelvin), seed)
     one = fit_viscosity(kelvin, viscosity)
@@ -87,8 +87,8 @@ def test_fit_is_independent_of_unit_and_order(scale, order, rate, seed):
         assert b.factor.parameters == pytest.approx(a.factor.parameters, rel=1e-5)
 
 
-def test_points_above_130_degC_are_not_fitted():
-    """The viscosity of the fluid in the paper collapses above 130 degC."""
+def test_viscosity_above_130_degC_is_not_fitted():
+    """The viscosity of the paper's fluid collapses above 130 degC."""
     kelvin = 273.15 + np.arange(20.0, 151.0, 5.0)
     collapsing = 0.153 * Arrhenius(1435.5).value(kelvin) / (1.0 + np.exp((kelvin - 414.15) / 1.5))
     study = fit_viscosity(kelvin, collapsing, place="table.csv")
@@ -97,7 +97,7 @@ def test_points_above_130_degC_are_not_fitted():
     assert any("4 point(s) outside -40 to 130 degC" in note for note in study.notes)
 
 
-def test_extrapolated_fall_and_rising_viscosity_are_noted():
+def test_extrapolated_and_rising_viscosity_are_noted():
     kelvin = np.linspace(303.15, 353.15, 5)
     notes = " ".join(fit_viscosity(kelvin, Reynolds(-0.001).value(kelvin)).notes)
     assert "points are at 30 to 80 degC; the fall from 20 to 100 degC is extrapolated" in notes
@@ -105,8 +105,8 @@ def test_extrapolated_fall_and_rising_viscosity_are_noted():
     assert "the VFT law is not fitted" in notes
 
 
-def test_pole_at_its_bound_has_no_standard_error():
-    """If ln(eta) is concave in T, the pole moves to its bound, where the law equals Reynolds' law."""
+def test_vft_pole_at_bound_has_no_error():
+    """If ln(eta) is concave in T, the pole moves to its bound. There, the law equals Reynolds' law."""
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
     assert math.isnan(named(study, "vft").parameters[2].standard_error)
@@ -154,7 +154,7 @@ def test_standard_errors_of_yield_stress_are_calibrated(scale, name):
     assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.4
 
 
-def test_points_without_field_are_not_fitted():
+def test_yield_points_without_field_are_not_fitted():
     field, kelvin = np.append(FIELDS, [0.0, 5e4]), np.append(AT, [293.15, 420.0])
     stress = Carlson(47e3).stress(field) * Linear(1.5e-3).value(kelvin)
     study = fit_yield_stress(field, kelvin, stress, place="tau.csv")
@@ -162,8 +162,8 @@ def test_points_without_field_are_not_fitted():
     assert any("2 point(s) outside -40 to 130 degC or without field" in note for note in study.notes)
 
 
-def test_weak_fields_extrapolate_the_saturation():
-    """In weak fields tanh u = u within 0.1 %, so that the table only determines the slope at the origin."""
+def test_saturation_from_weak_fields_is_noted():
+    """In weak fields, tanh u = u within 0.1 %. The table then determines only the slope at the origin."""
     field = np.repeat([1e3, 2e3, 4e3, 8e3], 4)
     kelvin = np.tile([293.15, 323.15, 353.15, 383.15], 4)
     stress = noisy(Carlson(47e3).stress(field) * Linear(1.5e-3).value(kelvin), 1)

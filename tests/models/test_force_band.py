@@ -1,4 +1,4 @@
-"""The prediction band of the force: width, and widening with the distance to the fitted motions."""
+"""The prediction band of the force has the correct width, also far from the fitted motions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BAND = ForceBand(
 )
 
 
-def test_band_width_and_coverage_are_closed_forms():
+def test_force_band_width_matches_formula():
     force = np.array([3.0, -4.0, 0.0, 5.0])
     mean_square = (9.0 + 16.0 + 25.0) / 4.0
     width = 0.5 * np.sqrt(force**2 + 0.09 * mean_square + 16.0)
@@ -34,15 +34,15 @@ def test_band_width_and_coverage_are_closed_forms():
     assert BAND.coverage(force, measured, 2.5) == 1.0
 
 
-def test_distance_is_the_larger_logarithm():
-    """Half of the speed is a distance of ln 2, and twice the amplitude is also a distance of ln 2."""
+def test_motion_distance_is_larger_logarithm():
+    """Half the speed has a distance of ln 2, and twice the amplitude has a distance of ln 2, too."""
     size = MotionSize(0.01, 0.2)
     assert size.distance([MotionSize(0.01, 0.1), MotionSize(0.1, 0.2)]) == pytest.approx(math.log(2.0))
     assert size.distance([MotionSize(0.02, 0.1), MotionSize(0.01, 0.05)]) == pytest.approx(math.log(2.0))
 
 
-def test_distant_motion_widens_the_band():
-    """The band is wider if a motion is farther away than usual. Without velocity there is no widening."""
+def test_distant_motion_widens_force_band():
+    """A motion farther away than usual has a wider band. A motion without velocity has the basic band."""
     motion = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.0)
     own = MotionSize.from_motion(motion)
     assert own.displacement_m == pytest.approx(0.01 / math.sqrt(2.0), rel=2e-3)

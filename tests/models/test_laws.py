@@ -1,4 +1,4 @@
-"""The table of hysteresis models: limits, defaults and effect of disabled terms."""
+"""The table of hysteresis laws has correct limits, defaults and linear coefficients."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SERIES = ("spencer", "series-valve", "chain")
 
 @every_law
 def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
-    """Changing a linear coefficient from 0 to its value, or to twice its value, has equal effects."""
+    """A change of a linear coefficient from 0 to 1 and from 1 to 2 times its value has equal effects."""
     if law.name not in SERIES:
         forces = {"N", "N s/m", "N/m", "kg"}
         assert [each.linear for each in law.coefficients] == [
@@ -53,8 +53,8 @@ def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
         ({"coulomb_friction": 50.0, "transition_velocity": 1e-6}, lambda x, v: 50.0 * np.sign(v)),
     ],
 )
-def test_chain_with_one_term_matches_closed_form(given, expected):
-    """The springs of the chain are so stiff that their deflection is negligible compared with the stroke."""
+def test_chain_with_single_term_matches_formula(given, expected):
+    """The springs of the chain are so stiff that their deflection is negligible."""
     forms = {name: Constant(value) for name, value in ({"yield_force": 0.0} | RIGID | given).items()}
     path = drive(Sine(0.5, 0.05), duration=40.0, rate_Hz=25.0, command=0.0)
     force = simulate(Damper(LAWS["chain"], forms), path)

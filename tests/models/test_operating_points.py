@@ -1,4 +1,4 @@
-"""One call for several parameter sets gives the same coefficients as separate dampers."""
+"""Coefficients computed in one call for several parameter sets equal those computed one by one."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def damper_with(form: ParameterLaw) -> Damper:
 
 @pytest.mark.parametrize("kind", FORMS)
 @pytest.mark.parametrize("held", [0, 1], ids=["every number moves", "the first one does not"])
-def test_batched_coefficients_match_each_damper(kind: str, held: int) -> None:
+def test_batched_coefficients_match_single_dampers(kind: str, held: int) -> None:
     damper = damper_with(FORMS[kind])
     names = list(damper.parameters)
     varying = [*[name for name in names if name.startswith("yield_force.")][held:], "rho.rate", LAG]

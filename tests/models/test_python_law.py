@@ -1,4 +1,4 @@
-"""The motion of laws in Python: cubic interpolation of the samples, and turning points."""
+"""For laws in Python, the motion is interpolated by cubics, whose turning points are found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ shares = st.integers(-8, 24).map(lambda k: k / 16)
 
 
 @given(first=shares, second=shares, steepness=st.sampled_from([-4.0, -1.0, 1.0, 64.0]))
-def test_cubic_turns_at_slope_sign_change(first, second, steepness):
+def test_cubic_turns_where_slope_changes_sign(first, second, steepness):
     """The slope is s (t - t1) (t - t2). All values are multiples of 1/16, which are exact floats."""
     slope = (steepness * first * second, -steepness * (first + second), steepness)
     turns = turns_of((0.0, slope[0], slope[1] / 2.0, slope[2] / 3.0))
@@ -22,14 +22,14 @@ def test_cubic_turns_at_slope_sign_change(first, second, steepness):
     assert turns == pytest.approx(expected, abs=1e-12)
 
 
-def test_reversal_of_nearly_quadratic_motion_is_found():
+def test_turning_point_of_near_quadratic_is_found():
     assert turns_of((0.0, -1.0, 1.0, 1e-18)) == pytest.approx([0.5])
     assert turns_of((0.0, -1.0, 1.0, 0.0)) == [0.5]
     assert turns_of((0.0, -1e-20, 1.0, -1.0)) == pytest.approx([0.5e-20, 2.0 / 3.0])
     assert turns_of((0.0, 1.0, 0.0, 0.0)) == []
 
 
-def test_cubic_motion_is_its_own_interpolant():
+def test_cubic_motion_is_interpolated_exactly():
     """The interpolant of x = 1 - 2 t + 3 t^2 - t^3 (t in seconds) is exact for any step."""
     time = 0.25 * np.arange(5.0)
     motion = np.polynomial.Polynomial([1.0, -2.0, 3.0, -1.0])

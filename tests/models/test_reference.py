@@ -1,4 +1,4 @@
-"""The reference integrator compared with closed forms, limits and physical laws; a user-defined law."""
+"""The reference integrator agrees with closed forms and limits, and simulates user-defined laws."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ from tests.oracles.reference import (
 from tests.support.examples import examples
 
 THREE_TONES = Harmonics((4e-3, 2e-3, 1e-3), (2.0, 5.3, 11.0), (0.0, 1.0, 2.0))
-UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)  # inner loops with reversals
-SINE = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.5)  # two periods
+# This motion has inner loops with additional reversals.
+UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)
+SINE = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.5)  # The motion has two periods.
 
-SOUND = {  # Laws that are odd in the motion, with realistic coefficients.
+SOUND = {  # These laws are odd in the motion and have realistic coefficients.
     "bouc-wen": {"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0, "kappa": -0.9, "n": 1.3},
     "dahl": {"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0},
     "bouc-wen-saturating": {
@@ -88,11 +89,11 @@ def damper(law, /, **values):
 shapes = {"kappa": st.floats(-1.0, 0.99), "n": st.floats(0.2, 20.0)}
 
 
-# ------------------------------------------------------------------------------------------ closed form
+# ----------------------------------------------------------------------------------- closed form of the curve
 
 
 @given(st.floats(0.0, 0.999999))
-def test_curve_is_elementary_for_integer_exponents(w):
+def test_hysteresis_curve_is_elementary_for_integer_exponents(w):
     assert bouc_wen_distance(w, 0.3, 1.0) == pytest.approx(-math.log1p(-w), rel=1e-9, abs=1e-300)
     assert bouc_wen_distance(w, 0.3, 2.0) == pytest.approx(math.atanh(w), rel=1e-9, abs=1e-300)
     assert bouc_wen_distance(-w, -1.0, 1.0) == pytest.approx(-math.log1p(w), rel=1e-13, abs=1e-300)
@@ -101,10 +102,10 @@ def test_curve_is_elementary_for_integer_exponents(w):
 
 
 @given(st.floats(0.2, 20.0), st.floats(1e-15, 0.9))
-def test_curve_equals_integral_of_its_equation(n, gap):
-    """Quadrature is the reference because SciPy's 2F1 is wrong by 20 % at n = 0.3, w = 0.999."""
+def test_hysteresis_curve_equals_its_integral(n, gap):
+    """The reference is a quadrature because SciPy's 2F1 is wrong by 20 % at n = 0.3, w = 0.999."""
     w = 1.0 - gap
-    # u = 1 - exp(-y) turns the logarithmic end into a smooth integrand.
+    # The substitution u = 1 - exp(-y) turns the logarithmic end into a smooth integrand.
     far = -math.log(1.0 - w)
     integral, _ = quad(
         lambda y: math.exp(-y) / -math.expm1(n * math.log1p(-math.exp(-y))), 0, far, epsabs=1e-13
@@ -114,10 +115,10 @@ def test_curve_equals_integral_of_its_equation(n, gap):
 
 
 def test_turning_points_of_sine_are_crests():
-    """The crests of the cubic Hermite interpolant of a sine are accurate to fourth order in the step."""
+    """The crests of the cubic interpolant of a sine are accurate to fourth order in the step."""
     crests = 0.01 * np.array([1.0, -1.0, 1.0, -1.0])
     errors = []
-    for rate_Hz in (101.0, 202.0):  # no sample on a crest
+    for rate_Hz in (101.0, 202.0):  # At these rates, no sample is on a crest.
         trajectory = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=rate_Hz, command=0.0)
         found = [x for _, x in turning_points(trajectory)]
         errors.append(np.abs(found - crests).max())
@@ -131,8 +132,8 @@ def test_turning_points_of_sine_are_crests():
 @pytest.mark.system
 @examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
-def test_integrator_agrees_with_closed_form(rho, kappa, n):
-    """The limit is kappa = 0.9. Close to 1, the curve leaves its bound very slowly and amplifies errors."""
+def test_reference_integrator_agrees_with_formula(rho, kappa, n):
+    """The largest kappa is 0.9. Close to 1, the curve leaves its bound very slowly and amplifies errors."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
     exact = bouc_wen_closed_form(UNEVEN.displacement, turning_points(UNEVEN), rho=rho, kappa=kappa, n=n)
@@ -140,7 +141,7 @@ def test_integrator_agrees_with_closed_form(rho, kappa, n):
     assert np.abs(w).max() <= 1.0 + 1e-10
 
 
-def test_pause_keeps_hysteresis_state():
+def test_rest_keeps_hysteresis_state():
     t = np.arange(0, 0.6, 2e-3)
     there = np.where(t < 0.2, np.cos(2 * np.pi * 5 * t), 1.0)
     again = np.where(t >= 0.4, np.cos(2 * np.pi * 5 * (t - 0.4)), there)
@@ -155,8 +156,8 @@ def test_pause_keeps_hysteresis_state():
     assert np.ptp(w[(t > 0.201) & (t < 0.399)]) < 1e-12
 
 
-def test_varying_command_follows_the_same_curve():
-    """In a monotonic stroke, w = Y(integral of rho dx) for any variation of rho."""
+def test_varying_rho_follows_same_curve():
+    """In a stroke without reversal, w = Y(integral of rho dx) for any variation of rho with the command."""
     t = np.arange(0, 0.2001, 1e-3)
     x, v = 0.02 * t + 0.05 * t**2, 0.02 + 0.1 * t
     command = np.where(t < 0.05, 0.0, np.where(t < 0.1, 1.0, 0.3))
@@ -172,11 +173,11 @@ def test_varying_command_follows_the_same_curve():
     np.testing.assert_allclose(w, [bouc_wen_state(each, 0.0, 1.5) for each in travel], rtol=0, atol=1e-8)
 
 
-# ------------------------------------------------------------------------------------------- limits
+# ---------------------------------------------------------------------------------------- limits of the chain
 
 
-def test_linear_chain_is_maxwell_element():
-    """A chain with a linear valve and no free play is a Maxwell element with the state y.
+def test_linear_series_valve_is_maxwell_element():
+    """With a linear valve and no free play, the law is a Maxwell element with the state y.
 
     The equation is k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y'.
     """
@@ -200,17 +201,17 @@ def test_linear_chain_is_maxwell_element():
 
 
 def test_motion_inside_free_play_has_dashpot_force():
-    """While the motion is within the free play, only the dashpot has a force, for any valve force."""
+    """Within the free play, only the dashpot has a force, for any valve force."""
     small = drive(Sine(1e-4, 1.0), duration=1.0, rate_Hz=200.0, command=0.0)
     wide = damper("series-valve", gap=0.05, gap_corner=1e-6, yield_force=1e7, leak_damping=2e3)
     np.testing.assert_allclose(simulate_reference(wide, small), 2e3 * small.velocity, atol=1e-3)
 
 
-# -------------------------------------------------------------------------------- user-defined law
+# -------------------------------------------------------------------------------- user-defined laws
 
 
 class OwnBoucWen:
-    """A user-defined law: the unnormalised Bouc-Wen model."""
+    """A user-defined law: the Bouc-Wen model with coefficients that are not normalised."""
 
     name = "own-bouc-wen"
     coefficients = (
@@ -232,7 +233,7 @@ class OwnBoucWen:
         return values["alpha"] * state
 
 
-def test_unnormalised_bouc_wen_equals_normalised():
+def test_textbook_bouc_wen_equals_normalised_law():
     """z_m = (A / (beta + gamma))^(1/n), rho = A / z_m, kappa = (gamma - beta) / (gamma + beta)."""
     law = law_from_python(OwnBoucWen())
     values = {"A": 10.0, "beta": 3e6, "gamma": 1e6, "alpha": 4e5}
@@ -243,7 +244,7 @@ def test_unnormalised_bouc_wen_equals_normalised():
         simulate_reference(own, UNEVEN), simulate_reference(same, UNEVEN), atol=1e-6 * 4e5 * z_m
     )
     assert isinstance(law.python, PythonLaw)
-    assert law.title == "A user-defined law: the unnormalised Bouc-Wen model."
+    assert law.title == "A user-defined law: the Bouc-Wen model with coefficients that are not normalised."
 
 
 LAW_FILE = '''
@@ -282,7 +283,7 @@ def law_file(tmp_path):
     return path
 
 
-def test_law_is_loaded_from_its_file(law_file):
+def test_python_law_is_loaded_from_file(law_file):
     law = load_python_law(f"{law_file}:Dashpot")
     assert (law.name, law.title, law.kernel) == ("dashpot", "A dashpot.", None)
     model = Damper(law, {"c": Polynomial((100.0, 50.0))})
@@ -301,6 +302,6 @@ def test_law_is_loaded_from_its_file(law_file):
         (":Raises", "RuntimeError: no licence"),
     ],
 )
-def test_invalid_law_file_is_rejected(law_file, after, said):
+def test_invalid_python_law_file_is_rejected(law_file, after, said):
     with pytest.raises(InputError, match=said):
         load_python_law(f"{law_file}{after}")

@@ -1,4 +1,4 @@
-"""Simulation: invalid inputs, and equal results of fast paths."""
+"""Simulations reject invalid inputs, and their fast paths give the same results as the general path."""
 
 from __future__ import annotations
 
@@ -77,21 +77,21 @@ def path(command: ArrayLike = 0.5, rate: float = 500.0):
     ],
 )
 @pytest.mark.parametrize("form", ["record", "causal"])
-def test_coefficient_outside_range_is_rejected(coefficient, value, message, form):
+def test_simulation_rejects_coefficient_outside_range(coefficient, value, message, form):
     ill = replace(DAMPER, coefficients={**DAMPER.coefficients, coefficient: Constant(value)})
     with pytest.raises(InputError, match=message):
         simulate(ill, path(), form=form)
 
 
 @pytest.mark.parametrize("command", [0.5, np.linspace(0.0, 1.0, 501)], ids=["constant", "varying"])
-def test_valve_of_negative_gain_is_rejected(command):
+def test_simulation_rejects_negative_valve_gain(command):
     """For x > 1 / -position_gain, the equation of the valve has no bounded solution."""
     ill = replace(SERIES, coefficients={**SERIES.coefficients, "position_gain": Constant(-200.0)})
     with pytest.raises(InputError, match=r"1 \+ position_gain x is -0\.999\d* at x = 0\.0099\d* m"):
         simulate(ill, path(command))
 
 
-def test_tangents_of_runs_match_single_runs():
+def test_batched_derivatives_match_single_runs():
     drives = [open_drive(path(command)) for command in (0.0, 0.5, np.linspace(0.0, 1.0, 501), 0.5)]
     parameters = ["yield_force.c1", "rho.value"]
     together = Tangents(DAMPER, parameters, drives)
@@ -106,7 +106,7 @@ def test_command_step_follows_first_order_lag():
     step, lag = 1e-3, 0.02
     command = np.concatenate([np.zeros(10), np.ones(200)])
     applied, _ = core.first_order_lag(command, step, lag)
-    # The command ramps from 0 to 1 during one sample: 1 - (lag/h)(1 - exp(-h/lag)).
+    # The command is a ramp from 0 to 1 during one sample: 1 - (lag/h)(1 - exp(-h/lag)).
     reached = 1.0 - lag / step * -np.expm1(-step / lag)
     expected = 1.0 - (1.0 - reached) * np.exp(-step / lag * np.arange(200))
     np.testing.assert_allclose(applied[10:], expected, atol=1e-14)
@@ -125,7 +125,7 @@ def test_lag_derivative_equals_central_difference(lag):
     )
 
 
-# ----------------------------------------------------------------------------------------- temperature
+# ---------------------------------------------------------------------------------- dependence on temperature
 
 FRICTION = {
     **{"mass": 3.0, "coulomb_friction": 20.0, "breakaway_friction": 10.0},
@@ -154,7 +154,7 @@ FACTOR_OF: dict[str, TemperatureFactor] = {
 
 
 def warm_damper(name: str, **changed) -> Damper:
-    """Return a damper with all temperature dependences; no value is at a bound."""
+    """Return a damper with all temperature dependences. No value is at a bound."""
     forms = dict(REFERENCE_DAMPERS[name].coefficients)
     forms |= {key: Constant(value) for key, value in FRICTION.items()}
     if name == "chain":
@@ -168,7 +168,7 @@ def warm_damper(name: str, **changed) -> Damper:
             forms[key] = TemperatureDependent(form, FACTOR_OF[key])
     forms["offset"] = Bipolynomial((40.0, -0.1, 5.0, 0.02), 1)
     if "n" in forms:
-        forms["n"] = Constant(1.47)  # The kernel's table has a step of 1e-7 at n = 1.5.
+        forms["n"] = Constant(1.47)  # The table of the kernel has a step of 1e-7 at n = 1.5.
     return Damper(LAWS[name], {**forms, **changed})
 
 
@@ -180,7 +180,7 @@ def warming(
     rate: float = 500.0,
     duration: float = 1.0,
 ):
-    """Return the motion while the temperature rises smoothly, by ``rise`` [K] over the run."""
+    """Return the motion while the temperature rises smoothly by ``rise`` [K] over the run."""
     path = drive(MOTION, duration=duration, rate_Hz=rate, command=0.0)
     at = np.broadcast_to(np.asarray(command, dtype=np.float64), len(path)).copy()
     share = path.time / path.time[-1]
@@ -196,7 +196,7 @@ def relative(found, expected) -> float:
 
 
 every_law = pytest.mark.parametrize("name", list(REFERENCE_DAMPERS))
-# The chain is omitted because it takes minutes with heating; tests/core/test_laws.py tests it without.
+# The chain takes minutes with heating, so ``tests/core/test_laws.py`` tests it without heating.
 every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DAMPERS if name != "chain"])
 
 
@@ -215,8 +215,8 @@ def test_temperature_dependent_damper_requires_temperature(form):
 
 
 @every_law
-def test_batch_of_runs_matches_single_runs(name):
-    """The runs differ in length, step, command and temperature; one run warms up."""
+def test_batched_simulation_matches_single_runs(name):
+    """The runs differ in length, step, command and temperature. One run warms up."""
     damper = warm_damper(name)
     paths = [
         warming(0.5, start=300.0, rise=0.0, duration=0.4),
@@ -232,8 +232,8 @@ def test_batch_of_runs_matches_single_runs(name):
 
 @every_law
 @pytest.mark.parametrize("form", ["record", "causal"])
-def test_constant_temperature_equals_row_per_sample(name, form):
-    """The fast path for one operating point equals coefficients by sample, up to rounding errors."""
+def test_constant_temperature_path_equals_general_path(name, form):
+    """The fast path for one operating point equals coefficients at every sample, apart from rounding."""
     damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
     assert one.temperature == 341.0
     assert not one.temperature_varies
@@ -243,7 +243,7 @@ def test_constant_temperature_equals_row_per_sample(name, form):
 
 
 @every_law
-def test_temperature_beyond_range_is_clipped(name):
+def test_temperature_beyond_damper_range_is_clipped(name):
     held = replace(warm_damper(name), temperature_range=(288.15, 378.15))
     hot, edge = (simulate(held, warming(start=kelvin, rise=0.0)) for kelvin in (473.15, 378.15))
     np.testing.assert_array_equal(hot, edge)
@@ -254,8 +254,8 @@ def test_temperature_beyond_range_is_clipped(name):
     assert relative(simulate(free, run), simulate(held, run)) > 1e-3
 
 
-def test_warming_dashpot_matches_closed_form():
-    """F = c exp[B (1/T - 1/293.15)] v holds at every sample. At 40 degC the force is 25 % lower."""
+def test_warming_dashpot_matches_formula():
+    """F = c exp[B (1/T - 1/293.15)] v holds at every sample. At 40 degC, the force is 27 % lower."""
     run = warming(start=293.15, rise=20.0)
     assert run.temperature is not None
     zero = {"yield_force": Constant(0.0), "yield_velocity": Constant(0.01)}
@@ -267,8 +267,9 @@ def test_warming_dashpot_matches_closed_form():
     assert factor[-1] == pytest.approx(0.731, abs=1e-3)
 
 
-# The measured errors at 1 kHz on a run that warms up are 3e-5, 8e-5 and 5e-4 of the peak force. The valve
-# uses its coefficients at the end of each sample interval (order one): 4e-3 if the command steps.
+# Limits of the error on a run that warms up, relative to the peak force. The measured errors at 1 kHz are
+# 3e-5, 8e-5 and 5e-4. The valve uses its coefficients at the end of each sample interval (order one), which
+# gives 4e-3 if the command steps.
 WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 8e-4}
 ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-4}
 
@@ -287,7 +288,7 @@ def test_warming_run_matches_integrator(name, varying):
 
 
 def differences(force_at, value: float) -> Iterator[FloatArray]:
-    """Generate central differences of fourth order with three steps. The curvature decides which is best."""
+    """Generate fourth-order central differences with three steps. The best step depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -314,8 +315,8 @@ DAILY = {"both"}
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS]
 )
-def test_sensitivities_match_central_differences_with_heating(name, kind):
-    """All parameters and the command lag are tested. In a part of the run, temperature is clipped."""
+def test_force_derivatives_with_heating_match_differences(name, kind):
+    """All parameters and the command lag are tested. In a part of the run, the temperature is clipped."""
     run = open_drive(RUNS[kind]())
     damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))
     parameters = [*damper.parameters, LAG]
@@ -333,11 +334,11 @@ def test_sensitivities_match_central_differences_with_heating(name, kind):
             return simulate(moved, run)
 
         value = damper.command_lag_s if number == LAG else damper.parameters[number]
-        # The kernel ends its search at a relative residual of 1e-7, also in the difference quotient.
+        # The kernel ends its iteration at a relative residual of 1e-7, also in the difference quotient.
         assert worst_tangent(columns[row], force_at, value) < 2e-6, number
 
 
-# ------------------------------------------------------------------------------------------- actuation
+# ------------------------------------------------------------------------------------------- actuated current
 
 ACTUATION = Actuation(rise_s=0.02, fall_s=0.035, second_s=0.006, delay_s=0.004)
 
@@ -347,7 +348,7 @@ def stepping(rate: float = 500.0):
     return replace(run, command=np.where((run.time > 0.2) & (run.time < 0.6), 0.9, 0.1))
 
 
-def test_actuated_force_is_closed_form():
+def test_force_with_actuation_matches_formula():
     """The Bingham force is Fy a(t) tanh(v/vr). a(t) is the response of two equal lags after the delay."""
     tau, late, run = 0.03, 0.01, path(rate=2000.0)
     run = replace(run, command=np.where(run.time > 0.2, 1.0, 0.0))
@@ -356,7 +357,7 @@ def test_actuated_force_is_closed_form():
         {"yield_force": Polynomial((0.0, 1000.0)), "yield_velocity": Constant(0.01)},
         actuation=Actuation(tau, tau, tau, late),
     )
-    # The command is a ramp over one sample, equivalent to a step in the middle of the sample.
+    # The command is a ramp over one sample, which is equivalent to a step in the middle of the sample.
     since = np.maximum(run.time - 0.20025 - late, 0.0) / tau
     expected = 1000.0 * (1.0 - (1.0 + since) * np.exp(-since)) * np.tanh(run.velocity / 0.01)
     np.testing.assert_allclose(simulate(damper, run), expected, atol=0.1)
@@ -364,7 +365,7 @@ def test_actuated_force_is_closed_form():
 
 @pytest.mark.nightly
 @every_other_law
-def test_actuated_damper_matches_integrator(name):
+def test_force_with_actuation_matches_integrator(name):
     """Kernel and integrator apply the actuation at the samples and interpolate linearly."""
     run = replace(stepping(1000.0), temperature=np.linspace(300.0, 340.0, 1001))
     damper = replace(warm_damper(name), actuation=ACTUATION)
@@ -372,7 +373,7 @@ def test_actuated_damper_matches_integrator(name):
     assert found < ACTUATED_ERRORS.get(name, 5e-5)
 
 
-def test_actuated_tangents_equal_central_differences():
+def test_derivatives_with_actuation_match_central_differences():
     run = open_drive(stepping())
     damper = replace(DAMPER, actuation=ACTUATION)
     parameters = ["yield_force.c0", "yield_force.c1", "rho.value", "n.value"]

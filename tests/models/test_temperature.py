@@ -1,4 +1,4 @@
-"""Temperature factors: value 1 at 20 degC, formulas, gradients, and limits that equal other factors."""
+"""Temperature factors are 1 at 20 degC and agree with formulas, gradients and each other's limits."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ temperatures = st.floats(233.15, 423.15)
 
 
 @given(factors)
-def test_every_factor_is_one_at_20_degC(factor):
+def test_temperature_factors_are_one_at_20_degC(factor):
     assert float(factor.value(REFERENCE_K)) == 1.0
     np.testing.assert_array_equal(factor.gradient(REFERENCE_K), np.zeros(len(factor.parameters)))
 
 
 @given(arrheniuses, temperatures)
-def test_arrhenius_is_vft_with_zero_pole(factor, kelvin):
+def test_arrhenius_factor_is_vft_with_zero_pole(factor, kelvin):
     same = Vft(factor.activation_K, 0.0)
     assert float(same.value(kelvin)) == float(factor.value(kelvin))
     assert same.gradient(kelvin)[0] == factor.gradient(kelvin)[0]
 
 
 @given(reynoldses, temperatures)
-def test_vft_with_low_pole_is_reynolds(factor, kelvin):
+def test_vft_factor_with_low_pole_is_reynolds(factor, kelvin):
     """With B = rate p^2, B/(T - p) - B/(T0 - p) tends to -rate x for p -> -infinity, with an error x/|p|."""
     pole = -1e6
     far = Vft(factor.temperature_rate * (REFERENCE_K - pole) ** 2, pole)
@@ -47,14 +47,14 @@ def test_vft_with_low_pole_is_reynolds(factor, kelvin):
 
 
 @given(st.floats(1e-5, 5e-3), temperatures)
-def test_linear_factor_is_polynomial(slope, kelvin):
+def test_linear_temperature_factor_is_polynomial(slope, kelvin):
     assert float(PolynomialFactor((-slope,)).value(kelvin)) == pytest.approx(
         float(Linear(slope).value(kelvin)), rel=1e-13
     )
 
 
 @given(st.floats(100.0, 8000.0))
-def test_arrhenius_viscosity_is_convex(activation):
+def test_arrhenius_viscosity_decreases_and_is_convex(activation):
     """The paper states a steep decrease from 20 to 60 degC and a slower decrease above 60 degC."""
     values = Arrhenius(activation).value(np.linspace(253.15, 403.15, 60))
     assert (np.diff(values) < 0.0).all()
@@ -77,6 +77,6 @@ def test_vft_factor_is_infinite_below_pole():
         (lambda: PolynomialFactor((1.0, math.nan)), "expected one or more finite numbers"),
     ],
 )
-def test_invalid_factor_parameter_is_rejected(make, said):
+def test_invalid_temperature_factor_is_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()

@@ -1,4 +1,4 @@
-"""References for heating: one body in closed form, finer meshes, and constant heat-transfer coefficients."""
+"""Reference solutions for heating: one heat capacity in closed form, finer meshes, constant coefficients."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from mrdamper.thermal.model.stepping import Load
 def constant_heating(
     time: ArrayLike, power: float, conductance: float, capacity: float, *, ambient: float, start: float
 ) -> FloatArray:
-    """Return the temperature of one body heated with constant power [K], in the shape of ``time`` [s].
+    """Return the temperature of a single heat capacity at constant power [K], in the shape of ``time`` [s].
 
-    T = T_a + P/G + (T_0 - T_a - P/G) exp(-G t / C); a straight line for G = 0.
+    T = T_a + P/G + (T_0 - T_a - P/G) exp(-G t / C), or a straight line for G = 0.
 
     Parameters
     ----------
-    power : [W]
-    conductance : to ambient [W/K], zero or more
-    capacity : [J/K], positive
-    ambient, start : [K]
+    power : heating power [W]
+    conductance : thermal conductance to ambient [W/K], zero or more
+    capacity : heat capacity [J/K], positive
+    ambient, start : temperatures of the ambient and at time zero [K]
     """
     seconds = np.asarray(time, dtype=np.float64)
-    # (1 - exp(-x)) / x is 1 at x = 0: one formula with and without losses
+    # (1 - exp(-x)) / x is 1 at x = 0, so one formula holds with and without losses.
     share = conductance / capacity * seconds
     gained = np.where(share == 0.0, 1.0, -np.expm1(-share) / np.where(share == 0.0, 1.0, share))
     drive = (power - conductance * (start - ambient)) / capacity
@@ -46,7 +46,7 @@ def with_constant_films(section: Section, films: FloatArray) -> Section:
 
 
 def refined(mesh: SectionMesh) -> SectionMesh:
-    """Return a mesh with every triangle cut into four."""
+    """Return a mesh with every triangle divided into four."""
     first = len(mesh.corners)
     pairs = np.concatenate([mesh.triangles[:, list(side)] for side in ((0, 1), (1, 2), (2, 0))])
     sides, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)

@@ -1,6 +1,6 @@
-"""Estimators of the controller's step (``core/kernel/track_estimate.h``) in plain Python, as a reference.
+"""Reference in plain Python for the estimators of the controller (``core/kernel/track_estimate.h``).
 
-The motion is estimated from displacement, the effective current from the commands. The estimators are
+The motion is estimated from the displacement, and the effective current from the commands. The estimators are
 immutable and return a new state. A reading that is not finite does not change the state.
 """
 
@@ -19,7 +19,7 @@ __all__ = ["AppliedCurrent", "Motion", "MotionFilter"]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Displacement [m], velocity [m/s], acceleration [m/s^2]."""
+    """Hold displacement [m], velocity [m/s] and acceleration [m/s^2]."""
 
     displacement: float = 0.0
     velocity: float = 0.0
@@ -33,7 +33,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class MotionFilter:
-    """Steady-state Kalman filter of a motion with white jerk; displacement is measured once per period."""
+    """Steady-state Kalman filter of a motion with white jerk and one displacement reading per period."""
 
     period_s: float
     noise_m: float = 10e-6
@@ -41,7 +41,7 @@ class MotionFilter:
 
     @property
     def gains(self) -> FloatArray:
-        """Kalman gains of position [-], velocity [1/s] and acceleration [1/s^2], shape (3,)."""
+        """Kalman gains of displacement [-], velocity [1/s] and acceleration [1/s^2], shape (3,)."""
         return tuning.motion_filter(self.period_s, self.noise_m, self.jerk_density)[0]
 
     @property
@@ -53,7 +53,7 @@ class MotionFilter:
         return Motion(displacement)
 
     def step(self, state: Motion, displacement: float) -> Motion:
-        """Return the motion one period later, corrected by a displacement [m]."""
+        """Return the motion one period later, corrected by a displacement reading [m]."""
         ahead = state.after(self.period_s)
         if not math.isfinite(displacement):
             return ahead
@@ -69,7 +69,7 @@ class Underway:
     first: float
     second: float
     behind: float
-    line: tuple[float, ...]  # newest first
+    line: tuple[float, ...]  # Delayed commands, the newest first
 
     @property
     def applied(self) -> float:
@@ -79,18 +79,18 @@ class Underway:
 
 @dataclass(frozen=True, slots=True)
 class AppliedCurrent:
-    """Effective current: dead time, two lags and hysteresis, exact for commands that are held in a period."""
+    """Effective current from dead time, two lags and hysteresis, exact for commands held during a period."""
 
     actuation: Actuation
     period_s: float
 
     def start(self) -> Underway:
-        """Return the initial state: zero current, also in the past."""
+        """Return the initial state: the current is zero, also in the past."""
         line = (0.0,) * (tuning.sampled_actuation(self.actuation, self.period_s).dead_samples + 2)
         return Underway(0.0, 0.0, 0.0, line)
 
     def step(self, state: Underway, command: float) -> Underway:
-        """Return the state at the end of a period with a constant command."""
+        """Return the state at the end of a period with this constant command."""
         lags = tuning.sampled_actuation(self.actuation, self.period_s)
         line = (command, *state.line[:-1])
         newer, older = line[lags.dead_samples], line[lags.dead_samples + 1]

@@ -1,22 +1,22 @@
-/* Laminar air between annular fins on a tube, in three dimensions: half a pitch of half a disc.
+/* Laminar air flow between annular fins on a tube in three dimensions, for half a pitch of half a disc.
  *
  *   u_t + div(u u) = -grad p + nu lap u + b T e_y,   T_t + div(u T) = a lap T,   p_t + c^2 div u = 0
  *
- * in cylinder coordinates (r; theta from below, upwards along y; z along the tube) on a staggered grid that fits tube,
- * fin and rim: finite volumes, van Leer's limited upwind for what is carried along, explicit in time until the flow is
- * steady (artificial compressibility). Planes theta = 0 and pi, z = 0 (the fin's middle) and z = end (the gap's) are
- * mirrors; fin and tube are at T = 1, far air at 0.
+ * The coordinates are cylindrical: r, theta (from the bottom, y points upwards) and z along the tube. The staggered grid
+ * fits tube, fin and rim. The method is finite volumes with van Leer's limiter for convection and explicit time steps
+ * until the flow is steady (artificial compressibility). The planes theta = 0 and pi, z = 0 (middle of the fin) and
+ * z = end (middle of the gap) are mirrors. Fin and tube have T = 1, and the far air has T = 0.
  *
  * stdin:  nr nt nz  dz  fin_r fin_z (cells of the fin)  nu a b c  wind  steps dt, then the nr + 1 radii of the faces
- * stdout: film over conductivity [1/m] of sides, floor and rim, means over the second half of the time, and by what
- *         part of them its two quarters differ; then the heat that leaves with the air, over what the walls give.
+ * stdout: heat-transfer coefficient / conductivity [1/m] of sides, floor and rim as means over the second half of the
+ *         time, each with the relative difference of its two quarters; then convected heat / heat from the walls.
  */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #define G 2
-static int nr, nt, nz, fr, fz, st, sz, *wall; /* of every radius, the cells across that are solid */
+static int nr, nt, nz, fr, fz, st, sz, *wall; /* wall: number of solid cells across the gap at each radius */
 static double *u, *v, *w, *p, *T, *un, *vn, *wn, *Tn, *rf, *rc, *dr, *ct, *sf, dz, dt_angle;
 #define AT(i, j, k) (((size_t)((i) + G) * st + ((j) + G)) * sz + ((k) + G))
 #define SOLID(i, k) ((k) < wall[(i) + G])
@@ -27,7 +27,7 @@ static double *field(void) {
     return f;
 }
 
-/* value that a flow of the sign s carries over a face between m and q; mm and qq lie beyond */
+/* Return the value that a flow of sign s carries through the face between m and q; mm and qq are the next cells. */
 static inline double carried(double s, double mm, double m, double q, double qq) {
     double up = s > 0 ? m : q, ahead = s > 0 ? q : m, behind = s > 0 ? mm : qq;
     double one = up - behind, two = ahead - up, prod = one * two;
@@ -82,7 +82,7 @@ static inline __attribute__((always_inline)) double momentum(const double *f, in
     for (int d = 0; d < 3; d++) {
         int a = step[d][0], b = step[d][1], c = step[d][2];
         int i0 = i - step[axis][0], j0 = j - step[axis][1], k0 = k - step[axis][2];
-        double low, high, before, after, vm, vp; /* areas of both faces over the volume, distances, speeds */
+        double low, high, before, after, vm, vp; /* areas of both faces / volume, distances, speeds */
         if (d == 0 && axis == 0) {
             double size = rc[i] - rc[i - 1];
             low = rc[i - 1] / (radius * size), high = rc[i] / (radius * size), before = dr[i - 1], after = dr[i];
@@ -99,7 +99,7 @@ static inline __attribute__((always_inline)) double momentum(const double *f, in
         }
         double m = f[AT(i - a, j - b, k - c)], q = f[AT(i + a, j + b, k + c)], mm = f[AT(i - 2 * a, j - 2 * b, k - 2 * c)];
         double qq = d == axis && (d == 0 ? i == nr : d == 1 ? j >= nt - 1 : k >= nz - 1) ? q : f[AT(i + 2 * a, j + 2 * b, k + 2 * c)];
-        if (d != axis && (SOLID(i - a, k - c) || SOLID(i0 - a, k0 - c))) m = mm = -here; /* no slip at half the way */
+        if (d != axis && (SOLID(i - a, k - c) || SOLID(i0 - a, k0 - c))) m = mm = -here; /* no slip at the face, halfway */
         rate -= high * vp * (carried(vp, m, here, q, qq) - here) - low * vm * (carried(vm, mm, m, here, q) - here);
         rate += nu * (high * (q - here) / after - low * (here - m) / before);
     }
@@ -129,7 +129,7 @@ static inline __attribute__((always_inline)) double heat(int i, int j, int k, do
     return rate;
 }
 
-/* heat into the air over conductivity and area, of sides, floor, rim; then what the air takes away over all of it */
+/* Compute heat flow / (conductivity * area) of sides, floor and rim; then convected heat / heat from the walls. */
 static void films(double *h, double a) {
     double q[4] = {0}, area[3] = {0};
     for (int j = 0; j < nt; j++) {
@@ -151,7 +151,7 @@ static void films(double *h, double a) {
 static void advance(double dt, double nu, double a, double b, double c) {
     double ang = dt_angle;
     for (int i = 0; i <= nr; i++) {
-        int open = i < fr ? fz : 0, both = i - 1 < fr ? fz : 0; /* first cell of air here; of the face towards the tube */
+        int open = i < fr ? fz : 0, both = i - 1 < fr ? fz : 0; /* first air cell at this radius, and at the face towards the tube */
         for (int j = 0; j < nt; j++) {
             if (i > 0)
                 for (int k = both; k < nz; k++) {
@@ -202,7 +202,7 @@ int main(void) {
     ct = calloc(nt + 3, sizeof *ct), sf = calloc(nt + 3, sizeof *sf);
     wall = calloc(nr + 2 * G, sizeof *wall);
     for (int i = -G; i < nr + G; i++) wall[i + G] = i < 0 ? nz + G : i < fr ? fz : -G;
-    rc++, dr++; /* a cell within the tube */
+    rc++, dr++; /* index -1 is a cell inside the tube */
     for (int i = 0; i <= nr; i++) if (scanf("%lf", &rf[i]) != 1) return 2;
     for (int i = 0; i < nr; i++) rc[i] = 0.5 * (rf[i] + rf[i + 1]), dr[i] = rf[i + 1] - rf[i];
     rc[-1] = rc[0] - dr[0], dr[-1] = dr[0], dr[nr] = dr[nr - 1], rc[nr] = rc[nr - 1] + dr[nr];
@@ -218,7 +218,7 @@ int main(void) {
         mirrors();
         far_air(wind);
         advance(dt, nu, a, b, c);
-        int half = n < steps / 2 ? -1 : n < steps - steps / 4 ? 0 : 1; /* a plume swings: means over the last two quarters */
+        int half = n < steps / 2 ? -1 : n < steps - steps / 4 ? 0 : 1; /* The plume oscillates, so the last two quarters are averaged. */
         if (half >= 0 && n % 20 == 0) {
             films(h, a);
             for (int m = 0; m < 4; m++) mean[half][m] += h[m];

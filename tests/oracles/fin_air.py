@@ -1,4 +1,4 @@
-"""Air between annular fins by finite volumes (``fin_air.c``): a reference for ``annular_fins``.
+"""Air flow between annular fins by finite volumes (``fin_air.c``), a reference for ``annular_fins``.
 
 ``python -m tests.oracles.fin_air 0 3 5 10`` prints computed heat-transfer coefficients in still air (0 m/s)
 at gaps of 3, 5 and 10 mm, the grid error, and the correlations. Each gap takes half a minute. ``TUBE/OUTER``
@@ -30,32 +30,32 @@ _ALONG, _AROUND, _BEYOND, _DEEP = (
     12,
     12,
     0.5e-3,
-)  # cells of the coarsest grid: fin, angle, far air; across [m]
+)  # Cells of the coarsest grid along fin, angle and far air, and cell size across the gap [m]
 _FAR, _CROWDED, _BARE = (
     0.2,
     1.8,
     0.8e-3,
-)  # radius of the air [m]; of cells towards tube and rim; first on a bare tube [m]
+)  # Outer radius of the air [m], crowding of cells at tube and rim [-], first cell on a bare tube [m]
 
 
 @dataclass(frozen=True, slots=True)
 class FinAir:
-    """Heat-transfer coefficients divided by the conductivity of the air [1/m], and their errors."""
+    """Heat-transfer coefficients divided by the thermal conductivity of the air [1/m], and their errors."""
 
     sides: float
     floor: float
     rim: float
     drift: float  # Relative difference of the means over the last two quarters of the time [-].
-    mean: float  # area mean of sides and floor, or the coefficient of a bare tube
-    doubt: float = math.nan  # relative error of ``mean`` caused by the grid [-]
+    mean: float  # Area mean of sides and floor, or the coefficient of a bare tube
+    doubt: float = math.nan  # Relative error of ``mean`` caused by the grid [-]
 
 
 def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
     """Return ``compute_fin_air`` extrapolated to cell size zero from two grids (Richardson extrapolation).
 
     The cells of one grid have half the size. Errors are proportional to the square of the cell size (order
-    1.9 on three grids at 3 mm), so that a third of the difference remains. The stated error is 1.25 times
-    this remainder, as in the grid convergence index.
+    1.9 on three grids at 3 mm), so a third of the difference remains. The stated error is 1.25 times this
+    remainder, as in the grid convergence index.
     """
     rough, fine = (compute_fin_air(folder, gap, fine=each, **given) for each in (1, 2))
     sides, floor, rim, mean = (
@@ -94,7 +94,7 @@ def compute_fin_air(
     deep, finned = 0.5 * gap / (half * fine), outer > tube
     fin = max(round(0.5 * thickness * half / (0.5 * gap)), 1) * fine if finned else 0
     radii = _radii(0.5 * tube, 0.5 * max(outer, tube), fine)
-    # Artificial speed of sound: a multiple of the flow speed.
+    # The artificial speed of sound is a multiple of the flow speed.
     sound, fast = (3.0 * wind, 1.5 * wind) if wind > 0.0 else (0.8, 0.4)
     least, arc = float(np.diff(radii).min()), 0.5 * tube * math.pi / (_AROUND * fine)
     step = 0.8 / (sound * math.hypot(1.0 / deep, 1.0 / least, 1.0 / arc) + fast * (0.5 / least + 1.0 / arc))
@@ -124,14 +124,15 @@ def _program(folder: Path) -> Path:
 
 
 def _radii(inner: float, outer: float, fine: int) -> FloatArray:
-    """Return the radii of the cell faces [m]: narrow cells at tube and rim, growing steadily outside."""
+    """Return the radii of the cell faces [m]. Cells are narrow at tube and rim and grow steadily outside."""
     along, beyond, slope = _ALONG * fine, _BEYOND * fine, _BARE * _BEYOND
     fin = np.array([inner])
     if outer > inner:
         share = np.tanh(_CROWDED * np.linspace(-1.0, 1.0, along + 1)) / math.tanh(_CROWDED)
         fin = inner + (outer - inner) * (0.5 + 0.5 * share)
         slope = (outer - inner) * _CROWDED / math.cosh(_CROWDED) ** 2 / math.tanh(_CROWDED) * _BEYOND / _ALONG
-    low, high = 0.1, 12.0  # Bounds of the growth, for which cells on both sides of the rim are equally wide.
+    # These bounds of the growth contain the value for which cells on both sides of the rim are equally wide.
+    low, high = 0.1, 12.0
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if slope / middle * math.expm1(middle) < _FAR - outer else (low, middle)
@@ -142,7 +143,7 @@ def _radii(inner: float, outer: float, fine: int) -> FloatArray:
 def law_of(
     gap: float, wind: float, tube: float = 0.046, outer: float = 0.092, excess_K: float = 60.0
 ) -> float:
-    """Return the correlation divided by the conductivity of air [1/m]: sides (with floor in still air)."""
+    """Return the correlation divided by the conductivity of air [1/m]: sides, with the floor in still air."""
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     if wind > 0.0:
         return float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))
@@ -150,7 +151,7 @@ def law_of(
 
 
 def _print_table(folder: Path, wind: float, gaps: Sequence[float], tube: float, outer: float) -> None:
-    """Print computed values, values of the correlation, and errors of the correlation."""
+    """Print computed coefficients, coefficients of the correlation, and errors of the correlation."""
     for gap in gaps:
         found, law = (
             settle_fin_air(folder, gap, wind=wind, tube=tube, outer=outer),

@@ -1,12 +1,12 @@
-"""The problem of the finite elements as a FreeFem++ script: the same mesh, its own assembly and steps.
+"""The heating problem as a FreeFem++ script: the same mesh, but independent assembly and time steps.
 
 The problem is fully nonlinear: heat-transfer coefficients are interpolated at the surface temperature, with
 radiation and temperature-dependent sources. The time steps use Alexander's two-stage SDIRK method (L-stable,
-order 2) with a fixed-point iteration in each stage, not our ROS2.
+order 2) with a fixed-point iteration in each stage, instead of the ROS2 method of the package.
 
-``python -m tests.oracles.freefem 20`` (or ``10 20``: from the tenth on) prints the errors of the reduced
-model, which ``heat`` uses, compared with FreeFem++ on random bodies (odd seeds, which were not used to set
-constants).
+``python -m tests.oracles.freefem 20`` (or ``10 20`` from the tenth body on) prints the errors of the reduced
+model, which ``heat`` uses, compared with FreeFem++ on random bodies. Their odd seeds were not used to choose
+constants.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from tests.thermal.bodies import draw_body, odd_bodies
 
 __all__ = ["FreefemCourse", "run_freefem", "score_reduced", "write_freefem"]
 
-_INSULATED = 1000  # label of the outline that does not cool
+_INSULATED = 1000  # Label of the part of the outline that exchanges no heat
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreefemCourse:
-    """Result of FreeFem++."""
+    """Temperatures that FreeFem++ has computed."""
 
-    nodes: FloatArray  # (r, z) [m], shape (n, 2)
-    temperature: FloatArray  # final temperatures [K], shape (n,)
-    time: FloatArray  # [s], shape (k,)
-    fluid: FloatArray  # mean [K], shape (k,)
-    coil: FloatArray  # mean [K], shape (k,)
-    wall: FloatArray  # mean [K], shape (k,)
+    nodes: FloatArray  # Positions (r, z) of the nodes [m], shape (n, 2)
+    temperature: FloatArray  # Final temperatures of the nodes [K], shape (n,)
+    time: FloatArray  # Times [s], shape (k,)
+    fluid: FloatArray  # Mean temperature of the fluid [K], shape (k,)
+    coil: FloatArray  # Mean temperature of the coil [K], shape (k,)
+    wall: FloatArray  # Mean temperature of the wall [K], shape (k,)
 
 
 def write_freefem(model: FieldModel, load: Load, folder: Path, *, step: float = 20.0) -> Path:
-    """Write mesh, tables and script into a folder; return the script's path.
+    """Write mesh, tables and script into a folder and return the path of the script.
 
     Parameters
     ----------
-    load : thermal load, from ambient temperature on
+    load : thermal load, which starts at ambient temperature
     step : time step [s]; the last step ends with the load
     """
     section = model.section
@@ -117,7 +117,7 @@ def run_freefem(script: Path) -> FreefemCourse:
 
 
 def score_reduced(seed: int, folder: Path, *, step: float = 60.0) -> tuple[float, float]:
-    """Return the RMS errors [K] of fluid and coil in the reduced model of a random body, versus FreeFem++."""
+    """Return the RMS errors [K] of fluid and coil of the reduced model for a body, versus FreeFem++."""
     body = draw_body(seed)
     model = build_field(body.drawing)
     theirs = run_freefem(write_freefem(model, body.load, folder, step=step))
@@ -130,7 +130,7 @@ def score_reduced(seed: int, folder: Path, *, step: float = 60.0) -> tuple[float
 
 
 def _write_mesh(mesh: SectionMesh, path: Path) -> None:
-    """Write a mesh in the format of FreeFem++; every side of the outline has a label."""
+    """Write a mesh in the format of FreeFem++. Each side of the outline has a label."""
     sides = np.sort(
         np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [2, 0]]])
     )

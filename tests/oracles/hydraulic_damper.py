@@ -1,6 +1,6 @@
-"""The hydraulic damper as a reference: its equations as rates, integrated by SciPy's BDF.
+"""Reference for the hydraulic damper: its equations as rates, integrated by the BDF method of SciPy.
 
-Only the parameters are shared with the C code of the rig. All 22 states are integrated as in
+The C code of the rig and this module share only the parameters. All 22 states are integrated as in
 ``docs/hydraulic_rig.md``. Implicit equations (wall stress of a flow, pressure of a chamber with gas) are
 solved by root finding.
 """
@@ -25,12 +25,13 @@ MU0 = 1.25663706212e-6
 ATMOSPHERE = 101325.0
 SEAL_SHARE = np.array([0.4, 0.3, 0.2, 0.1])
 SEAL_PART = np.array([0.1, 0.2, 0.3, 0.4])
-# Scales of command, coil, integral; flux; stops; field; position, speed, content, flow, gas; seal.
+# Scales of the states in order: command, coil, integral; flux; stops; field; position, speed, content, flow,
+# gas; seal.
 SCALE = np.array([1.0, 1.0, 1.0, *[1e-4] * 3, *[1.0] * 6, 1.0, 1e-2, 0.1, 1e-4, 1e-4, 1e-2, *[1e-2] * 4])
 
 
 class Hydraulics:
-    """The equations of a damper at one temperature."""
+    """The equations of a hydraulic damper at one temperature."""
 
     def __init__(self, damper: HydraulicDamper, degrees: float) -> None:
         p = self.p = damper
@@ -72,11 +73,11 @@ class Hydraulics:
         self.width = math.pi * p.slot_diameter_m
 
     def phi(self, pressure: float) -> float:
-        """Relative volume of the mixture."""
+        """Return the relative volume of the oil with gas at a pressure [-]."""
         return float(self.c0 - self.a * pressure + self.b / pressure)
 
     def pressures(self, place: float, content: float, gas: float) -> tuple[float, float]:
-        """Pressures of the two chambers [Pa]."""
+        """Return the pressures of the two chambers [Pa]."""
         p = self.p
         one = self._liquid((self.V1 - self.A1 * place) / content)
         filled, left = self.V2 + self.A2 * place + p.gas_m3, self.content - content
@@ -95,7 +96,7 @@ class Hydraulics:
         return 2.0 * self.b / (root + rest) if rest > 0.0 else (root - rest) / (2.0 * self.a)
 
     def fluid_field(self, density: float) -> float:
-        """Return the field strength in the fluid [A/m]: the odd solution of B = mu0 H + Js H / (H + Hsf)."""
+        """Return the field strength in the fluid [A/m], the odd solution of B = mu0 H + Js H / (H + Hsf)."""
         p, b = self.p, abs(density)
         z = MU0 * p.fluid_A_m + p.fluid_T - b
         root = math.sqrt(z * z + 4.0 * MU0 * b * p.fluid_A_m)
@@ -103,7 +104,7 @@ class Hydraulics:
         return math.copysign(h, density)
 
     def flow(self, wall: float, yield_Pa: float) -> float:
-        """Return the volume flow through the active slot at a positive wall stress."""
+        """Return the volume flow through the active slot at a positive wall shear stress."""
         p, n = self.p, self.p.flow_index
         over = max(wall - yield_Pa, 0.0)
         m, k = n / (n + 1.0), n / (2.0 * n + 1.0)
@@ -145,7 +146,7 @@ class Hydraulics:
         return y
 
     def magnet(self, command: float, y: FloatArray) -> FloatArray:
-        """Return the rates of command, coil, integral, flux, stops and field."""
+        """Return the rates of command, coil current, integral, flux, stops and field."""
         p, rate = self.p, np.zeros(13)
         cf, i, integral = y[:3]
         error = cf - i
@@ -174,7 +175,7 @@ class Hydraulics:
         return rate
 
     def joint(self, deflection: float, speed: float) -> float:
-        """Return the force of the rod [N]."""
+        """Return the force of the rod joint [N]."""
         p, e = self.p, deflection
         force = p.joint_N_m * e + p.joint_N_m3 * e**3 + p.joint_N_s_m * speed
         beyond = abs(e) - p.joint_gap_m
@@ -184,7 +185,7 @@ class Hydraulics:
         return force
 
     def rates(self, x: float, v: float, command: float, y: FloatArray) -> FloatArray:
-        """Return the rates of all states at a motion and a command."""
+        """Return the rates of all states for a motion and a command."""
         p = self.p
         place, speed, content, flow, gas = y[13:18]
         one, two = self.pressures(place, content, gas)
@@ -219,7 +220,7 @@ class Hydraulics:
 def reference_force(
     damper: HydraulicDamper, motion: Motion, command: CurrentSteps, degrees: float, time: FloatArray
 ) -> FloatArray:
-    """Return the force of the rod [N] at the times (beginning at zero), shape (n,).
+    """Return the force of the rod [N] at the times, which begin at zero, shape (n,).
 
     Raises
     ------
@@ -249,7 +250,7 @@ def reference_force(
 
 
 def _held(equations: Hydraulics, motion: Motion, level: float) -> Callable[[float, FloatArray], FloatArray]:
-    """Return the function of scaled rates at a constant command."""
+    """Return the function of the scaled rates at a constant command."""
 
     def scaled(t: float, y: FloatArray) -> FloatArray:
         x, v = float(motion.displacement(t)), float(motion.velocity(t))

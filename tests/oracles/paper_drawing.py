@@ -1,6 +1,7 @@
 """Solve for three parameters of the paper's geometry (``python -m tests.oracles.paper_drawing``).
 
-The geometry file contains the printed values. Run the program again if a correlation or the model changes.
+The geometry file of the paper contains the printed values. Run the program again if a correlation or the
+thermal model changes.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from mrdamper.thermal.temperature_rise import simulate_rise
 
 __all__ = ["CLAIMED_DEGC", "solve_paper_drawing"]
 
-CLAIMED_DEGC = (129.9, 140.0, 76.9)  # without fins after 30 and 35 min, with five fins after 30 min
+# Temperatures without fins after 30 and 35 min, and with five fins after 30 min
+CLAIMED_DEGC = (129.9, 140.0, 76.9)
 
 
 def solve_paper_drawing(start: DamperDrawing, work: LoopWork) -> tuple[float, float, float]:

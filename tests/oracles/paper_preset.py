@@ -1,7 +1,7 @@
-"""Solve for the preset ``paper``: its force falls with temperature as for the paper's damper.
+"""Solve for the preset ``paper``, whose force falls with temperature like the force of the paper's damper.
 
-The conditions are values of the paper: the peak force in the thermal motion, and the relative loss of force
-at two temperatures. The preset contains the resulting parameters, and a test computes them again.
+The conditions are the peak force in the motion of the paper's thermal test, and the relative loss of force at
+two temperatures. The preset contains the resulting parameters, and a test computes them again.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from mrdamper.virtual_rig.plant import STEP_S, simulate
 __all__ = ["CLAIMED_LOSSES", "CLAIMED_PEAK_N", "THERMAL_MOTION", "peak_force", "solve_thermal_claims"]
 
 THERMAL_MOTION = Sine(15e-3, 1.0)
-CLAIMED_PEAK_N = 1300.0  # Peak at 20 degC and 2 A.
-CLAIMED_LOSSES: tuple[tuple[float, float], ...] = ((76.9, 0.157), (129.9, 0.259))  # degC, share lost
+CLAIMED_PEAK_N = 1300.0  # Peak force at 20 degC and 2 A
+# Temperature [degC] and relative loss of force
+CLAIMED_LOSSES: tuple[tuple[float, float], ...] = ((76.9, 0.157), (129.9, 0.259))
 _CURRENT_A = 2.0
 
 
@@ -36,7 +37,7 @@ def peak_force(
 
 
 def solve_thermal_claims(start: LumpedDamper | None = None) -> LumpedDamper:
-    """Return a damper with yield force, viscous force and loss of force that agree with the paper.
+    """Return a damper whose yield force, viscous force and loss of force agree with the paper.
 
     Powell's hybrid method solves three equations, beginning with ``start`` or the preset ``paper``. The
     relative losses of yield force and friction are equal.

@@ -1,4 +1,4 @@
-"""Run the independent programs with which the finite elements are compared."""
+"""Run independent programs whose results are compared with the finite elements of the package."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Reference of the kernel: every hysteresis law integrated directly, Bouc-Wen in closed form.
+"""Reference for the kernel: each hysteresis law integrated directly, and Bouc-Wen in closed form.
 
-Tests compare the kernel with this module. The equations have their textbook form. The integrator is the
-integrator of user-defined laws (``mrdamper.models.python_law``). The closed form is independent: it inverts
-the hypergeometric function along each monotone piece of motion.
+Tests compare the kernel with this module. The equations have their textbook form. The integrator is the one
+of user-defined laws (``mrdamper.models.python_law``). The closed form is independent of it: it inverts the
+hypergeometric function along each monotonic piece of motion.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.python_law import Equations, hermite, integrate, turns_of
 
-_VISCOUS_SPEED = 0.1  # Speed at which the viscosity is viscous force divided by speed [m/s].
+# The coefficient viscosity is the viscous force divided by the speed at this speed [m/s].
+_VISCOUS_SPEED = 0.1
 
 Values = Mapping[str, float]
 State = Sequence[float]
 Equation = Callable[
     [float, float, float, Values], float
-]  # Arguments: state, displacement, velocity, coefficients.
+]  # The arguments are state, displacement, velocity and coefficients.
 
 
 def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: float = 1e-10) -> FloatArray:
-    """Return the force [N] of a damper with any law at the samples, shape (n,), with a relative tolerance."""
+    """Return the force [N] of a damper at the samples, shape (n,), with this relative tolerance."""
     return integrate(damper, trajectory, _equations(damper.law), tolerance=tolerance)
 
 
 def _parallel(v: float, a: float, c: Values) -> float:
-    """Return the common terms of all laws: viscosity, inertia and Stribeck friction [N]."""
+    """Return the sum of the terms that all laws have: viscosity, inertia and Stribeck friction [N]."""
     stribeck = c["coulomb_friction"] + c["breakaway_friction"] * math.exp(
         -((v / c["stribeck_velocity"]) ** 2)
     )
@@ -49,10 +50,11 @@ def _spring(x: float, c: Values) -> float:
 
 
 def _bouc_wen_rate(w: float, v: float, rho: float, kappa: float, n: float) -> float:
-    u = w if v > 0.0 else -w  # positive while loading
+    u = w if v > 0.0 else -w  # This is positive while the element is loaded.
     if u >= 0.0:
         return rho * v * (1.0 - math.pow(u, n))
-    return rho * v * (1.0 - kappa * math.pow(min(-u, 1.0), n))  # Beyond 1, rounding errors grow at kappa = 1.
+    # Beyond 1, rounding errors would grow at kappa = 1.
+    return rho * v * (1.0 - kappa * math.pow(min(-u, 1.0), n))
 
 
 def _bouc_wen(w: float, _x: float, v: float, c: Values) -> float:
@@ -82,7 +84,7 @@ def _tanh_force(_w: float, x: float, v: float, c: Values) -> float:
 
 
 def _compliance_force(e: float, e_rate: float, c: Values) -> float:
-    """Return the force of free play, spring and leak at travel e [m] and its rate [m/s]."""
+    """Return the force of free play, spring and leakage at travel e [m] and its rate [m/s]."""
     k, d, r = c["gap_stiffness"], c["gap"], c["gap_corner"]
     spring = k / 2 * (2 * e + math.hypot(e - d, r) - math.hypot(e + d, r))
     return spring + c["leak_damping"] * math.copysign(abs(e_rate) ** c["leak_exponent"], e_rate)
@@ -96,9 +98,9 @@ def _valve_force(y_rate: float, y: float, x: float, c: Values) -> float:
 
 
 def _valve_velocity(e: float, x: float, v: float, c: Values) -> float:
-    """Return the valve velocity at which valve and compliance have the same force [m/s]."""
+    """Return the velocity at which valve and compliance have the same force [m/s]."""
 
-    def surplus(y_rate: float) -> float:  # rises with y_rate
+    def surplus(y_rate: float) -> float:  # This function increases with y_rate.
         return _valve_force(y_rate, x - e, x, c) - _compliance_force(e, v - y_rate, c)
 
     at_rest = surplus(0.0)
@@ -124,7 +126,7 @@ def _series_valve_force(e: float, x: float, v: float, c: Values) -> float:
 
 
 def _lugre_slip(w: float, v: float, c: Values) -> float:
-    """Return the velocity of the bristles [m/s]: deflection minus slip."""
+    """Return the rate of the bristle deflection [m/s], which is the velocity minus the slip."""
     level = 1.0 + c["static_excess"] * math.exp(-((v / c["fade_velocity"]) ** 2))
     return v - abs(v) * w / level
 
@@ -164,7 +166,7 @@ def _double_force(state: State, x: float, _v: float, c: Values) -> float:
 
 
 def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
-    """Return stiffness [N/m] and level [N] of the five bristles at valve travel q and velocity y."""
+    """Return stiffness [N/m] and maximum force [N] of the five bristles at valve travel q and velocity y."""
     growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
     whole = c["bristle_share"] * c["yield_force"] * growth * (1.0 + math.copysign(c["asymmetry"], y))
     k, apart = c["bristle_stiffness"], math.exp(c["bristle_spread"])
@@ -179,7 +181,7 @@ def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
 
 
 def _chain_valve(y: float, q: float, c: Values) -> float:
-    """Return the force of the chain's valve without bristles [N]."""
+    """Return the force of the chain's valve without its bristles [N]."""
     growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
     linear, root = (
         c["yield_velocity"] + c["creep"] * c["yield_force"],
@@ -225,7 +227,7 @@ def _chain_cavity(growth: float, c: Values) -> tuple[float, float]:
 
 
 def _chain_moves(state: State, x: float, v: float, c: Values) -> tuple[float, float, float, float, float]:
-    """Return velocities of valve, behind the free play, and of the spring [m/s]; cavity growth [1/s]; q [m].
+    """Return velocities of valve, free-play end and spring [m/s], growth of the cavity [1/s], and q [m].
 
     The states are the travel inside the free play, the elastic travel, the growth of the cavity and the
     bristle forces.
@@ -282,7 +284,7 @@ _EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {
 
 
 def _equations(law: HysteresisLaw) -> Equations | None:
-    """Return rate and force of a law, with the parallel terms; None for a law in Python."""
+    """Return rate and force of a law including the terms that all laws have, or None for a law in Python."""
     if law.python is not None:
         return None
     if law.name == "spencer":
@@ -311,11 +313,11 @@ def _travel_scale(c: Values) -> State:
     return (max(c["yield_force"], 1.0) / c["gap_stiffness"],)
 
 
-# ------------------------------------------------------------------------------ Bouc-Wen in closed form
+# ------------------------------------------------------------------------------ closed form of Bouc-Wen
 
 
 def turning_points(trajectory: Trajectory) -> tuple[tuple[int, float], ...]:
-    """Return the reversals between samples as (interval, displacement [m]), from the cubic Hermite."""
+    """Return the reversals between samples as (interval, displacement [m]), from the cubic interpolant."""
     cubics = hermite(trajectory)
     return tuple(
         (k, float(np.polynomial.polynomial.polyval(theta, cubic)))
@@ -352,7 +354,7 @@ def bouc_wen_distance(w: float, kappa: float, n: float) -> float:
 
 
 def bouc_wen_state(distance: float, kappa: float, n: float) -> float:
-    """Return w in [-1, 1] at the normalised travel tau [-]: the inverse of ``bouc_wen_distance``."""
+    """Return w in [-1, 1] at the normalised travel tau [-], the inverse of ``bouc_wen_distance``."""
     low, high = math.nextafter(-1.0, 0.0), math.nextafter(1.0, 0.0)
     if distance >= bouc_wen_distance(high, kappa, n):
         return 1.0

@@ -23,20 +23,20 @@ from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion
 
-REST_s = 0.3  # Time at rest before the motion.
+REST_s = 0.3  # Time at rest before the motion [s]
 SOFT_START_s = 0.25  # Ramp time of the amplitude [s].
 
 
 @dataclass(frozen=True, slots=True)
 class SpencerDamper:
-    """Constants of the model in SI units; names with ``_per_V`` are slopes against voltage."""
+    """Constants of the model in SI units. Names with ``_per_V`` are slopes versus voltage."""
 
     c0: float = 2100.0  # [N s/m]
     c0_per_V: float = 350.0  # [N s/(m V)]
     c1: float = 28300.0  # [N s/m]
     c1_per_V: float = 295.0  # [N s/(m V)]
     k0: float = 4690.0  # [N/m]
-    k1: float = 500.0  # accumulator [N/m]
+    k1: float = 500.0  # Stiffness of the accumulator [N/m]
     x0: float = 0.143  # initial displacement of the accumulator spring [m]
     alpha: float = 14000.0  # [N/m]
     alpha_per_V: float = 69500.0  # [N/(m V)]
@@ -47,7 +47,7 @@ class SpencerDamper:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """White noise (standard deviation) and converter steps of the sensors."""
+    """White noise (standard deviation) and quantisation steps of the sensors."""
 
     rate_Hz: float = 1000.0
     displacement_noise_m: float = 2e-6
@@ -61,7 +61,7 @@ SENSORS = Sensors()
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """Labelled motions, each run at each voltage."""
+    """Motions with labels. Each motion is run at each voltage."""
 
     motions: tuple[tuple[str, Motion], ...]
     voltages: tuple[float, ...] = (0.0, 0.75, 1.5, 2.25)
@@ -85,14 +85,15 @@ def simulate(
         raise InputError(f"{len(motions)} motions and {len(voltages)} voltages; expected as many")
     steps = round(duration_s * rate_Hz)
     step = 1.0 / rate_Hz
-    halves = 0.5 * step * np.arange(2 * steps + 1, dtype=np.float64)  # Runge-Kutta needs mid-steps.
+    # The Runge-Kutta method also needs the middle of each step.
+    halves = 0.5 * step * np.arange(2 * steps + 1, dtype=np.float64)
     paths = [_soft_start(motion, halves) for motion in motions]
     x, v = (np.array([path[k] for path in paths]).T.copy() for k in (0, 1))
     u = np.asarray(voltages, dtype=np.float64)
     c0, c1 = damper.c0 + damper.c0_per_V * u, damper.c1 + damper.c1_per_V * u
     alpha = damper.alpha + damper.alpha_per_V * u
     share = 1.0 / (c0 + c1)
-    drive = (c0 * v + damper.k0 * x) * share  # the part of y' that depends only on the motion
+    drive = (c0 * v + damper.k0 * x) * share  # This part of y' depends only on the motion.
     by_z, by_y = alpha * share, damper.k0 * share
 
     def rates(k: int, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -120,7 +121,7 @@ def simulate(
 def measure(
     plan: Campaign, *, seed: int = 0, damper: SpencerDamper | None = None, sensors: Sensors = SENSORS
 ) -> tuple[RigRun, ...]:
-    """Return the runs of a campaign with sensor noise, named such as ``spencer_1.50V_sine5mm1Hz``."""
+    """Return the runs of a campaign with sensor noise and names such as ``spencer_1.50V_sine5mm1Hz``."""
     pairs = [(label, motion, voltage) for label, motion in plan.motions for voltage in plan.voltages]
     every = round(10_000.0 / sensors.rate_Hz)
     time, displacement, force = simulate(
@@ -155,7 +156,7 @@ def measure(
 
 
 def _soft_start(motion: Motion, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return displacement and velocity of a motion after a rest, with smoothly rising amplitude."""
+    """Return displacement and velocity of a motion whose amplitude rises smoothly after a rest."""
     t = np.maximum(time - REST_s, 0.0)
     s = np.clip(t / SOFT_START_s, 0.0, 1.0)
     share = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)

@@ -1,4 +1,4 @@
-"""The finite elements against FreeFem++, which has its own assembly, quadrature and time stepping."""
+"""The finite elements agree with FreeFem++, which has its own assembly, quadrature and time steps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Tool = Callable[[str], Path]
 
 
 def fading(kelvin: FloatArray) -> FloatArray:
-    """Return a power that falls with temperature, as an MR damper's does."""
+    """Return a power that decreases with temperature, like the power of an MR damper."""
     return np.asarray(95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - 293.15))
 
 
@@ -38,7 +38,7 @@ DUTY = Load(1800.0, fading, 16.8)
 def both_ends(
     model: FieldModel, load: Load, folder: Path, step: float = 20.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the temperatures of this package and of FreeFem++ at every node at the end of a load [K]."""
+    """Return the temperatures of the package and of FreeFem++ at each node at the end of a load [K]."""
     theirs = run_freefem(write_freefem(model, load, folder, step=step))
     ours = simulate_field(model.equation, [load], longest_step=0.5 * step)
     distance, which = (np.asarray(each) for each in KDTree(theirs.nodes).query(model.nodes))
@@ -49,15 +49,15 @@ def both_ends(
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
-    """The nonlinear problem lasts half an hour. The programs use different methods of second order."""
+    """The nonlinear problem lasts half an hour. The programs use different time steps of second order."""
     tool("FreeFem++")
     ours, theirs = both_ends(build_field(drawing), DUTY, tmp_path)
     assert np.ptp(theirs) > 3.0
     assert np.abs(ours - theirs).max() < 50e-3
 
 
-def test_freefem_detects_wrong_film(tool: Tool, tmp_path: Path):
-    """A heat-transfer coefficient that is 10 % lower on one side makes the comparison fail."""
+def test_freefem_comparison_detects_wrong_film_coefficient(tool: Tool, tmp_path: Path):
+    """A heat-transfer coefficient that is 10 % lower in one program makes the temperatures differ."""
     tool("FreeFem++")
     section = section_of(BARE)
     mesh = mesh_section(section, 0.03, levels=0)

@@ -1,4 +1,4 @@
-"""Correlations of annular fins compared with flows computed by finite volumes, in still air and wind."""
+"""Correlations of annular fins agree with air flows computed by finite volumes, in still air and wind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def folder(tmp_path_factory, tool):
 
 
 @pytest.mark.release
-def test_bare_tube_matches_churchill_chu(folder):
+def test_computed_bare_tube_matches_churchill_chu(folder):
     """The computed flow agrees with a correlation that is based on measurements."""
     found = compute_fin_air(folder, 2e-3, outer=0.0, thickness=0.0)
     law = float(nusselt_horizontal_cylinder(AIR.rayleigh(TUBE, EXCESS_K), AIR.prandtl)) / TUBE
@@ -27,7 +27,7 @@ def test_bare_tube_matches_churchill_chu(folder):
 
 
 @pytest.mark.release
-def test_single_disc_matches_pohlhausen(folder):
+def test_computed_single_disc_matches_pohlhausen(folder):
     """Pohlhausen's laminar plate in strips (``test_annular_fins``) gives h / k = 735 per metre at 2 m/s."""
     found = compute_fin_air(folder, 0.02, tube=0.006, thickness=5e-4, wind=2.0, fine=1)
     assert found.sides == pytest.approx(735.0, rel=0.08)
@@ -36,7 +36,7 @@ def test_single_disc_matches_pohlhausen(folder):
 @pytest.mark.release
 @pytest.mark.parametrize(("gap", "within"), [(0.002, 0.20), (0.003, 0.20), (0.005, 0.08), (0.010, 0.08)])
 def test_still_air_correlation_matches_computed_flow(folder, gap, within):
-    """The correlation was not fitted to these flows."""
+    """The correlation was not fitted to the computed flows."""
     found = settle_fin_air(folder, gap)
     assert found.doubt < 0.05
     assert law_of(gap, 0.0) == pytest.approx(found.mean, rel=within)
@@ -45,7 +45,7 @@ def test_still_air_correlation_matches_computed_flow(folder, gap, within):
 
 @pytest.mark.release
 @pytest.mark.parametrize(("tube", "outer"), [(0.046, 0.069), (0.030, 0.090)])
-def test_still_air_correlation_matches_different_fins(folder, tube, outer):
+def test_still_air_correlation_matches_other_fins(folder, tube, outer):
     found = settle_fin_air(folder, 0.003, tube=tube, outer=outer)
     assert law_of(0.003, 0.0, tube, outer) == pytest.approx(found.mean, rel=0.20)
 

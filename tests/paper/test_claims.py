@@ -1,4 +1,4 @@
-"""Claims of the paper: only values that can be wrong have a verdict, and each verdict can change."""
+"""The comparison with the paper judges only values that could be wrong, and each verdict can change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.support.campaigns import paper_card
 PREDICTED = [row for row in TABLE if row.origin == "predicted"]
 
 
-def test_verdict_without_prediction_is_rejected():
+def test_only_predicted_claims_accept_verdict():
     with pytest.raises(ValueError, match="origin is calibrated to this value"):
         Row(row=1, claim="x", statement="", why="", origin="calibrated to this value", judged=is_larger)
     with pytest.raises(ValueError, match="origin is predicted, and judged is None"):
@@ -36,7 +36,7 @@ def test_every_verdict_can_change(row):
 
 
 def found_with(card, drawing):
-    """Return the results that predictions use: the damper at 5 mm, and sinks by width and number."""
+    """Return the results that predictions use: the damper at 5 mm, and sinks by width and number of fins."""
     duty = read_duty("sine:15mm:1Hz:2A:1800s")
     loads = loads_of(works_of(card.damper, duty), drawing, duty)
     small = heat(card, drawing, read_duty("sine:5mm:1Hz:2A:1800s"), HeatOptions())
@@ -53,7 +53,7 @@ def figure_of(row, found):
 
 @pytest.mark.nightly
 def test_predictions_depend_on_law_and_geometry():
-    """Measured values of the rig influence a prediction only through the card."""
+    """The measured values of the rig influence a prediction only through the card."""
     card, drawing = paper_card(), read_drawing("paper")
     parameters = card.damper.parameters
     changed = {
@@ -68,7 +68,7 @@ def test_predictions_depend_on_law_and_geometry():
             assert abs(after - before) > 1e-3 * abs(before), row.claim
 
 
-def test_verdicts_follow_from_values():
+def test_verdict_follows_from_value():
     assert judge(140.3, 140.0, within=0.5) == "within"
     assert judge(141.0, 140.0, within=0.5) == "contradicts"
     assert judge(40.0, 62.5, less_is_better=True) == "better"

@@ -37,7 +37,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Pat
 
 
 def timed(out: Path, on_progress: Progress = silent) -> tuple[dict[str, Any], float]:
-    """Run the quick demo and return its answer and its CPU time on the reference computer [s]."""
+    """Run the quick demo and return its answer and its CPU time on the reference machine [s]."""
     paces: list[float] = []
 
     def told(update: ProgressUpdate) -> None:
@@ -50,7 +50,7 @@ def timed(out: Path, on_progress: Progress = silent) -> tuple[dict[str, Any], fl
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 
-def test_runs_are_marked_as_simulated(quick):
+def test_demo_runs_are_marked_as_simulated(quick):
     answer, out, *_ = quick
     assert answer["simulated"] is True
     assert "Nothing here was measured" in (out / "report.html").read_text(encoding="utf-8")
@@ -58,15 +58,15 @@ def test_runs_are_marked_as_simulated(quick):
     assert "not measured" in first
 
 
-def test_quick_demo_stays_within_time(quick, tmp_path):
-    """The limit is 15 s of CPU time, for the best of three runs because the machine can be loaded."""
+def test_quick_demo_takes_limited_time(quick, tmp_path):
+    """The limit is 15 s of CPU time for the best of three runs because the machine can be loaded."""
     spent = [quick[-1]]
     while len(spent) < 3 and min(spent) >= 15.0:
         spent.append(timed(tmp_path / f"demo{len(spent)}")[1])
     assert min(spent) < 15.0
 
 
-def test_every_claim_has_a_value(quick):
+def test_every_claim_of_paper_has_value(quick):
     claims = quick[0]["claims"]
     assert {claim["row"] for claim in claims} == set(range(1, ROW_COUNT + 1))
     names = [claim["claim"] for claim in claims]
@@ -78,7 +78,7 @@ def test_every_claim_has_a_value(quick):
         assert claim["why"]
 
 
-def test_only_predicted_values_have_verdicts(quick):
+def test_only_predicted_claims_have_verdicts(quick):
     claims = quick[0]["claims"]
     judged = {claim["origin"] for claim in claims if claim["verdict"] is not None}
     assert judged == set(JUDGED)
@@ -86,7 +86,7 @@ def test_only_predicted_values_have_verdicts(quick):
     assert {claim["row"] for claim in claims if claim["contradiction"]} >= {4, 6, 14, 16, 19, 22, 31}
 
 
-def test_model_and_controller_beat_the_paper(quick):
+def test_model_and_controller_beat_paper(quick):
     answer = quick[0]
     held = {line["law"]: line["summary"]["held_out"]["median_nrmse_percent"] for line in answer["laws"]}
     assert held["double-bouc-wen"] < 0.5 * held["bouc-wen"]
@@ -95,7 +95,7 @@ def test_model_and_controller_beat_the_paper(quick):
     assert ours["unaware_over_aware"] < 4.6  # The controller of the paper has a smaller ratio on this damper.
 
 
-def test_summary_names_existing_files(quick):
+def test_demo_summary_names_existing_files(quick):
     answer, out, *_ = quick
     told = json.loads(json.dumps(answer))
     assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == told
@@ -103,7 +103,7 @@ def test_summary_names_existing_files(quick):
     assert Path(answer["report"]).is_file()
 
 
-def test_page_links_only_written_files(quick):
+def test_demo_page_links_only_existing_files(quick):
     out = quick[1]
     page = (out / "report.html").read_text(encoding="utf-8")
     links = re.findall(r'href="([^"#]+)"', page)
@@ -113,6 +113,6 @@ def test_page_links_only_written_files(quick):
     assert page.count("<svg") >= 3
 
 
-def test_steps_are_reported_in_order(quick):
+def test_demo_steps_are_reported_in_order(quick):
     steps = quick[2]
     assert [int(step.split("/")[0]) for step in steps] == list(range(len(steps)))

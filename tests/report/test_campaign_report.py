@@ -1,4 +1,4 @@
-"""Report of a campaign with many runs or temperatures, and characteristics of the damper."""
+"""Reports of campaigns with many runs or temperatures show levels, losses of force and characteristics."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def text(fitted):
 
 
 def said_in(text: str) -> str:
-    """Return the text of a page without style and markup; whitespace becomes single blanks."""
+    """Return the text of a page without style and markup, with single blanks."""
     text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
 
@@ -77,7 +77,7 @@ def an_error(**changed: object) -> RunError:
     return RunError(**{**fields, **changed})  # type: ignore[arg-type]
 
 
-# ------------------------------------------------------------------------------------------- groups
+# ----------------------------------------------------------------------------------------- levels and motions
 
 
 def test_close_temperatures_belong_to_one_level():
@@ -94,7 +94,7 @@ def test_runs_without_temperature_are_grouped_by_current():
     assert [levels.level_of(error) for error in errors] == [0.0, 2.0, 1.0, None]
 
 
-def test_errors_are_pooled_by_split():
+def test_errors_in_report_are_pooled_by_split():
     errors = [
         an_error(rmse_N=3.0),
         an_error(rmse_N=4.0, command=2.0),
@@ -109,7 +109,7 @@ def test_errors_are_pooled_by_split():
     ]
 
 
-def test_main_motion_has_most_operating_points():
+def test_main_sine_has_most_operating_points():
     errors = [an_error(command=c) for c in (0.0, 1.0)]
     errors += [an_error(command=c, motion="sine 3 mm 2 Hz") for c in (0.0, 1.0, 2.0)]
     errors += [an_error(command=c, motion="random 3 mm 1-3 Hz") for c in (0.0, 1.0, 2.0, 3.0)]
@@ -118,7 +118,7 @@ def test_main_motion_has_most_operating_points():
 
 
 def test_measured_peak_force_equals_damper_force():
-    """The peak of the mean of two cycles is correct within a few standard deviations of the noise (4 N)."""
+    """The mean peak of two cycles is correct within a few standard deviations of the noise (4 N)."""
     damper = warm_damper()
     for run in warm_runs(damper):
         prepared = prepare_run(run, AS_IT_IS)
@@ -137,7 +137,7 @@ def test_measured_peak_force_equals_damper_force():
         assert pick.retraction == pytest.approx(cycle.retraction_N, rel=0.02, abs=NOISE_N)
 
 
-def test_amplitude_and_frequency_of_runs_are_recovered():
+def test_amplitude_and_frequency_of_sine_are_recovered():
     prepared = [prepare_run(run, AS_IT_IS) for run in warm_runs(warm_damper()) if "sine3mm2Hz" in run.name]
     found = sine_of(prepared)
     assert found is not None
@@ -147,15 +147,15 @@ def test_amplitude_and_frequency_of_runs_are_recovered():
 # ------------------------------------------------------------------------------------------- sections
 
 
-def test_smaller_loss_at_high_current_is_reported(fitted, judged):
+def test_smaller_force_loss_at_high_current_is_reported(fitted, judged):
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
     assert "The relative loss is smaller at higher current, measured and modelled." in warmth.summary
     assert warmth.summary.startswith("From 20 to 100 °C, the peak force of the sine 5 mm 1 Hz decreases by ")
 
 
-def test_larger_loss_at_high_current_is_reported():
-    """The relative loss grows with current if the viscosity is constant and the yield force decreases."""
+def test_larger_force_loss_at_high_current_is_reported():
+    """The relative loss grows with current if only the yield force decreases with temperature."""
     runs = warm_runs(warm_damper(viscous_loss_K=0.0, yield_slope=4e-3))
     fitted = mrdamper.fit(runs, "dahl", terms=(), preparation=AS_IT_IS)
     warmth = temperature_section(Campaign(fitted, mrdamper.assess(fitted).runs))
@@ -163,8 +163,8 @@ def test_larger_loss_at_high_current_is_reported():
     assert "only for some currents, measured and modelled." in warmth.summary
 
 
-def test_reported_loss_equals_loss_of_damper(fitted, judged):
-    """The loss at 2 A and 100 degC combines the decreases of the viscous force and the yield force."""
+def test_reported_force_loss_equals_damper(fitted, judged):
+    """The loss at 2 A and 100 degC combines the decreases of viscous force and yield force."""
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
     truth = warm_damper()
@@ -174,7 +174,7 @@ def test_reported_loss_equals_loss_of_damper(fitted, judged):
     assert [float(number) for number in told] == pytest.approx([lost, lost], abs=1.5)
 
 
-def test_characteristics_equal_those_of_damper(fitted, judged):
+def test_reported_characteristics_equal_damper(fitted, judged):
     found = characteristics_section(Campaign(fitted, judged.runs)).found
     assert found.scope.temperatures == pytest.approx((293.15, 333.15, 373.15))
     assert found.scope.commands == (0.0, 1.0, 2.0)
@@ -187,10 +187,10 @@ def test_characteristics_equal_those_of_damper(fitted, judged):
     assert found.responses == ()
 
 
-# ------------------------------------------------------------------------------------------- page
+# ----------------------------------------------------------------------------------------- page of the report
 
 
-def test_page_shows_each_temperature(text, judged):
+def test_report_shows_each_temperature(text, judged):
     said = said_in(text)
     for level in ("20 °C", "60 °C", "100 °C"):
         assert said.count(level) > 5
@@ -199,13 +199,13 @@ def test_page_shows_each_temperature(text, judged):
     assert "no run has current steps" in said
 
 
-def test_table_contains_every_run(text, judged):
+def test_report_table_contains_every_run(text, judged):
     for error in judged.runs:
         assert error.name in text
 
 
 @pytest.mark.nightly
-def test_assumed_factors_are_marked(fitted, text):
+def test_assumed_temperature_factors_are_marked(fitted, text):
     assert "assumed" not in said_in(text)
     forms = {
         name: replace(form, assumed=True)
@@ -224,8 +224,8 @@ def test_assumed_factors_are_marked(fitted, text):
 
 
 @pytest.mark.nightly
-def test_campaign_without_constant_current_has_report(fitted, judged):
-    """Without a main sine and measured points, the report still has the characteristics of the damper."""
+def test_report_without_constant_currents_has_characteristics(fitted, judged):
+    """Such a campaign has no main sine and no measured points."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "Effect of temperature" in said
@@ -233,7 +233,7 @@ def test_campaign_without_constant_current_has_report(fitted, judged):
 
 
 @pytest.mark.nightly
-def test_many_runs_are_grouped(fitted, judged):
+def test_many_runs_in_report_are_grouped(fitted, judged):
     """A page with 49 runs has a folded table, and groups by temperature or, without it, by current."""
     training = [run for run in fitted.training if "sine5mm" in run.name][:4]
     runs, errors = [], []

@@ -1,4 +1,4 @@
-"""Figures of the reports: values are drawn at the correct location, and texts are escaped."""
+"""Figures of reports draw values at the correct positions and escape texts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def svg() -> str:
     return svg_drawn_by(lambda: panel_figure(PANELS, share="row"), 'five "lines"')
 
 
-def test_panels_of_row_share_limits() -> None:
+def test_panels_of_row_share_axis_limits() -> None:
     with drawing_style():
         first, second = panel_figure(PANELS, share="row").axes
     assert first.get_ylim() == second.get_ylim()
@@ -31,7 +31,7 @@ def test_panels_of_row_share_limits() -> None:
     assert first.get_title(loc="left") == "<1 A>"
 
 
-def test_svg_escapes_texts_and_is_reproducible() -> None:
+def test_svg_figure_escapes_texts_and_is_reproducible() -> None:
     text = svg()
     root = ET.fromstring(text)
     assert root.attrib["aria-label"] == "five _lines_"
@@ -40,7 +40,7 @@ def test_svg_escapes_texts_and_is_reproducible() -> None:
     assert svg() == text
 
 
-def test_error_bars_have_lengths_of_errors() -> None:
+def test_error_bars_have_length_of_errors() -> None:
     errors = [an_error(name="sine"), an_error(name="chirp", split="held_out", nrmse_percent=7.0)]
     with drawing_style():
         (axes,) = errors_figure(errors).axes

@@ -1,4 +1,4 @@
-"""Every report begins with the same first screen, which fits on a phone."""
+"""Every report begins with the same first screen: verdict, tiles and figure, which fit on a phone."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def test_every_report_with_figure_has_page():
 @pytest.mark.parametrize(
     "job", [job for name, job in JOBS.items() if name not in WITHOUT_A_PAGE], ids=lambda j: j.name
 )
-def test_templates_reuse_the_common_first_screen(job):
-    """Templates add only the part below the first screen, which is the same template for all jobs."""
+def test_report_templates_share_first_screen(job):
+    """A template adds only the part below the first screen, which is one template for all jobs."""
     page = job.reported.page
     loader = environment().loader
     assert loader is not None
@@ -69,7 +69,7 @@ def test_templates_reuse_the_common_first_screen(job):
     assert page.name.endswith(".html")
 
 
-def test_first_screen_has_fixed_order():
+def test_first_screen_has_fixed_order_of_parts():
     text = a_page().render([1.0, 2.0])
     places = [text.index(mark) for mark in ORDER]
     assert places == sorted(places)
@@ -88,7 +88,7 @@ def test_first_screen_has_fixed_order():
         ("", "."),
     ],
 )
-def test_sentence_has_capital_and_full_stop(given, said):
+def test_verdict_has_capital_and_full_stop(given, said):
     assert sentence(given) == said
 
 
@@ -106,7 +106,7 @@ def pages(tmp_path_factory) -> list[Path]:
 
 
 @pytest.mark.nightly
-def test_pages_fit_a_phone(pages, tool):
+def test_report_pages_fit_phone_screen(pages, tool):
     with chromium(tool("chromium")) as browser:
         for path in pages:
             page = browser.new_page(viewport={"width": 390, "height": 844})

@@ -44,7 +44,7 @@ def fit_with(**settings):
 
 @pytest.fixture(scope="module")
 def stopped():
-    """Return a fit that stops after one iteration."""
+    """Return a fit that stops after one iteration, before it has converged."""
     return fit_with(
         iterations_max=1, start_iterations_max=1, screening_iterations_max=1, finalist_iterations_max=1
     )
@@ -52,13 +52,13 @@ def stopped():
 
 @pytest.fixture(scope="module")
 def selected():
-    """Return a fit whose model was selected."""
+    """Return a fit that has selected the model."""
     runs = Dataset(tuple(short_runs()))
     return fit(runs, options=FitOptions(hold_out=("*_1.50V_sine5*",), terms=("none",)))
 
 
-def test_stopped_fit_reports_missing_convergence_first(stopped, tmp_path):
-    """Terminal, report, web page, JSON, card and the table of fits state that a fit has not converged."""
+def test_unconverged_fit_is_reported_first(stopped, tmp_path):
+    """Terminal, report, web page, JSON, card and the list of cards state that the fit has not converged."""
     assert terminal_of(stopped).startswith(NOT_CONVERGED)
     assert PAGE.web_json(stopped)["verdict"].startswith(NOT_CONVERGED)
     assert f'<p class="verdict">{NOT_CONVERGED}' in PAGE.render(stopped)
@@ -69,7 +69,7 @@ def test_stopped_fit_reports_missing_convergence_first(stopped, tmp_path):
     assert card_line(tmp_path / "card.json")["converged"] is False
 
 
-def test_cancelled_fit_has_not_converged(selected):
+def test_cancelled_fit_counts_as_unconverged(selected):
     cancelled = replace(selected, result=replace(selected.result, cancelled=True))
     assert selected.converged
     assert not cancelled.converged
@@ -77,7 +77,7 @@ def test_cancelled_fit_has_not_converged(selected):
     assert terminal_of(cancelled).startswith(NOT_CONVERGED)
 
 
-def test_error_table_agrees_with_error_file(selected, tmp_path):
+def test_error_table_agrees_with_errors_csv(selected, tmp_path):
     """Median, RMS and worst error in the table equal those computed from the rows of errors.csv."""
     assert REPORT.rows is not None
     write_table(tmp_path / "errors.csv", REPORT.rows(selected))
@@ -92,7 +92,7 @@ def test_error_table_agrees_with_error_file(selected, tmp_path):
         assert error["worst_percent"] == pytest.approx(percent.max())
 
 
-def test_selection_reports_errors_on_subset_and_runs(selected):
+def test_selection_reports_errors_on_subset_and_all(selected):
     selection = REPORT.answer(selected)["selection"]
     assert selection["candidates"][0]["reason"] == "chosen"
     assert selection["sample_count"] > 0
@@ -100,8 +100,8 @@ def test_selection_reports_errors_on_subset_and_runs(selected):
     assert selection["is_subset"] in (True, False)
 
 
-def test_contradicting_errors_become_a_finding(selected):
-    """A cross-validation error far below the training error is a finding of the result."""
+def test_contradicting_errors_of_fit_become_finding(selected):
+    """A cross-validation error far below the training error is a finding."""
     first, *others = selected.selection.scores
     small = replace(first, cv_percent_by_run=tuple(0.1 * e for e in first.cv_percent_by_run))
     changed = replace(selected, selection=replace(selected.selection, scores=(small, *others)))

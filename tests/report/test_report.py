@@ -1,4 +1,4 @@
-"""Report of a fit: no external files, escaped names, reproducible bytes."""
+"""The report of a fit loads no external files, escapes names, and has reproducible bytes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NASTY = "阻尼器 <script>alert('x')</script> & \"run\" $x_1^"
 
 
 class Page(HTMLParser):
-    """Collects the elements, the text, and the external files of a page."""
+    """Collect the elements, the text, and the references to files of a page."""
 
     def __init__(self):
         super().__init__()
@@ -57,35 +57,35 @@ def page(text):
     return parsed
 
 
-def test_names_of_runs_are_escaped(page, judged):
+def test_run_names_in_report_are_escaped(page, judged):
     said = "".join(page.said)
     for error in judged.runs:
         assert error.name in said
     assert "script" not in page.elements
 
 
-def test_page_loads_no_external_file(page, text):
+def test_report_loads_no_external_file(page, text):
     assert [ref for ref in page.references if not ref.startswith("#")] == []
     assert "@import" not in text
     assert re.findall(r"url\((?!#)", text) == []
 
 
-def test_figures_are_svg_without_date(text):
+def test_figures_in_report_contain_no_date(text):
     assert "<image" not in text
     assert "<metadata" not in text
     assert re.search(r"20\d\d-\d\d-\d\d", text) is None
 
 
-def test_every_axis_has_unit(page):
+def test_axes_in_report_have_units(page):
     said = {part.strip() for part in page.said}
     assert {"displacement, mm", "velocity, mm/s", "force, N", "voltage, V"} <= said
 
 
-def test_held_out_runs_are_marked(page):
+def test_held_out_runs_in_report_are_marked(page):
     said = " ".join("".join(page.said).split())
     assert re.search(r"Held-out runs: median error [\d.]+ %, worst [\d.]+ % \(1 run\)", said)
     assert re.search(r"Training runs: median error [\d.]+ %, worst [\d.]+ % \(5 runs\)", said)
 
 
-def test_simulated_runs_are_marked(text):
+def test_simulated_runs_in_report_are_marked(text):
     assert "simulated, not measured" in text

@@ -1,4 +1,4 @@
-"""A table is declared once: terminal, report and web page show the same cells."""
+"""A table is declared once, and terminal, report and web page show the same cells."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def a_table(rows=ROWS) -> Table[tuple[str, float, float]]:
 
 
 def printed(table, **options) -> list[str]:
-    """Return the lines that a terminal prints for a table."""
+    """Return the lines that the terminal shows for a table."""
     out = io.StringIO()
     Console(file=out, width=120).print(table.printed(**options))
     return out.getvalue().splitlines()
@@ -44,7 +44,7 @@ def rendered(table) -> str:
     return environment().from_string(text).render(it=table)
 
 
-def test_terminal_report_and_page_have_same_cells():
+def test_terminal_report_and_page_show_same_cells():
     shown = a_table().web_json()
     assert [row["cells"] for row in shown["rows"]] == [
         ["sine", "12.3", "20"],
@@ -57,20 +57,20 @@ def test_terminal_report_and_page_have_same_cells():
         assert any(name in line and (error or "-") in line for line in lines)
 
 
-def test_terminal_omits_column_and_adapts_units():
+def test_terminal_table_omits_column_and_adapts_units():
     assert not any("degC" in line for line in printed(a_table()))
     assert "<small>°C</small>" in rendered(a_table())
     assert [column["unit"] for column in a_table().web_json()["columns"]] == ["", "N", "°C"]
 
 
-def test_names_are_escaped():
+def test_names_in_table_are_escaped():
     html = rendered(a_table())
     assert "<b onclick" not in html
     assert "&lt;b onclick" in html
-    assert any(MARKUP in line for line in printed(a_table()))  # The terminal prints it unchanged.
+    assert any(MARKUP in line for line in printed(a_table()))  # The terminal prints the name unchanged.
 
 
-def test_highlighted_rows_and_groups_are_shown():
+def test_highlighted_table_rows_and_groups_are_shown():
     assert [row["held"] for row in a_table().web_json()["rows"]] == [False, True, True]
     assert rendered(a_table()).count('<tr class="held">') == 2
     apart = sum(line.startswith("├") for line in printed(a_table()))
@@ -78,8 +78,8 @@ def test_highlighted_rows_and_groups_are_shown():
 
 
 @given(st.integers(1, 2000))
-def test_general_table_states_omitted_rows(count):
-    """A long table shows evenly spaced rows. Its caption states the spacing."""
+def test_long_table_states_omitted_rows(count):
+    """A long table shows evenly spaced rows, and its caption states the spacing."""
     (table,) = table_of([{"k": k, "name": "x", **{f"c{j}": None for j in range(9)}} for k in range(count)])
     shown = table.web_json()
     assert len(shown["rows"]) <= 120
@@ -96,5 +96,5 @@ def test_empty_rows_give_no_table():
 
 
 @pytest.mark.parametrize(("value", "cell"), [(None, None), (math.nan, None), (math.inf, "inf"), (0.0, "0.0")])
-def test_unknown_table_cell_is_none(value, cell):
+def test_unknown_value_gives_empty_table_cell(value, cell):
     assert Column("x", lambda row: row, form=".1f").cell(value) == cell

@@ -1,4 +1,4 @@
-"""Campaigns and measurements: runs, held-out runs, sensors, and reproducibility."""
+"""Campaigns of the virtual rig: planned runs, held-out runs, sensors and reproducibility."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def small():
 # ------------------------------------------------------------------------------------------ planned runs
 
 
-def test_hold_out_patterns_match_the_held_out_runs():
+def test_hold_out_patterns_match_held_out_runs():
     campaign = Campaign()
     runs = campaign.runs("hard")
     held_out = {run.name for run in runs if run.held_out}
@@ -55,7 +55,7 @@ def test_random_runs_differ_between_temperatures(damper):
     assert max(each.max() for each in commands) == max(campaign.currents_A)
 
 
-def test_campaign_file_may_start_from_a_preset():
+def test_campaign_file_may_start_from_preset():
     own = Campaign.from_mapping(
         {"preset": "hydraulic-monotube", "temperatures_degC": [20, 45], "sensors": {"force_noise_N": 0}}
     )
@@ -64,7 +64,7 @@ def test_campaign_file_may_start_from_a_preset():
     assert own == replace(usual, temperatures_degC=(20.0, 45.0), sensors=sensors)
 
 
-def test_force_cell_measures_mass_and_offset():
+def test_force_sensor_adds_inertia_and_offset():
     campaign = replace(
         default_campaign(PRESETS["hydraulic-monotube"]), motions=("sine:15mm:2Hz",),
         temperatures_degC=(20.0,),
@@ -76,7 +76,7 @@ def test_force_cell_measures_mass_and_offset():
     assert inertia == pytest.approx([1.0, -5.0], abs=4.0 * 10.0 / np.sqrt(len(run)))
 
 
-def test_periodic_motions_are_logged_for_whole_periods():
+def test_periodic_motions_are_recorded_for_whole_periods():
     durations = {
         run.label: run.duration_s
         for run in Campaign(
@@ -88,7 +88,7 @@ def test_periodic_motions_are_logged_for_whole_periods():
     )
 
 
-def test_toml_reads_back_as_the_campaign():
+def test_campaign_is_read_back_from_toml():
     own = Campaign(
         motions=("sine:4mm:0.3Hz", "nonperiodic"), currents_A=(0, 1.25), temperatures_degC=(-10, 22.5),
         steps=CurrentSteps((0.0, 1.5), 1.6), sensors=Sensors(rate_Hz=200.0, thermocouple_offset_K=-5.0),
@@ -107,7 +107,7 @@ def test_toml_reads_back_as_the_campaign():
         ({"temperatures_degC": []}, "nothing to run"),
     ],
 )
-def test_invalid_campaign_raises(document, message):
+def test_invalid_campaign_file_raises(document, message):
     with pytest.raises(InputError) as error:
         Campaign.from_mapping(document, "mine.toml")
     assert str(error.value).startswith("mine.toml: ")
@@ -117,7 +117,7 @@ def test_invalid_campaign_raises(document, message):
 # ---------------------------------------------------------------------------------------------- measured runs
 
 
-def test_run_has_its_labels_and_temperature(small):
+def test_measured_run_has_labels_and_temperature(small):
     run = next(run for run, _ in small if run.name == "nominal_060C_2.00A_sine5mm1Hz")
     assert (run.command_unit, run.constant_command, run.motion) == ("A", 2.0, "sine5mm1Hz")
     assert np.mean(run.temperature) == pytest.approx(333.15, abs=0.05)
@@ -132,7 +132,7 @@ def test_subset_of_campaign_has_identical_runs(small):
             assert getattr(run, channel).tobytes() == getattr(whole[run.name], channel).tobytes()
 
 
-def test_seed_changes_only_the_noise(small):
+def test_seed_changes_only_sensor_noise(small):
     run, truth = small[0]
     other, again = next(measure(NOMINAL, SMALL, seed=4))
     assert np.array_equal(truth.force, again.force)
@@ -167,8 +167,8 @@ def test_current_steps_occur_at_mid_stroke(small):
     assert np.abs(truth.velocity) == pytest.approx(0.030)
 
 
-def test_prepared_runs_have_the_planned_motion(small):
-    """The motion is recognised from the displacement."""
+def test_measured_runs_have_planned_motion(small):
+    """The preparation recognises the motion from the displacement."""
     labels = {run.motion: prepare_run(replace(run, motion="")).motion for run, _ in small}
     assert labels == {
         "sine5mm1Hz": "sine 5 mm 1 Hz", "chirp3mm": "chirp 3 mm 1-8 Hz", "steps": "triangle 12 mm 0.62 Hz"

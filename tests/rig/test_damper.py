@@ -1,4 +1,4 @@
-"""The virtual damper's parameters: presets, files, and invalid values."""
+"""Parameters of the virtual damper: presets, files, and invalid values."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from mrdamper.virtual_rig.lumped import LUMPED
 from tests.oracles.paper_preset import solve_thermal_claims
 
 
-def test_paper_preset_meets_the_thermal_claims():
+def test_paper_preset_meets_thermal_claims():
     found = solve_thermal_claims()
     for name in ("yield_field_N", "viscous_N", "yield_loss_per_K", "friction_loss_per_K"):
         assert getattr(PRESETS["paper"], name) == pytest.approx(getattr(found, name), rel=2e-6), name
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_toml_reads_back_as_the_damper(preset, tmp_path):
+def test_virtual_damper_is_read_back_from_toml(preset, tmp_path):
     path = tmp_path / "damper.toml"
     path.write_text(damper_to_toml(PRESETS[preset]), encoding="utf-8")
     assert read_damper(path) == PRESETS[preset]
 
 
-def test_file_changes_a_preset():
+def test_damper_file_changes_preset():
     own = damper_from_mapping({"preset": "hard", "friction_N": 90})
     assert own == replace(LUMPED["hard"], name="hard-own", friction_N=90.0)
     assert damper_from_mapping({}) == PRESETS["nominal"]
@@ -43,13 +43,13 @@ def test_file_changes_a_preset():
         ({"name": "../mine"}, "name is '../mine'; expected letters"),
     ],
 )
-def test_invalid_parameter_raises(given, message):
+def test_invalid_damper_parameter_raises(given, message):
     with pytest.raises(InputError) as error:
         damper_from_mapping(given, "rig.toml")
     assert message in str(error.value)
     assert str(error.value).startswith("rig.toml: ")
 
 
-def test_unknown_preset_names_the_nearest():
+def test_unknown_preset_message_names_nearest():
     with pytest.raises(InputError, match=r"'nominel' is not a preset .*; did you mean nominal"):
         find_preset("nominel")

@@ -1,4 +1,4 @@
-"""The hydraulic damper: independent implementation, energy balance, and adaptive integrator."""
+"""The hydraulic damper agrees with a separate implementation, its energy balance, and an integrator."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ BENCH = HYDRAULIC["hydraulic-bench"]
 SINES = {"hydraulic-bench": Sine(5e-3, 1.0), "hydraulic-monotube": Sine(25e-3, 1.0)}
 HIGHEST_A = {"hydraulic-bench": 2.0, "hydraulic-monotube": 5.0}
 
-# Values of a separate implementation with steps of 10 us. Each preset has start [m], speeds [m/s], then the
-# force at x = 0 [N] by temperature and current.
+# Values of a separate implementation with steps of 10 us. Each preset has its starting position [m] and
+# speeds [m/s], followed by the force at x = 0 [N] for each temperature and current.
 AT_CONSTANT_SPEED = {
     "hydraulic-bench": (-0.02, (0.01, 0.03, 0.1), {
         (20, 0): (98.17, 181.2, 472.2), (20, 1): (971, 1116, 1483), (20, 2): (1488, 1675, 2076),
@@ -33,14 +33,15 @@ AT_CONSTANT_SPEED = {
         (120, 0): (-450.7, -389, -188.1), (120, 2): (696.4, 923.7, 1184), (120, 5): (696.4, 2040, 2338),
     }),
 }  # fmt: skip
-# preset, temperature, current before and after; time to 63 and 90 % of the change of force [ms]
+# Preset, temperature, current before and after, time to 63 % and 90 % of the force change [ms]
 STEPS = (
     ("hydraulic-bench", 20, 0, 1, 9.2, 14.0), ("hydraulic-bench", 20, 2, 0, 6.4, 11.6),
     ("hydraulic-bench", 120, 0, 2, 6.0, 8.6), ("hydraulic-bench", 120, 2, 1, 5.2, 9.0),
     ("hydraulic-monotube", 20, 0, 2, 9.4, 13.4), ("hydraulic-monotube", 20, 5, 0, 22.4, 51.2),
     ("hydraulic-monotube", 120, 5, 2, 6.0, 9.4), ("hydraulic-monotube", 120, 5, 0, 15.4, 34.0),
 )  # fmt: skip
-# preset, temperature; half the height of the loop [N] and its area [J] at 0, 1/4, 1/2 and all of the current
+# Preset and temperature, then half the height of the force loop [N] and its area [J] at 0, 1/4, 1/2 and all
+# of the current
 LOOPS = (
     ("hydraulic-bench", 20, (187.1, 529.9, 1124.4, 1684.5), (3.121, 9.769, 21.232, 31.844)),
     ("hydraulic-monotube", 120, (179.3, 824.3, 1869.1, 2600.4), (14.725, 77.836, 175.715, 238.65)),
@@ -85,7 +86,7 @@ def test_step_responses_match_separate_implementation(preset, degrees, before, a
 
 
 @pytest.mark.parametrize(("preset", "degrees", "heights", "areas"), LOOPS)
-def test_loops_match_separate_implementation(preset, degrees, heights, areas):
+def test_force_loops_match_separate_implementation(preset, degrees, heights, areas):
     motion, found = SINES[preset], []
     for share in (0.0, 0.25, 0.5, 1.0):
         force = driven(preset, motion, share * HIGHEST_A[preset], degrees, 3.0).force[2000:]
@@ -99,8 +100,8 @@ def test_loops_match_separate_implementation(preset, degrees, heights, areas):
     ("hydraulic-bench", 0.0, 120.0), ("hydraulic-bench", 2.0, 20.0),
     ("hydraulic-monotube", 0.0, 20.0), ("hydraulic-monotube", 5.0, 120.0),
 ])  # fmt: skip
-def test_work_is_stored_or_dissipated(preset, current, degrees):
-    """The balance covers one cycle of 2 Hz after half a cycle, with states at steps of 10 us."""
+def test_hydraulic_work_is_stored_or_dissipated(preset, current, degrees):
+    """The balance covers one cycle at 2 Hz after half a cycle, with steps of 10 us."""
     damper, step, (half, whole) = HYDRAULIC[preset], 1e-5, (25_000, 75_001)
     motion = Sine(SINES[preset].amplitude, 2.0)
     plant = Plant(damper, step_s=step, solver_step_s=step)
@@ -118,7 +119,7 @@ def test_work_is_stored_or_dissipated(preset, current, degrees):
 
 
 def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
-    """Return the stored energy [J] at each step, and the loss between the first and the last."""
+    """Return the stored energy [J] at each step, and the loss between the first and the last step."""
     p = of.p
     one, two = s["pressure_1_Pa"], s["pressure_2_Pa"]
     seal = np.array([s["piston_m"] - s[f"seal_{k}_m"] for k in (1, 2, 3, 4)]).T
@@ -126,7 +127,7 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     e, rate = x - s["piston_m"], v - s["piston_m_s"]
     beyond = np.maximum(np.abs(e) - p.joint_gap_m, 0.0)
 
-    def free(pressure):  # free energy of the mixture divided by its content [J/m^3]
+    def free(pressure):  # Free energy of the mixture divided by its content [J/m^3]
         return 0.5 * of.a * pressure**2 + of.b * np.log(pressure)
 
     def enthalpy(pressure):
@@ -138,7 +139,8 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     stored += 0.5 * p.piston_kg * s["piston_m_s"] ** 2 + 0.5 * inertance * s["flow_m3_s"] ** 2
     stored += 0.5 * p.joint_N_m * e**2 + 0.25 * p.joint_N_m3 * e**4 + 0.4 * p.pin_N * beyond**2.5
     stored += 0.5 * seal**2 @ stiff
-    # The atmosphere acts on the end of the rod. The loss of a flow is its enthalpy drop minus inertance work.
+    # The atmosphere acts on the end of the rod. The loss of a flow is its enthalpy drop minus the work of
+    # inertia.
     stored += 101325.0 * (of.A2 - of.A1) * s["piston_m"]
     flow = s["flow_m3_s"] + _bypass(of, one - two)
     power = (enthalpy(one) - enthalpy(two)) * flow
@@ -163,13 +165,13 @@ def _bypass(of: Hydraulics, drop):
 @pytest.mark.nightly
 @pytest.mark.parametrize("degrees", [20.0, 120.0])
 @pytest.mark.parametrize("preset", HYDRAULIC)
-def test_adaptive_integrator_finds_the_same_force(preset, degrees):
+def test_hydraulic_force_matches_adaptive_integrator(preset, degrees):
     """The current is maximal, then 0.3 A, then zero in mid-motion. The motion starts with a velocity jump."""
     motion, command = Sine(SINES[preset].amplitude, 2.0), CurrentSteps((HIGHEST_A[preset], 0.3, 0.0), 0.15)
     time = np.arange(451) * 1e-3
     expected = reference_force(HYDRAULIC[preset], motion, command, degrees, np.asarray(time, np.float64))
     x, v = motion.displacement(time), motion.velocity(time)
-    held = command.current(time - 0.5e-3)  # constant over the step before a sample
+    held = command.current(time - 0.5e-3)  # The command is constant over the step before a sample.
     errors = [
         np.abs(
             simulate(HYDRAULIC[preset], x, v, held, degrees, step_s=1e-3, solver_step_s=step).force - expected
@@ -177,7 +179,7 @@ def test_adaptive_integrator_finds_the_same_force(preset, degrees):
         for step in (2e-5, 1e-5)
     ]
     assert errors[1] < 1e-4 * np.abs(expected).max()
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)  # the method's order is two
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)  # The method has order two.
 
 
 @pytest.mark.parametrize(
@@ -204,6 +206,6 @@ def test_randomised_dampers_dissipate_energy(damper):
 
 
 @pytest.mark.parametrize(("x", "degrees"), [(0.0406, 20.0), (0.0, np.nan)])
-def test_displacement_beyond_the_chambers_raises(x, degrees):
+def test_displacement_beyond_chambers_raises(x, degrees):
     with pytest.raises(InputError, match="displacement within 90 % of the chambers"):
         Plant(BENCH).advance(x, 0.0, 0.0, degrees)

@@ -1,4 +1,4 @@
-"""The lumped virtual damper: closed forms of its parts, conservation laws, and an independent integrator."""
+"""The lumped virtual damper agrees with closed forms, conservation laws, and an independent integrator."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from tests.support.examples import examples
 NOMINAL = LUMPED["nominal"]
 NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "virtual_rig" / "native"
 
-# Feed-forward of the resistance only, constant inductance.
+# This coil driver has only feed-forward of the resistance and a constant inductance.
 BARE_COIL = replace(NOMINAL, driver_V_A=0.0, driver_V_A_s=0.0, inductance_fall=0.0)
-# A coil without lag; a damper with one bristle, without compliance, magnetic hysteresis and viscous force.
+# A coil without lag, and a damper with one bristle but without compliance, magnetic hysteresis and viscous
+# force.
 QUICK_COIL = replace(BARE_COIL, coil_henry=1e-9, supply_V=1e9, copper_per_K=0.0)
 RIGID = replace(NOMINAL, leak_N_s_m=1e30, play_share=0.0, viscous_N=0.0, spread=0.0, offset_N=0.0)
 
@@ -51,28 +52,28 @@ def driven(damper, motion, current, temperature_degC, duration, step=STEP_S):
 
 
 @pytest.mark.parametrize("degrees", [20.0, 100.0])
-def test_coil_current_is_a_first_order_lag(degrees):
-    """With feed-forward control only, i = I R0 / R (1 - exp(-t R / L)). R applies at the coil temperature."""
+def test_coil_current_follows_first_order_lag(degrees):
+    """With feed-forward only, i = I R0 / R (1 - exp(-t R / L)). R is the resistance of the warm coil."""
     time, response = at_rest(BARE_COIL, 1.5, degrees, duration=0.05)
     ohm = 5.0 * (1.0 + 0.00393 * (degrees - 20.0))
     expected = 1.5 * 5.0 / ohm * (1.0 - np.exp(-time * ohm / 0.04))
     assert response.coil_current == pytest.approx(expected, rel=1e-11)
 
 
-def test_integral_action_holds_current_in_warm_coil():
-    """Feed-forward alone leaves the current at I R0 / R."""
+def test_integral_control_holds_current_in_warm_coil():
+    """With feed-forward alone, the current would be I R0 / R."""
     assert at_rest(NOMINAL, 1.7, 123.0)[1].coil_current[-1] == pytest.approx(1.7, rel=1e-6)
 
 
-def test_supply_limits_current_and_its_rise():
+def test_supply_voltage_limits_current_and_its_rise():
     damper = replace(NOMINAL, supply_V=6.0, inductance_fall=0.0)
     _, response = at_rest(damper, 2.0, 20.0)
     assert response.coil_current[-1] == pytest.approx(6.0 / 5.0, rel=1e-9)
     assert np.diff(response.coil_current).max() <= 6.0 / 0.04 * STEP_S
 
 
-def test_flux_rises_and_falls_exponentially():
-    """For a coil without lag the flux is 1 - exp(-t / rise), then exp(-t / fall), faster in warm iron."""
+def test_magnetic_flux_rises_and_falls_exponentially():
+    """Without coil lag, the flux is 1 - exp(-t / rise), then exp(-t / fall), and faster in warm iron."""
     damper = replace(QUICK_COIL, fluid_lag_s=1e-9, play_share=0.0)
     n = 1000
     command = np.concatenate([np.ones(n), np.zeros(n)])
@@ -94,13 +95,13 @@ def test_magnetic_hysteresis_shifts_field_by_half_width():
     assert field == pytest.approx([0.0, 1.0 - gap, 2.0 - gap, 1.0 + gap], abs=1e-5)
 
 
-# ------------------------------------------------------------------------------------------- force
+# ----------------------------------------------------------------------------------------- parts of the force
 
 
 @pytest.mark.parametrize("current", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("spread", [0.0, 0.27])
 def test_preyield_force_is_exponential_in_displacement(current, spread):
-    """In one direction a bristle of stiffness s and level F has the force F (1 - exp(-s x / F))."""
+    """In one direction, a bristle of stiffness s and maximum force F has the force F (1 - exp(-s x / F))."""
     damper = replace(RIGID, spread=spread, friction_static=1.0, spring_N_m=0.0)
     plant = Plant(damper)
     plant.advance_many(np.zeros(5000), np.zeros(5000), current, 20.0)
@@ -109,7 +110,7 @@ def test_preyield_force_is_exponential_in_displacement(current, spread):
     force = plant.advance_many(np.zeros(n), np.full(n, speed), current, 20.0)
     g = (np.tanh(current / 1.5) / np.tanh(2.0 / 1.5)) ** 1.2
     level, stiffness = (12.0 + 1300.0 * g) * 1.015, 1.2e6 + 5e6 * g
-    stiffness *= 1.015  # The rate is s / Fy and the target (1 + asymmetry) Fy.
+    stiffness *= 1.015  # The rate is s / Fy, and the target is (1 + asymmetry) Fy.
 
     def bristle(ratio):
         return level * (1.0 - np.exp(-ratio * stiffness * way / level))
@@ -121,8 +122,8 @@ def test_preyield_force_is_exponential_in_displacement(current, spread):
 
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
 @pytest.mark.parametrize("speed", [0.004, -0.1])
-def test_steady_force_is_the_sum_of_parts(degrees, speed):
-    """The parts are yield force, power law of the slip, Stribeck friction, and offset."""
+def test_steady_force_is_sum_of_parts(degrees, speed):
+    """The parts are the yield force, a power law of the slip, Stribeck friction, and an offset."""
     n = 40_000
     damper = replace(NOMINAL, play_share=0.0)
     force = simulate(damper, np.zeros(n), np.full(n, speed), 2.0, degrees).force[-1]
@@ -138,7 +139,7 @@ def test_steady_force_is_the_sum_of_parts(degrees, speed):
 
 
 def rates(damper, motion, command, degrees):
-    """Return the ordinary differential equations, and the force as a function of their state."""
+    """Return the ordinary differential equations of the damper, and the force as function of their state."""
     p, warmer = damper, degrees - 20.0
     ohm = p.coil_ohm * (1.0 + p.copper_per_K * warmer)
     kelvin = degrees + 273.15
@@ -191,8 +192,8 @@ def rates(damper, motion, command, degrees):
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_stiff_solver_finds_the_same_force(preset):
-    """LSODA solves the equations without magnetic hysteresis, which is no differential equation."""
+def test_plant_force_matches_stiff_solver(preset):
+    """LSODA solves the equations without magnetic hysteresis, which is not a differential equation."""
     damper = replace(LUMPED[preset], play_share=0.0)
     motion, degrees = Sine(4e-3, 3.0), 70.0
     command = CurrentSteps((1.3, 0.2, 0.9), 0.08).current
@@ -210,8 +211,8 @@ def test_stiff_solver_finds_the_same_force(preset):
     assert response.field == pytest.approx(solved.y[3], abs=0.02)
 
 
-def test_method_has_first_order():
-    """Errors refer to a tenth of the step: 1 - 1/10 for a full step, 1/2 - 1/10 for half a step."""
+def test_plant_integration_has_first_order():
+    """The reference has a tenth of the step, so the errors are 1 - 1/10 and (half step) 1/2 - 1/10."""
     forces = {
         k: driven(NOMINAL, Sine(5e-3, 1.0), 1.0, 40.0, 1.2, step=STEP_S / k)[2][::k] for k in (1, 2, 10)
     }
@@ -229,7 +230,7 @@ def test_method_has_first_order():
     current=st.floats(0.0, 2.0),
     degrees=st.floats(-20.0, 140.0),
 )
-def test_closed_cycle_dissipates_energy(preset, amplitude, frequency, current, degrees):
+def test_virtual_damper_dissipates_energy_per_cycle(preset, amplitude, frequency, current, degrees):
     time, x, force = driven(
         LUMPED[preset], Sine(amplitude, frequency), current, degrees, 1.0 + 1.0 / frequency
     )
@@ -244,7 +245,7 @@ def test_closed_cycle_dissipates_energy(preset, amplitude, frequency, current, d
     degrees=st.floats(0.0, 130.0),
     amplitude=st.floats(1e-3, 1e-2),
 )
-def test_force_is_odd_in_motion(preset, current, degrees, amplitude):
+def test_plant_force_is_odd_in_motion(preset, current, degrees, amplitude):
     """Without asymmetry and offset, a reversed motion exactly reverses the force."""
     damper = replace(LUMPED[preset], asymmetry=0.0, offset_N=0.0)
     time = grid(0.6)
@@ -255,7 +256,7 @@ def test_force_is_odd_in_motion(preset, current, degrees, amplitude):
 
 
 @pytest.mark.parametrize("preset", sorted(LUMPED))
-def test_force_falls_with_temperature_rises_with_current(preset):
+def test_plant_force_depends_on_temperature_and_current(preset):
     def peak(current, degrees):
         time, _, force = driven(LUMPED[preset], Sine(5e-3, 1.0), current, degrees, 2.0)
         return np.abs(force[time >= 1.0]).max()
@@ -265,7 +266,7 @@ def test_force_falls_with_temperature_rises_with_current(preset):
     assert (np.diff(by_warmth, axis=0) > 0.0).all()
 
 
-# -------------------------------------------------------------------- blocks, states and samples
+# ------------------------------------------------------------- blocks of steps, saved states, invalid samples
 
 
 def rough_run(n=3000, seed=2):
@@ -280,7 +281,7 @@ def rough_run(n=3000, seed=2):
     )
 
 
-def test_block_of_steps_equals_single_steps():
+def test_block_of_plant_steps_equals_single_steps():
     run = rough_run()
     steps, blocks = Plant(NOMINAL), Plant(NOMINAL)
     stepwise = [steps.advance(*map(float, sample)) for sample in zip(*run, strict=True)]
@@ -292,7 +293,7 @@ def test_block_of_steps_equals_single_steps():
     assert steps.state == blocks.state
 
 
-def test_restored_state_repeats_the_force():
+def test_restored_plant_state_repeats_force():
     x, v, command, degrees = rough_run()
     plant = Plant(NOMINAL)
     plant.advance_many(x[:1500], v[:1500], command[:1500], degrees[:1500])
@@ -310,7 +311,7 @@ def test_restored_state_repeats_the_force():
 @pytest.mark.parametrize(
     ("sample", "value"), [("displacement", np.nan), ("velocity", np.inf), ("temperature", 293.15)]
 )
-def test_invalid_sample_raises_and_keeps_the_state(sample, value):
+def test_invalid_plant_sample_keeps_state(sample, value):
     run = dict(zip(("displacement", "velocity", "current", "temperature"), rough_run(100), strict=True))
     run[sample] = run[sample].copy()
     run[sample][60] = value
@@ -324,7 +325,7 @@ def test_invalid_sample_raises_and_keeps_the_state(sample, value):
 # ------------------------------------------------------------------------ independence of the kernel
 
 
-def test_c_and_python_have_the_same_parameters():
+def test_plant_parameters_are_equal_in_c_and_python():
     for damper in (LumpedDamper, HydraulicDamper):
         assert set(_plant.PARAMETERS[damper.kind]) == {field.name for field in fields(damper)} - {"name"}
 
@@ -336,5 +337,5 @@ def test_plant_includes_no_kernel_code():
         for name in re.findall(r'#include\s+[<"](.+?)[>"]', path.read_text(encoding="utf-8"))
     }
     standard = {"Python.h", "math.h", "stdint.h", "stdlib.h", "string.h"}
-    interface = {"loop_plant.h"}  # a struct with one function, for the closed loop in C
+    interface = {"loop_plant.h"}  # This header has only a struct with one function, for the closed loop in C.
     assert included == {*standard, *interface, "plant.h", "hydraulic.h"}

@@ -1,4 +1,4 @@
-"""The sensors: stated noise, offsets, quantisation and sampling."""
+"""Sensors of the virtual rig have the specified noise, quantisation and sampling."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ def noise(seed=1):
 
 
 @pytest.mark.parametrize(("read", "size"), [("displacement", 10e-6), ("force", 5.0), ("temperature", 0.3)])
-def test_noise_is_white_with_specified_deviation(read, size):
-    """Standard deviation and correlation of neighbours agree within four standard errors."""
+def test_sensor_noise_is_white_with_specified_deviation(read, size):
+    """The standard deviation and the correlation of neighbours agree within four standard errors."""
     values = getattr(Sensors(), read)(np.zeros(N), noise())
     assert np.std(values) == pytest.approx(size, rel=4.0 / np.sqrt(2 * N))
     assert abs(np.mean(values[1:] * values[:-1])) < 4.0 * size**2 / np.sqrt(N)
 
 
-def test_converter_gives_whole_steps():
+def test_quantised_reading_is_multiple_of_step():
     sensors = Sensors(displacement_step_m=3e-6, force_step_N=2.5)
     for values, step in (
         (sensors.displacement(np.linspace(-1e-3, 1e-3, 999), noise()), 3e-6),
@@ -31,7 +31,7 @@ def test_converter_gives_whole_steps():
         assert values / step == pytest.approx(np.round(values / step), abs=1e-6)
 
 
-def test_logger_takes_every_nth_sample():
+def test_logger_records_every_nth_sample():
     ramp = np.arange(100.0)
     read = Sensors(rate_Hz=500.0, displacement_noise_m=0.0, force_noise_N=0.0, thermocouple_noise_K=0.0).read(
         ramp / 100.0, ramp, ramp, noise()

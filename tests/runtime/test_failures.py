@@ -1,7 +1,7 @@
-"""Each write of a job fails once (no space, permission or memory). No partial output must remain.
+"""If any write of a job fails (no space, permission or memory), no partial output remains.
 
-An audit hook injects the failures. It can fail any call that opens, creates or moves a file in the watched
-folder, in every library.
+An audit hook injects the failures, one write after the other. It can fail any call that opens, creates or
+moves a file in the watched folder, in every library.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ NAMES = ["evaluate", *(pytest.param(each, marks=pytest.mark.nightly) for each in
 
 @dataclass(slots=True)
 class _Watch:
-    """Counts the writes in a folder, and makes one of them fail."""
+    """Count the writes in a folder and make one of them fail."""
 
     folder: str = ""
     fails: int = -1
@@ -53,7 +53,7 @@ class _Watch:
     seen: int = 0
 
     def note(self, path: object) -> None:
-        """Count a write, and raise if its number is the selected one."""
+        """Count a write, and raise an error if it is the selected write."""
         if not self.folder or not isinstance(path, str | bytes | os.PathLike):
             return
         name = os.fsdecode(path)
@@ -80,7 +80,7 @@ sys.addaudithook(_hook)
 
 @contextmanager
 def failing(folder: Path, number: int) -> Iterator[_Watch]:
-    """Make write ``number`` in a folder fail. The kind of error alternates with the number."""
+    """Make write ``number`` in a folder fail. The kind of error depends on the number."""
     _WATCH.seen, _WATCH.fails, _WATCH.fault = 0, number, FAULTS[number % len(FAULTS)]
     _WATCH.folder = str(folder)
     try:
@@ -100,7 +100,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def saver(name: str, folder: Path) -> Callable[[Path], object]:
-    """Return a function that writes the files of a job's result."""
+    """Return a function that writes the files of the result of a job."""
     card, runs = folder / "card.json", folder / "runs"
     asked: dict[str, tuple[dict[str, Any], Any]] = {
         "fit": ({"runs": [runs], "law": "dahl"}, FitOptions(temperature="none")),
@@ -116,7 +116,7 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
 @pytest.mark.parametrize("old", [False, True], ids=["new folder", "older files"])
 @pytest.mark.parametrize("name", NAMES)
 def test_failed_write_leaves_no_partial_output(name: str, old: bool, folder: Path, tmp_path: Path):
-    """The folder has either all older files or all new files, at the latest after the next job."""
+    """The folder has either all older or all new files, at the latest after the next job."""
     save = saver(name, folder)
     place = tmp_path / "place"
     place.mkdir()
@@ -142,10 +142,10 @@ def test_failed_write_leaves_no_partial_output(name: str, old: bool, folder: Pat
         if watch.seen <= number:
             assert written(out) == reference
             break
-        if left_behind(place):  # The next job moves a complete set.
+        if left_behind(place):  # If a complete set was not moved, the next job moves it.
             save(out)
             assert (written(out), left_behind(place)) == (reference, [])
-        elif "MemoryError" in said:  # All files may have been complete and moved.
+        elif "MemoryError" in said:  # The files may have been complete and moved before the error.
             assert written(out) in (before, reference)
         else:
             assert written(out) == (before if said else reference), said

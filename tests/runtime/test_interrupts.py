@@ -54,7 +54,7 @@ SEARCH = ("fit", "runs", "--law", "chain", "--temperature", "none")
 
 
 def one_line(said: str) -> str:
-    """Return the only message of a command that was interrupted."""
+    """Return the message of an interrupted command after checking that it is the only one."""
     assert "Traceback" not in said, said
     lines = [line for line in said.splitlines() if line.startswith("mrdamper: ")]
     assert len(lines) == 1, said
@@ -62,8 +62,10 @@ def one_line(said: str) -> str:
 
 
 @pytest.mark.parametrize("number", [INT, TERM, HUP])
-def test_interrupted_search_writes_nothing(nursery: Nursery, tmp_path: Path, number: signal.Signals):
-    """An interrupted heat-sink search has no result to write."""
+def test_interrupted_heat_sink_search_writes_nothing(
+    nursery: Nursery, tmp_path: Path, number: signal.Signals
+):
+    """An interrupted search for heat sinks has no result to write."""
     out = tmp_path / "out"
     assert nursery.run(*SINK, "--out", out, kill=kill_after_cpu(0.3, number)) == 4
     assert "No files were written" in one_line(nursery.said)
@@ -72,7 +74,7 @@ def test_interrupted_search_writes_nothing(nursery: Nursery, tmp_path: Path, num
 
 
 @pytest.mark.nightly
-def test_interrupted_fit_keeps_best_result(nursery: Nursery, tmp_path: Path):
+def test_interrupted_fit_writes_best_result(nursery: Nursery, tmp_path: Path):
     """The card of an interrupted fit is marked as cancelled."""
     out = tmp_path / "out"
     assert nursery.run(*SEARCH, "--out", out, kill=kill_after_cpu(2.0, TERM)) == 4
@@ -84,7 +86,7 @@ def test_interrupted_fit_keeps_best_result(nursery: Nursery, tmp_path: Path):
 @pytest.mark.nightly
 @pytest.mark.parametrize("number", one_by_day([INT, TERM, HUP]))
 def test_interrupted_sweep_ends_its_workers(nursery: Nursery, tmp_path: Path, number: signal.Signals):
-    """A terminal sends its signal to the command and to all workers. Only the command prints a message."""
+    """A terminal sends the signal to the command and to all workers. Only the command prints a message."""
     out, mark = tmp_path / "out", f"interrupted-{os.getpid()}-{number}"
     process = subprocess.Popen(
         command(*SWEEP, "--out", out), env={**os.environ, MARK: mark}, cwd=nursery.folder,
@@ -123,8 +125,8 @@ def heeded():
 
 
 @pytest.mark.usefixtures("heeded")
-def test_innermost_block_handles_interrupt():
-    """At the end of a block, the previous handling of signals is restored."""
+def test_innermost_interrupt_block_handles_signal():
+    """At the end of a block, the previous signal handlers are restored."""
     seen: list[str] = []
     with on_interrupt(lambda: seen.append("outer")):
         with on_interrupt(lambda: seen.append("inner")):
@@ -139,13 +141,13 @@ def test_innermost_block_handles_interrupt():
 
 @pytest.mark.usefixtures("heeded")
 @pytest.mark.parametrize("number", [INT, TERM, HUP])
-def test_interrupt_in_holding_block_is_raised_afterwards(number: signal.Signals):
+def test_held_interrupt_is_raised_after_block(number: signal.Signals):
     with pytest.raises(KeyboardInterrupt), hold_interrupts(), contextlib.suppress(KeyboardInterrupt):
         signal.raise_signal(number)
 
 
 @pytest.mark.usefixtures("heeded")
-def test_interrupt_while_building_schema_is_raised(monkeypatch: pytest.MonkeyPatch):
+def test_interrupt_during_schema_build_is_raised(monkeypatch: pytest.MonkeyPatch):
     """Pydantic prints "Exception ignored" and continues if a signal arrives while it builds a schema."""
 
     def build(_record: type) -> None:
@@ -159,7 +161,7 @@ def test_interrupt_while_building_schema_is_raised(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.usefixtures("heeded")
 def test_interrupt_while_moving_files_moves_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """An interrupt must not leave a mixture of old and new files."""
+    """The output folder must not contain a mixture of old and new files."""
     replace, moves = Path.replace, list[Path]()
 
     def interrupted(self: Path, target: Path) -> Path:

@@ -62,8 +62,8 @@ with atomic_output(pathlib.Path(sys.argv[1])) as stage:
 """
 
 
-def test_next_job_moves_remaining_files(tmp_path: Path):
-    """A job is killed when two of five files have been moved. The next job in the folder moves the others."""
+def test_next_job_moves_files_of_killed_job(tmp_path: Path):
+    """A job is killed after two of five files have been moved. The next job there moves the others."""
     out = tmp_path / "out"
     out.mkdir()
     for k in range(5):
@@ -78,7 +78,7 @@ def test_next_job_moves_remaining_files(tmp_path: Path):
 
 
 def test_next_job_removes_unfinished_files(tmp_path: Path):
-    """Files of a killed job are removed. Files of a job that still runs are kept."""
+    """Unfinished files of a killed job are removed. Files of a job that still runs are kept."""
     for _ in range(3):
         subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "out")], check=False)
         assert len(left_behind(tmp_path)) == 1  # Unfinished files do not accumulate.
@@ -92,7 +92,7 @@ def test_next_job_removes_unfinished_files(tmp_path: Path):
 
 
 def test_killed_sweep_leaves_no_process(nursery: Nursery, tmp_path: Path):
-    """Workers end with the process that started them."""
+    """The worker processes end with the process that started them."""
     out, mark = tmp_path / "out", f"sweep-{os.getpid()}"
     process = subprocess.Popen(
         command(*SWEEP, "--out", out), cwd=nursery.folder, env={**os.environ, MARK: mark},
@@ -105,7 +105,7 @@ def test_killed_sweep_leaves_no_process(nursery: Nursery, tmp_path: Path):
 
 @pytest.mark.release
 def test_random_kills_lose_no_files(nursery: Nursery):
-    """No output is half-written or lost, no process remains, and every rerun writes the same files."""
+    """No output is partial or lost, no process remains, and every rerun writes the same files."""
     kills = int(os.environ.get("MRDAMPER_KILLS", "200"))
     random = np.random.default_rng(int(os.environ.get("MRDAMPER_KILLS_SEED", "1")))
     jobs: dict[str, tuple[int, Sequence[object], Sequence[object]]] = {

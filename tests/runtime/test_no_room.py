@@ -41,7 +41,7 @@ def check_one_message(nursery: Nursery, place: Path) -> None:
 
 @contextmanager
 def disk(place: Path, *options: str) -> Iterator[Path]:
-    """Mount a small disk at a path for a ``with`` block."""
+    """Mount a small temporary disk at a path for a ``with`` block."""
     place.mkdir()
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", *options, "tmpfs", str(place)], capture_output=True, check=False
@@ -55,8 +55,8 @@ def disk(place: Path, *options: str) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("name", one_by_day(COMMANDS))
-def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name: str):
-    """Older files are unchanged if the size limit of files (``ulimit -f``) is exceeded."""
+def test_file_size_limit_changes_no_file(nursery: Nursery, tmp_path: Path, name: str):
+    """Older files stay unchanged if the size limit of files (``ulimit -f``) is exceeded."""
     out = tmp_path / "out"
     out.mkdir()
     for old in ("card.json", "map.csv", "errors.csv", "mine.txt"):
@@ -70,7 +70,7 @@ def test_file_size_limit_changes_nothing(nursery: Nursery, tmp_path: Path, name:
 
 @pytest.mark.parametrize("name", one_by_day(["rig", "fit", "export c"]))
 def test_full_disk_gives_one_message(nursery: Nursery, tmp_path: Path, name: str):
-    """The command prints one message. It succeeds after space has been freed."""
+    """After the message, the same command succeeds when space has been freed."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:
         (small / "ballast").write_bytes(bytes(36_000))
         assert run(nursery, name, small / "out") == 3
@@ -83,7 +83,7 @@ def test_full_disk_gives_one_message(nursery: Nursery, tmp_path: Path, name: str
 
 
 def test_read_only_folder_gives_one_message(nursery: Nursery, tmp_path: Path):
-    """The test uses a read-only disk because permissions do not stop the superuser."""
+    """The superuser ignores permissions, so the test then uses a read-only disk."""
     if os.geteuid() == 0:
         with disk(tmp_path / "disk", "-o", "ro") as closed:
             assert run(nursery, "evaluate", closed / "out") == 3
@@ -99,7 +99,7 @@ def test_read_only_folder_gives_one_message(nursery: Nursery, tmp_path: Path):
 
 
 def test_full_standard_output_gives_one_message():
-    """Output that cannot be written is an error."""
+    """An error is reported if the output cannot be written to standard output."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             command("data", "list"), stdout=full, stderr=subprocess.PIPE, text=True, check=False

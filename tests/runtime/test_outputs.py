@@ -1,4 +1,4 @@
-"""A job never replaces one of its input files, whether the output path is the input or a link to it."""
+"""A job never replaces an input file, even if the output path is a link to it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mrdamper.runtime.outputs import atomic_output
 
 
 @pytest.mark.parametrize("link", [None, os.symlink, os.link], ids=["itself", "symlink", "hard link"])
-def test_no_output_replaces_an_input(link, tmp_path):
+def test_output_never_replaces_input_file(link, tmp_path):
     source = tmp_path / "card.json"
     source.write_text("kept", encoding="utf-8")
     out = tmp_path / "out"

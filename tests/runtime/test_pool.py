@@ -1,4 +1,4 @@
-"""Pools of processes and threads for one step of a job."""
+"""Pools of processes and threads compute the parts of a job in order and end with the job."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def _slow_first(k: int) -> int:
 
 @pytest.mark.parametrize("threads", [False, True])
 @pytest.mark.parametrize("jobs", [1, 2, 3])
-def test_results_keep_the_order_of_items(jobs: int, *, threads: bool):
-    """The order does not depend on the number of jobs."""
+def test_pool_results_keep_order_of_items(jobs: int, *, threads: bool):
+    """The order of the results does not depend on the number of jobs."""
     assert list(Pool(jobs).map(_slow_first, range(7), threads=threads)) == [k * k for k in range(7)]
 
 
 @FORKS
-def test_nested_work_stays_in_its_process():
-    """Work runs in child processes. Nested work runs in the same child process."""
+def test_nested_pool_work_stays_in_process():
+    """A pool runs work in child processes. A pool inside this work runs in the same child process."""
 
     def process(_: int) -> tuple[int, ...]:
         return os.getpid(), *Pool(2).map(lambda _: os.getpid(), range(2))
@@ -44,7 +44,7 @@ def test_nested_work_stays_in_its_process():
 
 @pytest.mark.parametrize("threads", [False, True])
 def test_pool_raises_error_after_earlier_results(*, threads: bool):
-    """Results before the error are kept, and the error keeps its parts."""
+    """The results before the error are returned, and the error keeps its separate parts."""
 
     def work(k: int) -> int:
         if k == 2:
@@ -59,7 +59,7 @@ def test_pool_raises_error_after_earlier_results(*, threads: bool):
 
 
 @FORKS
-def test_interrupt_ends_all_processes():
+def test_interrupt_ends_all_pool_processes():
     """The caller does not wait for running work."""
     pids: list[int] = []
 
@@ -79,8 +79,8 @@ def test_interrupt_ends_all_processes():
 
 
 @FORKS
-def test_death_of_worker_process_raises_error():
-    """A process may be killed if memory is short."""
+def test_killed_pool_process_raises_error():
+    """The operating system may kill a process if memory is short."""
 
     def work(_: int) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -90,8 +90,8 @@ def test_death_of_worker_process_raises_error():
 
 
 @FORKS
-def test_cpu_time_includes_processes():
-    """The CPU time of the pool's processes is included in the CPU time of this process."""
+def test_cpu_time_includes_pool_processes():
+    """The CPU time of a job includes the CPU time of the processes in its pools."""
 
     def work(_: int) -> float:
         begun = time.process_time()

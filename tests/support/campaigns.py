@@ -1,8 +1,8 @@
 """Campaigns and runs for tests.
 
 ``make_run`` returns a run in closed form. ``short_runs`` are runs of Spencer's damper from an independent
-program. ``default_campaign`` and ``default_fit`` return the default campaign on the virtual rig and its fit,
-which are computed once in each process.
+program. ``default_campaign`` and ``default_fit`` return the default campaign on the virtual rig and the fit
+to it, which are computed once in each process.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from mrdamper.virtual_rig.measurement import measure, measure_run
 from tests.oracles.spencer_damper import Campaign as SpencerCampaign
 from tests.oracles.spencer_damper import measure as measure_spencer
 
-SELECTED = "selected"  # The hysteresis model that the selection chooses.
+SELECTED = "selected"  # Name of the hysteresis law that the model selection chooses
 SHORT = SpencerCampaign(
     (("sine5mm1Hz", Sine(5e-3, 1.0)), ("sine10mm2Hz", Sine(10e-3, 2.0))),
     voltages=(0.0, 0.75, 1.5),
     duration_s=2.6,
 )
 
-# The motions of the paper's heating and hysteresis tests.
-# Random motion would change the loss of peak force by half a percentage point (docs/thermal.md).
+# The motions of the paper's heating and hysteresis tests. Random motion would change the loss of peak force
+# by half a percentage point (docs/thermal.md).
 HEATING_CAMPAIGN = Campaign(
     motions=("sine15mm1Hz", "sine5mm1Hz"),
     currents_A=(0.0, 1.0, 2.0),
@@ -47,7 +47,7 @@ SINE = Sine(0.010, 2.0)
 
 
 def dry_friction(velocity: FloatArray) -> FloatArray:
-    """Return a friction force of 1 kN that changes sign smoothly within 10 mm/s [N]."""
+    """Return a friction force of 1 kN that reverses smoothly within 10 mm/s [N]."""
     return np.asarray(1000.0 * np.tanh(velocity / 0.01), dtype=np.float64)
 
 
@@ -61,7 +61,7 @@ def fields_of_run(
     quantum: float = 0.0,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """Return the fields of a run: ``rest`` seconds at rest, then the motion."""
+    """Return the fields of a run that has ``rest`` seconds at rest, followed by the motion."""
     time = np.arange(round((duration + rest) * rate_Hz) + 1) / rate_Hz
     since = np.maximum(time - rest, 0.0)
     x = np.where(time < rest, motion.displacement(0.0), motion.displacement(since))
@@ -81,7 +81,7 @@ def fields_of_run(
 
 
 def make_run(motion: Motion = SINE, changed: Mapping[str, Any] | None = None, **how: Any) -> RigRun:
-    """Return a run; ``changed`` replaces fields, ``how`` is passed to ``fields_of_run``."""
+    """Return a run. ``changed`` replaces fields, ``how`` is passed to ``fields_of_run``."""
     fields = fields_of_run(motion, **how)
     return RigRun(**{**fields, **(changed or {})})
 
@@ -93,7 +93,7 @@ def short_runs() -> tuple[RigRun, ...]:
 
 
 def columns_of(run: RigRun) -> dict[str, FloatArray]:
-    """Return the columns of a run (every second sample) by headers with units."""
+    """Return every second sample of a run as columns by header, which has name and unit."""
     chosen = {
         "time_s": run.time,
         "displacement_m": run.displacement,
@@ -104,14 +104,14 @@ def columns_of(run: RigRun) -> dict[str, FloatArray]:
 
 
 def write_csv(path: Path, columns: Mapping[str, FloatArray]) -> Path:
-    """Write columns as a CSV file; return its path."""
+    """Write columns as a CSV file and return its path."""
     table = np.column_stack(list(columns.values()))
     np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     return path
 
 
 def write_runs(folder: Path, runs: Sequence[RigRun]) -> list[Path]:
-    """Write each run as a CSV file into a folder; return the paths."""
+    """Write each run as a CSV file into a folder and return the paths."""
     folder.mkdir(exist_ok=True)
     return [write_csv(folder / f"{run.name}.csv", columns_of(run)) for run in runs]
 
@@ -132,7 +132,7 @@ def default_fit(preset: str, law: str = SELECTED) -> FitResult:
 
 @cache
 def paper_card() -> ModelCard:
-    """Return the card of a campaign on the virtual damper ``paper``; it takes two seconds."""
+    """Return the card of a campaign on the virtual damper ``paper``. It takes two seconds."""
     damper, plan = LUMPED["paper"], HEATING_CAMPAIGN
     runs = tuple(measure_run(damper, each, plan, seed=1)[0] for each in plan.runs(damper.name))
     return fit_law(FitData.prepare(Dataset(runs))).card()

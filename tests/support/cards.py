@@ -1,6 +1,6 @@
 """Cards and dampers for tests, without a fit.
 
-``DAMPERS`` has one damper for each hysteresis model that a controller can use. ``rig_damper`` is about as
+``DAMPERS`` has one damper for each hysteresis law that a controller can use. ``rig_damper`` is about as
 strong as the damper ``nominal`` of the virtual rig. ``card_of`` and ``write_card_of`` create cards.
 """
 
@@ -94,7 +94,7 @@ DAMPERS = {
     ),
 }  # fmt: skip
 
-# The values are typical of a rig damper and of a real damper with half a millimetre of free play.
+# Values typical of a rig damper, and of a real damper with half a millimetre of free play
 _SERIES: dict[str, ParameterLaw] = {
     "viscosity": TemperatureDependent(Constant(2500.0), Arrhenius(1500.0)),
     "viscous_exponent": Constant(0.9),
@@ -119,7 +119,7 @@ _SERIES: dict[str, ParameterLaw] = {
 SERIES = Damper(LAWS["series-valve"], _SERIES, actuation=LAGS, temperature_range=TEMPERATURE_RANGE_K)
 
 
-# Every term of the chain has a value.
+# Every term of the chain is active.
 _CHAIN: dict[str, ParameterLaw] = {
     "viscosity": Constant(300.0),
     "mass": Constant(0.4),
@@ -162,7 +162,7 @@ CHAIN = Damper(LAWS["chain"], _CHAIN, actuation=LAGS, temperature_range=TEMPERAT
 
 
 def at_once(damper: Damper) -> Damper:
-    """Return the damper whose force follows the command without delay."""
+    """Return the same damper with a force that follows the command without delay."""
     return replace(damper, actuation=Actuation(0.0, 0.0, largest_command=2.0))
 
 
@@ -170,7 +170,7 @@ _YIELD_FORCES = ("yield_force", "second_force", "rate_force")
 
 
 def passive(damper: Damper, *, yields: bool = True) -> Damper:
-    """Return the damper that runs at zero current would identify, optionally without yield force."""
+    """Return the damper that a fit to runs at zero current would give, optionally without yield force."""
     at_zero = dict(zip(damper.law.names, damper.coefficients_at(np.zeros(1))[:, 0], strict=True))
     forms: dict[str, ParameterLaw] = {}
     for name, form in damper.coefficients.items():
@@ -185,7 +185,7 @@ _AnyStepper = TypeVar("_AnyStepper", bound=Stepper)
 
 
 def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
-    """Return a controller or model with other configuration values: ``faults__fall_back=0.4``."""
+    """Return a controller or model with other configuration values, such as ``faults__fall_back=0.4``."""
     config = stepper.config
     for name, value in values.items():
         part, _, field = name.partition("__")
@@ -199,7 +199,7 @@ RIG_ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.04, 0.04), (29
 
 
 def rig_forms(force: float = 1.0) -> dict[str, ParameterLaw]:
-    """Return the coefficients of a damper with ``force`` times the force of the damper of the rig."""
+    """Return the coefficients of a damper with ``force`` times the force of the rig's damper."""
     return {
         "viscosity": TemperatureDependent(Polynomial((6950.0 * force, 620.0 * force)), Arrhenius(1511.0)),
         "viscous_exponent": Constant(0.888),
@@ -252,7 +252,7 @@ def heated_damper(
 def card_of(
     damper: Damper, *, title: str = "For a test", envelope: OperatingEnvelope = ENVELOPE
 ) -> ModelCard:
-    """Return a card of a damper without measured evidence."""
+    """Return a card of a damper. Its evidence is not from a fit."""
     evidence = Evidence(runs=(RUN,), method="varpro", cost=3.0, dataset_fingerprint="sha256:0")
     return ModelCard(title=title, damper=damper, envelope=envelope, evidence=evidence)
 
@@ -260,7 +260,7 @@ def card_of(
 def write_card_of(
     path: Path, damper: Damper | None = None, *, envelope: OperatingEnvelope = RIG_ENVELOPE
 ) -> Path:
-    """Write a card of a damper, by default of ``rig_damper``; return its path."""
+    """Write a card of a damper (by default of ``rig_damper``) and return its path."""
     write_card(card_of(rig_damper() if damper is None else damper, envelope=envelope), path)
     return path
 
@@ -273,7 +273,7 @@ def write_heated_card(
     temperature_dependent: bool = True,
     assumed: bool = False,
 ) -> Path:
-    """Write a card of ``heated_damper`` into a folder; return its path."""
+    """Write a card of ``heated_damper`` into a folder and return its path."""
     damper = heated_damper(unit=unit, temperature_dependent=temperature_dependent, assumed=assumed)
     warm = (293.15, 403.15) if temperature_dependent else None
     envelope = OperatingEnvelope((0.0, 2.0), (-0.015, 0.015), (-0.0943, 0.0943), warm)

@@ -1,4 +1,4 @@
-"""The temperature rise of a card in a geometry, as the job ``heat`` computes it."""
+"""Compute the temperature rise of a card in a geometry as the job ``heat`` does."""
 
 from __future__ import annotations
 

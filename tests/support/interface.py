@@ -26,7 +26,7 @@ PREFERRED_MODULES = {"Path": "pathlib", "Sequence": "collections.abc", "Literal"
 
 
 def interface() -> str:
-    """Return the generated part: the imports of the types, then a function for each job."""
+    """Return the generated part of the module: imports of types, then one function for each job."""
     types: dict[str, str] = {}
     functions = [function_of(job, types) for job in JOBS.values()]
     imports: dict[str, list[str]] = {}
@@ -42,7 +42,7 @@ def interface() -> str:
 
 
 def function_of(job: Job, types: dict[str, str]) -> str:
-    """Return the source of the function of a job; add the types that it names, with their modules."""
+    """Return the source of a job's function. Add its types, with their modules, to ``types``."""
     run = load(job.run)
     returned = named(inspect.get_annotations(run)["return"], run.__module__, types)
     first = [
@@ -67,7 +67,7 @@ def function_of(job: Job, types: dict[str, str]) -> str:
 
 
 def unbroken(parameter: str) -> str:
-    """Return a parameter that is kept on one line if it is short."""
+    """Return the parameter with non-breaking spaces if it is short, so that it stays on one line."""
     return parameter.replace(" ", "\N{NO-BREAK SPACE}") if len(parameter) < WIDTH - 4 else parameter
 
 
@@ -78,12 +78,12 @@ def wrapped(text: str, width: int, indent: str = "") -> list[str]:
 
 
 def ordered(inputs: tuple[Field, ...]) -> list[Field]:
-    """Return the inputs with the required ones first."""
+    """Return the inputs of a job, with required inputs first."""
     return sorted(inputs, key=lambda each: not each.required)
 
 
 def documentation(job: Job) -> str:
-    """Return the docstring: the first paragraph of the help, then a line for each parameter."""
+    """Return the docstring of a function: the first paragraph of the help, then a line per parameter."""
     first, _, more = job.help.partition("\n\n")[0].partition(". ")
     lines = [first.removesuffix(".") + ".", *(["", *wrapped(more, WIDTH - 4)] if more else [])]
     entries = [(each.name, each.help, each.option.default_help) for each in ordered(job.inputs)]
@@ -110,7 +110,7 @@ def documentation(job: Job) -> str:
 
 
 def input_type(job: Job, each: Field, types: dict[str, str]) -> str:
-    """Return the type of an input: the types that the job and the reader of the input accept."""
+    """Return the type of an input, which joins the types that the job and the reader of the input accept."""
     run, reader = load(job.run), load(each.option.read) if each.option.read else None
     accepted = [] if each.many and reader else [(inspect.get_annotations(run)[each.name], run.__module__)]
     if reader is not None:
@@ -123,7 +123,7 @@ def input_type(job: Job, each: Field, types: dict[str, str]) -> str:
 
 
 def members(annotation: str) -> list[str]:
-    """Return the members of a union."""
+    """Return the members of a union type."""
     node = ast.parse(annotation, mode="eval").body
     found: list[str] = []
     while isinstance(node, ast.BinOp):
@@ -144,7 +144,7 @@ def option_type(field: Field, types: dict[str, str]) -> str:
 
 
 def named(annotation: str, module: str, types: dict[str, str]) -> str:
-    """Return an annotation after adding its names, with the modules that define them."""
+    """Return an annotation. Add its names, with the modules that define them, to ``types``."""
     known = dict(defined_in(module)) if module else {}
     for node in ast.walk(ast.parse(annotation)):
         if isinstance(node, ast.Name) and node.id not in BUILT_IN:
@@ -153,7 +153,7 @@ def named(annotation: str, module: str, types: dict[str, str]) -> str:
 
 
 def defined_in(module: str) -> Iterator[tuple[str, str]]:
-    """Generate (name, module) of the names that a module imports."""
+    """Generate pairs (name, module) of the names that a module imports."""
     for node in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
         if isinstance(node, ast.ImportFrom):
             yield from ((alias.name, str(node.module)) for alias in node.names)

@@ -1,8 +1,8 @@
-"""Kill running commands and examine the remaining files and processes.
+"""Kill running commands and find the files and processes that remain.
 
 ``Nursery`` is a process that has loaded the program once and forks a child for each command, so that a kill
-hits the work of the child and not its imports. All processes of a command have a mark in their
-environment, so that remaining processes are detected.
+interrupts the work of the child and not its imports. All processes of a command have a mark in their
+environment, so that remaining processes are found.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ for line in sys.stdin:
 
 
 class Nursery:
-    """Run commands in child processes of one process that has loaded the program."""
+    """Run commands in child processes of a process that has loaded the program."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.mark = folder, uuid.uuid4().hex
@@ -132,7 +132,7 @@ class Nursery:
 
 
 def kill_after(seconds: float, how: signal.Signals = signal.SIGKILL) -> Callable[[int], None]:
-    """Return a function that ends a process after a time, unless the process has ended."""
+    """Return a function that ends a process after a time, unless the process has ended itself."""
 
     def kill(process: int) -> None:
         until = time.monotonic() + seconds
@@ -144,7 +144,7 @@ def kill_after(seconds: float, how: signal.Signals = signal.SIGKILL) -> Callable
 
 
 def kill_when(ready: Callable[[], bool], *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
-    """Return a function that sends signals to a process when ``ready`` is True, ``apart_s`` [s] apart."""
+    """Return a function that sends signals to a process once ``ready`` is True, ``apart_s`` [s] apart."""
 
     def kill(process: int) -> None:
         wait_for(ready, process)
@@ -163,7 +163,7 @@ def wait_for(ready: Callable[[], bool], process: int, seconds: float = 120.0) ->
 
 
 def kill_after_cpu(seconds: float, *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
-    """Return a function that ends a process after a CPU time, which is independent of the machine load."""
+    """Return a function that ends a process after a CPU time, which does not depend on the machine load."""
 
     def kill(process: int) -> None:
         wait_for_cpu(process, seconds)
@@ -192,7 +192,7 @@ def send(process: int, number: signal.Signals) -> None:
 
 
 def alive(process: int) -> bool:
-    """Return True if a process is running; a zombie process is not running."""
+    """Return True if a process is running. A zombie process is not running."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
     except OSError:
@@ -200,7 +200,7 @@ def alive(process: int) -> bool:
 
 
 def marked(mark: str, but: int = 0) -> list[int]:
-    """Return the IDs of the processes with a mark in their environment, except ``but``."""
+    """Return the IDs of the processes with this mark in their environment, except ``but``."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) not in (but, os.getpid()):
@@ -214,7 +214,7 @@ def marked(mark: str, but: int = 0) -> list[int]:
 
 
 def orphans(mark: str, but: int = 0, patience_s: float = 10.0) -> list[int]:
-    """Return the processes with a mark that are still running after ``patience_s``."""
+    """Return the processes with this mark that are still running after ``patience_s``."""
     until = time.monotonic() + patience_s
     while found := marked(mark, but):
         if time.monotonic() > until:
@@ -239,13 +239,13 @@ def written(out: Path) -> dict[str, str] | None:
 
 
 def of_any_folder(files: dict[str, str] | None, out: Path) -> dict[str, str]:
-    """Return the written content without the name of its folder."""
+    """Return the content of written files without the name of their folder."""
     assert files is not None
     return {name: text.replace(str(out), "OUT") for name, text in files.items()}
 
 
 def rows(path: Path) -> int:
-    """Return the number of complete lines of a file, 0 if the file does not exist."""
+    """Return the number of complete lines of a file, or 0 if the file does not exist."""
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
@@ -255,7 +255,7 @@ def has_more(path: Path, count: int) -> Callable[[], bool]:
 
 
 def left_behind(folder: Path) -> list[str]:
-    """Return the remaining hidden folders and progress files."""
+    """Return the hidden folders and progress files that remain in a folder."""
     found = [*folder.rglob(".mrdamper-*"), *folder.rglob("*.progress")]
     return [path.relative_to(folder).as_posix() for path in found]
 
@@ -265,7 +265,7 @@ def _plain(path: Path) -> str:
     if path.suffix == ".json":
         return json.dumps(_timeless(json.loads(raw)))
     if path.suffix in {".fmu", ".mat", ".png"}:
-        return f"{len(raw) > 0}"  # these files contain dates
+        return f"{len(raw) > 0}"  # These files contain dates.
     text = raw.decode("utf-8", "replace")
     if path.suffix == ".html":
         assert text.rstrip().endswith("</html>"), f"{path}: cut off"

@@ -1,7 +1,7 @@
-"""Present speed of this machine, so that a budget of processor time is comparable between machines.
+"""Present speed of this machine, so that limits of CPU time are comparable between machines.
 
-A budget is stated in seconds of a reference machine: an idle core on which a fixed computation takes
-``REFERENCE_S``. Shared machines are slower, sometimes much slower. A measured time is divided by the present
+A limit is stated in seconds of a reference machine: an idle core that needs ``REFERENCE_S`` for a fixed
+computation. Shared machines are slower, sometimes much slower. A measured time is divided by the present
 duration of the same computation and multiplied by ``REFERENCE_S``.
 """
 
@@ -20,7 +20,7 @@ REFERENCE_S = 0.0043
 
 
 def pace() -> float:
-    """Return the present duration of the fixed computation divided by its duration on the reference."""
+    """Return the present duration of the fixed computation divided by its reference duration."""
     begun = time.process_time()
     _work()
     return (time.process_time() - begun) / REFERENCE_S
@@ -35,7 +35,7 @@ def taken(job: Callable[[], object]) -> float:
 
 
 def within_reach(asked: float) -> float:
-    """Return the limit of a wall-clock time; multiply it by ten on a shared machine.
+    """Return the limit of a wall-clock time, which is ten times as long on a shared machine.
 
     If ``MRDAMPER_QUIET`` is set, no other program is running (`make release-check` sets it).
     """

@@ -1,4 +1,4 @@
-"""Short simulated runs and damaged files for tests."""
+"""Run commands of ``mrdamper`` in tests, and a law in Python for them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command in this process, which has loaded the libraries; ``command`` is for a new process."""
+    """Run a command in this process, which has loaded the libraries. ``command`` is for a new process."""
     out, err, status = io.StringIO(), io.StringIO(), 0
     with ExitStack() as stack:
         patch = stack.enter_context(pytest.MonkeyPatch.context())
@@ -50,7 +50,7 @@ def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.Complete
             patch.delenv(name, raising=False)
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter("default")
-        # The command replaces the signal handlers. Restore them at the end.
+        # The command replaces the signal handlers, so they are restored at the end.
         for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             stack.callback(signal.signal, each, signal.getsignal(each))
         if cwd is not None:

@@ -1,4 +1,4 @@
-"""Selection of cases for fast and nightly tests."""
+"""Selection of cases for fast and for nightly tests."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ import pytest
 
 
 def one_by_day(cases: Iterable[Any], day: int = 1) -> list[Any]:
-    """Return the cases for ``parametrize``. The first ``day`` cases are fast, all others nightly tests."""
+    """Return cases for ``parametrize``: the first ``day`` cases are fast, all others are nightly tests."""
     given = list(cases)
     return [*given[:day], *(pytest.param(case, marks=pytest.mark.nightly) for case in given[day:])]

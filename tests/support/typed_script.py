@@ -1,4 +1,4 @@
-"""A script of a user. Type checkers accept it and report each line with a ``type: ignore`` comment.
+"""An example script. Type checkers accept it and report each line with a ``type: ignore`` comment.
 
 Both checkers report a comment that suppresses nothing, so that every marked error must exist.
 """

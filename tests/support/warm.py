@@ -1,4 +1,4 @@
-"""Runs of a temperature-dependent damper for report tests: sines at three temperatures."""
+"""Runs of a temperature-dependent damper for tests of reports: sines at three temperatures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def warm_damper(*, viscous_loss_K: float = 1435.5, yield_slope: float = 1e-3) ->
 
 
 def warm_runs(damper: Damper, motions: Mapping[str, Motion] = MOTIONS, *, seed: int = 0) -> list[RigRun]:
-    """Return a run of each motion, current and temperature [degC], with noise on the force."""
+    """Return one run for each motion, current and temperature [degC], with noise on the force."""
     rng = np.random.default_rng(seed)
     runs = []
     for degrees in TEMPERATURES:

@@ -36,7 +36,7 @@ _SHORTEST_GAP = 0.003
 
 @dataclass(frozen=True)
 class HeatedBody:
-    """A damper and its thermal load for half an hour."""
+    """A damper and its thermal load, which lasts half an hour."""
 
     drawing: DamperDrawing
     load: Load
@@ -45,7 +45,7 @@ class HeatedBody:
 def draw_body(seed: int) -> HeatedBody:
     """Return a random damper (diameter 32 to 80 mm, length 120 to 320 mm, up to 15 fins) and its load.
 
-    The power would heat the insulated damper by 40 to 130 K at constant power.
+    At constant power, the load would heat the insulated damper by 40 to 130 K.
     """
     rng = np.random.default_rng(seed)
     outer, length = rng.uniform(0.032, 0.080), rng.uniform(0.120, 0.320)
@@ -101,7 +101,7 @@ class BodyScore:
 
 
 def score_body(seed: int) -> BodyScore:
-    """Return the errors and the CPU time of the reduced model of a body, built and run for half an hour."""
+    """Return the errors and the CPU time of the reduced model, built for a body and run for half an hour."""
     body = draw_body(seed)
     started = time.process_time()
     model = build_field(body.drawing)
@@ -119,7 +119,7 @@ def score_body(seed: int) -> BodyScore:
 
 
 def odd_bodies(count: int) -> list[int]:
-    """Return the odd seeds, which are for reports."""
+    """Return the first odd seeds, which are reserved for reports."""
     return [2 * k + 1 for k in range(count)]
 
 

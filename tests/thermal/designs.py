@@ -14,7 +14,7 @@ DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.to
 
 
 def draw_designs(count: int, seed: int) -> list[DamperDrawing]:
-    """Return designs with 0 to 8 fins, 8 to 35 mm wide and 1 to 4 mm thick, in 0 to 4 m/s of air."""
+    """Return designs with 0 to 8 fins, 8 to 35 mm wide and 1 to 4 mm thick, in air of 0 to 4 m/s."""
     rng = np.random.default_rng(seed)
     found = []
     for _ in range(count):

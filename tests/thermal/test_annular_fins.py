@@ -1,4 +1,4 @@
-"""Correlations of annular fins: limits, closed forms, best gaps, and computed flows."""
+"""Correlations of annular fins agree with limits, closed forms, and published rules for the best gap."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DRAWING = read_drawing("paper")
 
 
 def still(gap: float) -> float:
-    """Return the heat-transfer coefficient of the sides divided by the conductivity of still air [1/m]."""
+    """Return the heat-transfer coefficient of fin sides divided by the conductivity of still air [1/m]."""
     rayleigh = AIR.rayleigh(gap, EXCESS_K) * gap / OUTER
     return float(nusselt_annular_fins(rayleigh, OUTER / TUBE)) / gap
 
@@ -36,11 +36,11 @@ def windy(gap: float, speed: float = 2.0) -> float:
 
 
 @pytest.mark.parametrize("ratio", [1.2, 2.0, 3.0])
-def test_narrow_gaps_have_developed_flow(ratio):
-    """In potential flow, all air that passes through the ring leaves at the temperature of the fins."""
+def test_narrow_fin_gaps_have_developed_flow(ratio):
+    """In potential flow, all air that passes through the fins leaves at the temperature of the fins."""
     inner = 1.0 / ratio
-    # Pressure and buoyancy are proportional to sin(theta). The pressure is zero at the rim, the flow at the
-    # tube.
+    # Pressure and buoyancy are proportional to sin(theta). The pressure is zero at the rim, and the flow is
+    # zero at the tube.
     ring = solve_bvp(
         lambda r, p: np.vstack([p[1], p[0] / r**2 - p[1] / r]),
         lambda at_tube, at_rim: np.array([1.0 - at_tube[1], at_rim[0]]),
@@ -48,13 +48,14 @@ def test_narrow_gaps_have_developed_flow(ratio):
         np.zeros((2, 50)),
         tol=1e-9,
     )
-    enters = 2.0 * (1.0 - ring.sol(1.0)[1])  # lower half of the rim, divided by the speed Ra / 12
-    exact = enters / (12.0 * math.pi * (1.0 - inner**2))  # S / D, and both faces
+    # Flow through the lower half of the rim, divided by the speed Ra / 12
+    enters = 2.0 * (1.0 - ring.sol(1.0)[1])
+    exact = enters / (12.0 * math.pi * (1.0 - inner**2))  # The factors are S / D and the area of both faces.
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 
 
-def test_single_disc_agrees_with_pohlhausen():
-    """A disc without a tube consists of strips that are laminar plates, Nu = 0.664 Re^1/2 Pr^1/3."""
+def test_single_fin_disc_agrees_with_pohlhausen():
+    """A disc without tube is divided into strips that are laminar plates, Nu = 0.664 Re^1/2 Pr^1/3."""
     nu, pr = float(AIR.kinematic_viscosity), float(AIR.prandtl)
     height = 0.5 * OUTER * (np.arange(4000) + 0.5) / 4000
     chord = np.sqrt(OUTER**2 - 4.0 * height**2)
@@ -66,8 +67,8 @@ def test_single_disc_agrees_with_pohlhausen():
 @pytest.mark.parametrize(
     ("speed", "low", "high"), [(0.0, 5.0, 6.5), (2.0, 2.0, 3.5), (10.0, 0.8, 1.8), (0.7, 3.5, 6.0)]
 )
-def test_best_gap_agrees_with_published_rules(speed, low, high):
-    """The best gap of fins of 1 mm agrees with Senapati 2016 in still air and with Bejan's rule in wind."""
+def test_best_fin_gap_agrees_with_publications(speed, low, high):
+    """The best gap of fins of 1 mm agrees with Senapati (2016) in still air and with Bejan's rule in wind."""
     gaps = np.arange(0.5e-3, 12e-3, 0.05e-3)
     film = still if speed == 0.0 else lambda gap: windy(gap, speed)
     best = gaps[int(np.argmax([film(gap) / (gap + 1e-3) for gap in gaps]))]
@@ -77,8 +78,8 @@ def test_best_gap_agrees_with_published_rules(speed, low, high):
         assert best == pytest.approx(rule, rel=0.25)
 
 
-def test_interpolated_films_agree_with_direct_ones():
-    """Forced convection is computed at a few temperatures; the interpolation error is below 1e-6."""
+def test_interpolated_fin_coefficients_agree_with_exact_values():
+    """Forced convection is computed at a few temperatures. The interpolation error is below 1e-6."""
     sink = HeatSink(fins=8, width=0.02, thickness=1e-3, pitch=4e-3, film_multiplier=1.3)
     drawing = replace(DRAWING, sink=sink, surroundings=replace(DRAWING.surroundings, air_speed=1.5))
     kelvin = np.linspace(240.0, 460.0, 100)

@@ -1,4 +1,4 @@
-"""Calibration by a measured curve: known factors are recovered, unrelated and noisy curves are handled."""
+"""Calibration with a measured heating curve recovers known factors and rejects unsuitable curves."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def measured(
 
 
 @pytest.mark.parametrize("place", one_by_day(["fluid", "wall", "coil"]))
-def test_known_factors_are_recovered_within_errors(place: Place):
+def test_calibration_recovers_factors_within_errors(place: Place):
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     curve = measured(heated(truth, start=297.0), 1, noise=0.3, place=place)
     found = calibrate_drawing(curve, BARE, [work()], DUTY)
@@ -64,7 +64,7 @@ def test_known_factors_are_recovered_within_errors(place: Place):
     assert found.residual_K == pytest.approx(0.3, rel=0.2)
 
 
-def test_factors_of_a_clean_curve_are_exact():
+def test_calibration_with_exact_curve_is_exact():
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     found = calibrate_drawing(measured(heated(truth), 1), BARE, [work()], DUTY)
     assert found.heat_capacity == pytest.approx(1.15, rel=5e-4)
@@ -72,7 +72,7 @@ def test_factors_of_a_clean_curve_are_exact():
 
 
 @pytest.mark.nightly
-def test_errors_and_correlation_match_repeated_fits():
+def test_calibration_errors_match_repeated_fits():
     """The scatter of 60 fits is known to 9 %. The limit is three times this error."""
     rise = heated(BARE)
     fits = [calibrate_drawing(measured(rise, seed, noise=0.3), BARE, [work()], DUTY) for seed in range(60)]
@@ -85,8 +85,8 @@ def test_errors_and_correlation_match_repeated_fits():
 
 
 @pytest.mark.nightly
-def test_reduced_model_recovers_factors_of_own_curve():
-    """A curve of the reduced finite-element model gives its factors, although the network is fitted."""
+def test_calibration_recovers_factors_of_reduced_model():
+    """The curve is from the reduced finite-element model, although the thermal network is fitted."""
     own = BARE.calibration
     truth = replace(
         BARE, calibration=replace(own, heat_capacity=1.1 * own.heat_capacity, film=0.9 * own.film)
@@ -100,8 +100,8 @@ def test_reduced_model_recovers_factors_of_own_curve():
     assert shown == pytest.approx(curve.temperature, abs=0.1)
 
 
-def test_calibrated_geometry_predicts_different_duty():
-    """A calibration with 15 min of heating predicts an hour at half the power within 1 K."""
+def test_calibrated_geometry_predicts_other_load_cycle():
+    """Calibration with 15 min of heating predicts an hour at half the power within 1 K."""
     assert DRAWING.sink is not None
     finned = replace(DRAWING.sink, film_multiplier=1.3)
     truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=0.7), sink=finned)
@@ -114,8 +114,8 @@ def test_calibrated_geometry_predicts_different_duty():
 
 
 @pytest.mark.system
-def test_power_error_scales_heat_capacity_and_losses():
-    """A card with 10 % more power gives 10 % more heat capacity and losses, and the same temperatures."""
+def test_power_error_scales_capacity_and_losses():
+    """A card with 10 % more power gives 10 % more capacity and losses, and the same temperatures."""
     around = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
     alone = replace(BARE, surroundings=around, coil=replace(BARE.coil, resistance=0.0))
     curve = measured(heated(alone, scale=0.9), 4, noise=0.1)
@@ -125,7 +125,7 @@ def test_power_error_scales_heat_capacity_and_losses():
     assert more.fitted_K == pytest.approx(once.fitted_K, abs=0.02)
 
 
-def test_one_minute_curve_keeps_estimated_losses():
+def test_short_curve_keeps_estimated_losses():
     """A curve of one minute hardly depends on the losses, so their factor stays near its prior value."""
     curve = measured(heated(BARE, scale=1.2), 2, noise=0.3, until=60.0)
     found = calibrate_drawing(curve, BARE, [work()], DUTY)
@@ -133,7 +133,7 @@ def test_one_minute_curve_keeps_estimated_losses():
 
 
 @pytest.mark.system
-def test_calibrated_text_reads_back_as_same_geometry():
+def test_calibrated_geometry_file_is_read_back():
     path = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
     curve = measured(heated(DRAWING, scale=1.1), 6, noise=0.2, until=600.0)
     found = calibrate_drawing(curve, DRAWING, [work()], DUTY)
@@ -146,7 +146,7 @@ def test_calibrated_text_reads_back_as_same_geometry():
     assert read.sink.film_multiplier == pytest.approx(found.drawing.sink.film_multiplier, rel=1e-5)
 
 
-def test_residual_variance_counts_autocorrelation():
+def test_residual_variance_includes_autocorrelation():
     """The mean of a series with neighbour correlation r has (1 + r) / (1 - r) times the variance."""
     rng, r = np.random.default_rng(5), 0.6
     kicks, series = np.sqrt(1.0 - r**2) * rng.standard_normal(40_000), np.zeros(40_000)
@@ -160,21 +160,21 @@ def test_residual_variance_counts_autocorrelation():
 @pytest.mark.parametrize(
     "course",
     [
-        lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2),  # a loose contact
-        lambda t: np.where(t < 40.0, 20.0, 90.0),  # a step
-        lambda t: 20.0 - 0.05 * t,  # cools under load
+        lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2),  # Loose contact
+        lambda t: np.where(t < 40.0, 20.0, 90.0),  # Temperature step
+        lambda t: 20.0 - 0.05 * t,  # Cooling under load
     ],
 )
-def test_implausible_curve_is_rejected(course):
+def test_implausible_heating_curve_is_rejected(course):
     time = np.arange(0.0, 120.0, 1.5)
     with pytest.raises(ConvergenceError, match="K off it at best"):
         calibrate_drawing(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY)
 
 
-# ------------------------------------------------------------------------------------------- bad readings
+# ------------------------------------------------------------------------------------------- invalid readings
 
 
-def test_bad_readings_are_dropped_and_counted():
+def test_invalid_curve_readings_are_omitted_and_counted():
     rng = np.random.default_rng(7)
     time = np.sort(rng.uniform(0.0, 1800.0, 200))
     seen = AMBIENT + 100.0 * (1.0 - np.exp(-time / 1500.0)) + 0.2 * rng.standard_normal(200)
@@ -191,7 +191,7 @@ def test_bad_readings_are_dropped_and_counted():
     ]
 
 
-def test_curve_is_read_from_a_table(tmp_path):
+def test_heating_curve_is_read_from_table(tmp_path):
     path = tmp_path / "warm.csv"
     path.write_text("time_s,body_degC\n" + "\n".join(f"{k},{20.0 + 0.1 * k}" for k in range(20)))
     curve = read_curve(path)

@@ -1,4 +1,4 @@
-"""The thermal model with six states: comparison with the reduced finite elements, and physical laws.
+"""The compact thermal model with six states agrees with the reduced finite elements and conserves energy.
 
 ``python -m tests.thermal.test_compact 20`` prints the errors of this model on random bodies.
 """
@@ -32,7 +32,7 @@ from mrdamper.thermal.model.stepping import Load
 from tests.thermal.bodies import draw_body, odd_bodies
 
 SEGMENTS = 8
-LATE_S = 15.0  # Gap and coil are compared only from this time after a power step on.
+LATE_S = 15.0  # Gap and coil are compared only from this time after a step of the power.
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class _Course:
 
 
 def score(seed: int) -> CompactScore:
-    """Return the errors on a random body after random steps of power, current, ambient and air speed."""
+    """Return the errors for a random body after random steps of power, current, ambient and air speed."""
     rng, body = np.random.default_rng(1000 + seed), draw_body(seed)
     drawing = body.drawing
     power = float(body.load.power(np.array([drawing.surroundings.ambient]))[0])
@@ -114,7 +114,7 @@ def score(seed: int) -> CompactScore:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", [*odd_bodies(3)[1:], 1])
-def test_six_states_follow_random_steps(seed: int):
+def test_compact_model_follows_random_steps(seed: int):
     found = score(seed)
     assert found.fluid < 1.0
     assert found.gap < 1.0
@@ -130,7 +130,7 @@ def even(updates: int, power: float, coil_W: float = 0.0, speed: float = 0.0) ->
     return CompactLoad(*(np.full(updates, each) for each in (power, coil_W, REFERENCE_K, speed)))
 
 
-def test_compact_energy_is_conserved(model: CompactModel):
+def test_compact_model_conserves_energy(model: CompactModel):
     load = even(2000, 120.0, 12.0, 1.5)
     found = simulate_compact(model, load, start_K=300.0)
     stored = model.capacity[0] * (found.state[-1, 0] - (300.0 - model.reference))
@@ -141,7 +141,7 @@ def test_compact_energy_is_conserved(model: CompactModel):
 
 
 @pytest.mark.parametrize("step", [0.1, 1e2, 1e5])
-def test_compact_cools_to_air_with_any_step(model: CompactModel, step: float):
+def test_compact_model_cools_to_air_temperature(model: CompactModel, step: float):
     found = simulate_compact(model, even(60, 0.0, 0.0, 5.0), start_K=390.0, step=step)
     assert (np.diff(found.fluid) < 5e-3).all()
     assert (found.hot > REFERENCE_K - 0.5).all()
@@ -149,8 +149,8 @@ def test_compact_cools_to_air_with_any_step(model: CompactModel, step: float):
         assert found.fluid[-1] == pytest.approx(REFERENCE_K, abs=0.5)
 
 
-def test_compact_films_agree_with_the_section(model: CompactModel):
-    """The coefficients agree exactly at table points and within 3 % between; radiation and mount exactly."""
+def test_compact_coefficients_agree_with_section(model: CompactModel):
+    """The coefficients are exact at table points and within 3 % between. Radiation and mount are exact."""
     drawing = read_drawing("paper")
     asked = ((288.15, 2.0, 40.0, 1e-9), (270.0, 1.7, 33.0, 0.03), (310.0, 0.0, 70.0, 0.03))
     for ambient, speed, above, rel in asked:
@@ -164,8 +164,8 @@ def test_compact_films_agree_with_the_section(model: CompactModel):
             assert model.film_of(kind, kelvin, ambient, speed) == pytest.approx(expected, rel=rel)
 
 
-def test_compact_gains_are_steady_kalman_gains(model: CompactModel):
-    """The reference is the Kalman recursion from an unknown state, with missing heat as a random walk."""
+def test_compact_sensor_gains_equal_kalman_gains(model: CompactModel):
+    """The reference is a Kalman recursion from an unknown state, with the unknown heat as a random walk."""
     found, n = sensor_gains(model), model.states
     power, h = model.capacity[0] * 100.0 / 1800.0, UPDATE_S
     air, kinds = (model.reference, model.air_speed), range(len(model.law))
@@ -188,7 +188,7 @@ def test_compact_gains_are_steady_kalman_gains(model: CompactModel):
 
 
 def test_compact_steady_state_agrees_with_elements(model: CompactModel):
-    """The feedthrough contains the steady gradients of coil and gap that six states omit."""
+    """The feedthrough contains the steady gradients of coil and gap, which six states cannot represent."""
     found = simulate_compact(model, even(60, 70.0, 15.0), start_K=REFERENCE_K, step=1800.0)
     equation = build_field(read_drawing("paper"), size=0.02).equation
     state = steady_field(equation, Load(1.0, partial(_constant, 70.0), 15.0))

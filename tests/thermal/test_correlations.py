@@ -1,4 +1,4 @@
-"""Correlations: values of other programs, physical limits, valid ranges."""
+"""Correlations agree with other programs, have physical limits, and reject values outside their range."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def powers_of_ten(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
-# --------------------------------------------------------- comparison with the libraries ht and CoolProp
+# --------------------------------------------------------- agreement with the libraries ht and CoolProp
 
 
 @given(grashof=powers_of_ten(-2, 11), prandtl=PRANDTL, slenderness=st.floats(0.5, 20.0))
@@ -70,12 +70,12 @@ def test_fin_efficiency_agrees_with_ht(film, root, width, thickness, conductivit
     ht = pytest.importorskip("ht")
     theirs = ht.fin_efficiency_Kern_Kraus(2 * root, 2 * (root + width), thickness, conductivity, film)
     ours = annular_fin_efficiency(film, root, root + width, thickness, conductivity)
-    # Both programs subtract nearly equal products for a very effective fin, and lose digits.
+    # For a very effective fin, both programs subtract nearly equal products and lose digits.
     assert ours == pytest.approx(theirs, rel=1e-12 if theirs < 0.99 else 1e-10)
 
 
 @pytest.mark.nightly
-def test_air_agrees_with_coolprop_within_a_percent():
+def test_air_properties_agree_with_coolprop():
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     for kelvin in np.linspace(233.15, 573.15, 18):
         ours = air_at(kelvin)
@@ -97,7 +97,7 @@ def test_radiation_follows_stefan_boltzmann(emissivity, surface, ambient):
 
 
 @given(emissivity=st.floats(0.01, 1.0), ratio=st.floats(0.01, 1.0))
-def test_groove_emissivity_exceeds_emissivity_of_walls(emissivity, ratio):
+def test_groove_emissivity_exceeds_wall_emissivity(emissivity, ratio):
     apparent = groove_emissivity(emissivity, ratio, 1.0)
     assert emissivity * (1 - 1e-12) <= apparent <= 1.0
     # The groove cannot radiate more than its walls emit.
@@ -118,7 +118,7 @@ def test_correlation_outside_its_range_is_rejected(ask, said):
         ask()
 
 
-def test_still_air_conducts_without_temperature_difference():
+def test_still_air_conducts_heat_without_convection():
     assert nusselt_horizontal_cylinder(0.0, 0.7) == pytest.approx(0.36)
     assert nusselt_vertical_plate(0.0, 0.7) == pytest.approx(0.825**2)
     one, none = (float(nusselt_slender_vertical_cylinder(gr, 0.7, 2.0)) for gr in (1.0, 0.0))
@@ -127,7 +127,7 @@ def test_still_air_conducts_without_temperature_difference():
 
 @pytest.mark.parametrize(("metres", "pascal"), [(0.0, 101325.0), (1000.0, 89874.6), (5000.0, 54019.9)])
 def test_air_density_follows_standard_atmosphere(metres: float, pascal: float):
-    """Pressures are those of the printed table. Dry air of 28.9647 g/mol is an ideal gas."""
+    """Pressures are from the printed table. Dry air of 28.9647 g/mol is an ideal gas."""
     low, high = air_at(300.0), air_at(300.0, metres)
     ratio = float(low.kinematic_viscosity / high.kinematic_viscosity)
     assert ratio == pytest.approx(pascal / 101325.0, rel=2e-5)

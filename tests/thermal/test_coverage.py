@@ -1,8 +1,8 @@
-"""Coverage of 90 % intervals on random bodies: time to a limit, and benefit of a heat sink.
+"""On random bodies, 90 % intervals (time to a limit, benefit of a heat sink) cover 85 to 95 % of cases.
 
-``python -m tests.thermal.test_coverage 40 5`` prints both for 40 bodies and 5 samples of each (odd seeds,
-which set no constant). The reference time is computed by the reduced model of a damper with perturbed power,
-capacity, losses, and conduction of fluid and coil.
+``python -m tests.thermal.test_coverage 40 5`` prints both for 40 bodies and 5 samples of each. The seeds are
+odd, so the bodies were not used to choose constants. The reference time is computed by the reduced model of a
+damper with perturbed power, capacity, losses, and conduction of fluid and coil.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from mrdamper.thermal.sinks.effects import gain_band
 from mrdamper.thermal.temperature_rise import simulate_rise
 from tests.thermal.bodies import HALF_HOUR_S, HeatedBody, draw_body, odd_bodies
 
-_REACHED = 0.7  # Fraction of the time at which the nominal body reaches the limit.
-_90 = 1.645  # half width of a 90 % interval of the normal distribution / standard deviation
+_REACHED = 0.7  # Fraction of the time at which the unperturbed body reaches the limit
+_90 = 1.645  # Half width of a 90 % interval of the normal distribution, divided by the standard deviation
 
 
 def _times(factor: float, load: Load) -> Callable[[FloatArray], FloatArray]:
@@ -72,7 +72,7 @@ def off_its_drawing(body: HeatedBody, rng: np.random.Generator) -> tuple[np.ndar
 
 
 def hold_times(seed: int, draws: int) -> list[bool]:
-    """Return True for each perturbed damper whose time to the fluid limit is inside the interval."""
+    """Return, for each perturbed damper, whether its time to the fluid limit is inside the interval."""
     body, rng = draw_body(seed), np.random.default_rng(5000 + seed)
     drawing = body.drawing
     kelvin = np.linspace(233.15, 473.15, 40)
@@ -103,7 +103,7 @@ def another_sink(drawing: DamperDrawing, sink: HeatSink) -> HeatSink:
 
 
 def hold_gains(seed: int, draws: int) -> list[bool]:
-    """Return True for each random damper whose gain is inside the interval; [] if the body has no fins."""
+    """Return, for each random damper, whether its gain is inside the interval; [] without fins."""
     body, rng = draw_body(seed), np.random.default_rng(7000 + seed)
     drawing, sink = body.drawing, body.drawing.sink
     if sink is None or sink.fins < 2:
@@ -130,10 +130,10 @@ def hold_gains(seed: int, draws: int) -> list[bool]:
 
 
 @pytest.mark.release
-def test_intervals_cover_their_stated_fraction():
+def test_heating_intervals_cover_90_percent():
     """85 to 95 % of the intervals contain the reference, with a tolerance of two standard errors.
 
-    There are about 240 samples of the time to a limit, and about 240 of the gain of a heat sink.
+    There are about 240 samples of the time to a limit and about 240 of the gain of a heat sink.
     """
     times = [each for seed in odd_bodies(40) for each in hold_times(seed, 6)]
     gains = [each for seed in odd_bodies(20) for each in hold_gains(seed, 20)]

@@ -1,4 +1,4 @@
-"""Derating: permissible loads keep every limit, larger loads exceed a limit."""
+"""Derating: permissible loads respect every temperature limit, larger loads exceed one of them."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def derated(quantity: Quantity):
     return derate_damper(temperature_dependent(), BARE, DUTY, SMALL, quantity)
 
 
-def test_largest_current_reaches_the_limit():
-    """The reference is a separate model of the same cell."""
+def test_largest_current_reaches_temperature_limit():
+    """The reference is the temperature rise of one condition of the map, computed separately."""
     found = derated("current")
     for a, ambient in enumerate(SMALL.ambient):
         share, part = found.share[0, 0, a], int(found.part[0, 0, a])
@@ -57,7 +57,7 @@ def test_largest_current_reaches_the_limit():
 
 
 @pytest.mark.parametrize("quantity", one_by_day(["current", "stroke", "duty"]))
-def test_harder_conditions_lower_permitted_load(quantity: Quantity):
+def test_harder_conditions_lower_permissible_load(quantity: Quantity):
     found = derated(quantity)
     assert (np.diff(found.share, axis=2) <= 1e-6).all()
     assert (np.diff(found.share, axis=1) >= -1e-6).all()

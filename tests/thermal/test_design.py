@@ -1,4 +1,4 @@
-"""Search of heat sinks: Pareto front, limits, and a sink better than the one in the paper."""
+"""The search of heat sinks finds the Pareto front within limits, and a better sink than the paper's."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tests.oracles.freefem import run_freefem, write_freefem
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)
 
-# loads of the paper's damper, as in test_efficiency.py
+# Loads of the paper's damper, as in test_efficiency.py
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 DAMPER = HeatedDamper(DRAWING, (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),))
 PAPER_LIMITS = limits_of(DRAWING, span=0.084)
@@ -57,7 +57,7 @@ designs = st.lists(
 
 
 @given(tried=designs)
-def test_front_members_are_not_dominated(tried):
+def test_pareto_front_is_not_dominated(tried):
     front = front_of(tried)
     for member in front:
         assert not any(
@@ -68,8 +68,8 @@ def test_front_members_are_not_dominated(tried):
 
 
 @pytest.mark.system
-def test_paper_sink_is_beaten_by_eight_kelvin(found, reference):
-    """With 84 mm of length, 23 mm of width and no more mass, the fluid is at least 8 K cooler in 30 min."""
+def test_best_sink_is_eight_kelvin_cooler(found, reference):
+    """Within the paper's length (84 mm), width (23 mm) and mass, the fluid is 8 K cooler after 30 min."""
     best = found.best
     assert best.sink is not None
     assert best.sink.span <= 0.084 * (1.0 + 1e-9)
@@ -79,7 +79,7 @@ def test_paper_sink_is_beaten_by_eight_kelvin(found, reference):
 
 
 @pytest.mark.system
-def test_elements_confirm_the_gain(found, reference):
+def test_finite_elements_confirm_heat_sink_gain(found, reference):
     pytest.importorskip("skfem")
     reference_field, best_field = confirm(DAMPER, (reference, found.best))
     assert reference_field.fluid - best_field.fluid >= 8.0
@@ -90,7 +90,7 @@ def test_elements_confirm_the_gain(found, reference):
 
 
 @pytest.mark.nightly
-def test_freefem_confirms_the_gain(found, tool, tmp_path):
+def test_freefem_confirms_heat_sink_gain(found, tool, tmp_path):
     """An independent program uses the same section. Its steps of 300 s cause errors of some tenths of 1 K."""
     tool("FreeFem++")
     pytest.importorskip("skfem")
@@ -99,10 +99,10 @@ def test_freefem_confirms_the_gain(found, tool, tmp_path):
         (tmp_path / name).mkdir()
         model = build_field(DRAWING.with_sink(sink), size=0.02)
         ends.append(run_freefem(write_freefem(model, DAMPER.loads[0], tmp_path / name, step=300.0)).fluid[-1])
-    assert ends[0] - ends[1] >= 8.0  # Zone network and finite elements agree.
+    assert ends[0] - ends[1] >= 8.0  # The thermal network and the finite elements agree.
 
 
-def test_designed_sinks_are_within_the_limits(found):
+def test_designed_sinks_respect_limits(found):
     for each in found.designs:
         assert each.sink is not None
         assert PAPER_LIMITS.allow(each.sink, DAMPER.diameter)
@@ -110,12 +110,12 @@ def test_designed_sinks_are_within_the_limits(found):
 
 
 @pytest.mark.nightly
-def test_mass_limit_removes_heavier_designs(found):
+def test_mass_limit_removes_heavier_sinks(found):
     half = search_grid(DAMPER, replace(PAPER_LIMITS, mass=0.5 * found.best.mass))
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
 
 
-def test_evaluation_agrees_with_the_network(reference):
+def test_sink_evaluation_agrees_with_network(reference):
     """Longer time steps cause differences of up to 10 mK."""
     exact = simulate_network(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
     assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
@@ -124,7 +124,7 @@ def test_evaluation_agrees_with_the_network(reference):
 
 
 @pytest.mark.nightly
-def test_vertical_damper_has_wide_gaps():
+def test_sinks_of_vertical_damper_have_wide_gaps():
     upright = replace(DRAWING, sink=None, body=replace(DRAWING.body, orientation="vertical"))
     damper = HeatedDamper(upright, DAMPER.loads)
     limits = limits_of(upright, span=0.08)
@@ -132,8 +132,8 @@ def test_vertical_damper_has_wide_gaps():
     assert all(each.sink.gap >= 0.010 - 1e-9 for each in front if each.sink and each.sink.fins > 1)
 
 
-def test_gain_interval_contains_the_gain(reference):
-    """The gain of a sink compared with itself is zero for any heat transfer. More fins have a gain."""
+def test_sink_gain_interval_contains_gain(reference):
+    """A sink compared with itself has zero gain for any heat transfer. A sink with more fins has a gain."""
     none = gain_band(DAMPER, SINK, SINK, 0.0)
     assert (none.low, none.high, none.better) == (0.0, 0.0, False)
     more = replace(SINK, fins=8, pitch=0.011)
@@ -144,7 +144,7 @@ def test_gain_interval_contains_the_gain(reference):
 
 
 def test_fouling_and_tolerance_reduce_fin_gap():
-    """Fouling reduces the cooling of narrow gaps most. A closed gap is invalid. The minimum gap increases."""
+    """Fouling reduces the cooling of narrow gaps most and can close a gap. The minimum gap increases."""
     dirty = replace(DRAWING, manufacture=Manufacture(tolerance=0.4e-3, fouling=0.8e-3))
     lost = []
     for sink in (SINK, replace(SINK, fins=12, thickness=1e-3, pitch=7e-3)):

@@ -1,4 +1,4 @@
-"""Geometry files: millimetres and degC in the file, SI inside, and invalid dampers."""
+"""Geometry files have millimetres and degC, are read in SI units, and impossible dampers are rejected."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def changed(*pairs: tuple[str, str]) -> str:
     return text
 
 
-def test_example_is_read_in_si_units():
+def test_geometry_file_is_read_in_si():
     drawing = read_drawing(EXAMPLE)
     assert drawing.body.outer_diameter == pytest.approx(0.046)
     assert drawing.body.bore == pytest.approx(0.036)
@@ -35,27 +35,28 @@ def test_example_is_read_in_si_units():
     assert drawing.surroundings.ambient == pytest.approx(293.15)
     assert drawing.filling.valid_K[1] == pytest.approx(403.15)
     assert drawing.coil.resistance == pytest.approx(4.2)
-    # the parts fill the body's length: two caps, two chambers, the piston
+    # The parts (two caps, two chambers, the piston) fill the length of the body.
     inside = 2.0 * (drawing.body.cap + drawing.chamber_length) + drawing.piston.length
     assert inside == pytest.approx(drawing.body.length)
 
 
-def test_preset_equals_the_example():
+def test_paper_geometry_preset_equals_example():
     assert text_of("paper") == TEXT
 
 
-def test_example_has_the_paper_sink():
+def test_geometry_example_has_paper_sink():
     sink = read_sink(EXAMPLE)
     assert (sink.fins, sink.width, sink.pitch) == pytest.approx((5, 0.023, 0.020))
     assert sink.gap == pytest.approx(0.017)
     assert sink.span == pytest.approx(0.083)
-    assert sink.mass(0.046) == pytest.approx(0.202, abs=0.001)  # five discs of 92 mm less 46 mm, 3 mm thick
+    # Five discs, 92 mm outside and 46 mm inside, 3 mm thick
+    assert sink.mass(0.046) == pytest.approx(0.202, abs=0.001)
     centres = sink.centres(0.2)
     assert centres.mean() == pytest.approx(0.1)
     assert centres[1] - centres[0] == pytest.approx(0.020)
 
 
-def test_missing_conductivity_follows_maxwell():
+def test_missing_fluid_conductivity_follows_maxwell():
     fluid = replace(find_fluid("paper"))
     assert fluid.conductivity_W_m_K is None
     share = fluid.particle_fraction
@@ -90,7 +91,8 @@ def test_impossible_geometry_gives_one_message(pairs, said):
     lines = str(caught.value).splitlines()
     assert all(line.startswith("drawing.toml: ") for line in lines)
     misspelt = any(new in {"wal_mm", "[coyl]"} for _, new in pairs)
-    assert len(lines) == (2 if misspelt else 1)  # Misspelt: unknown name and missing name.
+    # A misspelt key gives two messages: an unknown and a missing name.
+    assert len(lines) == (2 if misspelt else 1)
 
 
 def test_every_geometry_key_is_documented():
@@ -101,7 +103,7 @@ def test_every_geometry_key_is_documented():
 
 @pytest.mark.parametrize("through", [True, False])
 def test_damper_heat_capacity_covers_all_parts(through: bool):
-    """The mean of 800 + 5 T J/K from 20 to 140 degC is 1200 J/K, multiplied by the calibration factor."""
+    """800 + 5 T J/K has the mean 1200 J/K from 20 to 140 degC, multiplied by the calibration factor."""
     rows = "\n[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [800, 5]\n"
     ends = ("[rod]\n", f"[rod]\nthrough = {str(through).lower()}\n")
     text = changed(ends, ("length_mm = 20\n", "length_mm = 35\n"))

@@ -1,4 +1,4 @@
-"""The "heat dissipation efficiency" of the paper: its trends and its areas."""
+"""The "heat dissipation efficiency" of the paper has the trends and the areas that the paper states."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from mrdamper.thermal.sinks.effects import body_area, judge_sink, paper_sweeps
 DRAWING = read_drawing("paper")
 SINK = read_sink("paper")
 
-# Work of the virtual rig's preset ``paper`` at 15 mm, 1 Hz and 2 A (tests/thermal/test_paper.py) in three
-# points, and the coil's 4.2 ohm.
+# Power of the virtual rig's preset ``paper`` at 15 mm, 1 Hz and 2 A at three temperatures
+# (tests/thermal/test_paper.py), and the coil of 4.2 ohm.
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 LOADS = (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),)
 
@@ -28,8 +28,8 @@ def sweeps():
     return paper_sweeps(DRAWING, SINK, LOADS)
 
 
-def test_efficiency_follows_both_trends_of_paper(sweeps):
-    """The efficiency has its maxima at 23 mm and four fins, although the temperature falls monotonically."""
+def test_efficiency_has_maxima_of_paper(sweeps):
+    """The maxima are at 23 mm and four fins, although the temperature decreases with size and number."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]
     assert [effect.sink.fins for effect in fins.effects] == [3, 4, 5]
@@ -38,13 +38,13 @@ def test_efficiency_follows_both_trends_of_paper(sweeps):
         assert (np.diff([effect.finned for effect in sweep.effects]) < 0.0).all()
 
 
-def test_rise_reduction_equals_paper_value(sweeps):
-    """Five fins reduce the rise by 48.23 %. The network gives 1.4 K of 57 K less than the finite elements."""
+def test_five_fins_reduce_rise_like_paper(sweeps):
+    """The reduction is 48.23 %. The network has 1.4 K of 57 K less rise than the finite elements."""
     assert 100.0 * sweeps[1].effects[2].rise_reduction == pytest.approx(48.23, abs=2.0)
 
 
-def test_efficiency_without_film_multiplier_has_no_maximum():
-    """With the original correlation the efficiency rises monotonically."""
+def test_uncorrected_efficiency_has_no_maximum():
+    """Without the film multiplier of the correlation, the efficiency increases monotonically."""
     for sweep in paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS):
         assert (np.diff(sweep.efficiency) > 0.0).all()
 
@@ -59,7 +59,7 @@ def test_efficiency_uses_areas_of_cross_section():
     assert effect.efficiency == pytest.approx(reduction * effect.body_area / areas)
 
 
-def test_better_conductors_make_more_efficient_fins():
+def test_conductive_fins_are_more_efficient():
     found = []
     for conductivity in (16.0, 160.0, 1600.0, 1.6e9):
         sink = replace(SINK, material=replace(SINK.material, conductivity=conductivity))

@@ -1,4 +1,4 @@
-"""The finite elements: closed forms, conservation, symmetry, order in space and time, cost."""
+"""The finite elements agree with closed forms, conserve energy, and converge in space and time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def constant(watts: float):
 
 
 def fading(kelvin):
-    """Return a power that falls with temperature, as in an MR damper."""
+    """Return a power that decreases with temperature, like the power of an MR damper."""
     return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - AMBIENT)
 
 
@@ -46,14 +46,14 @@ DUTY = Load(1800.0, fading, 16.8)
 
 
 def of(course, name: str):
-    """Return the temperature of fluid, coil or wall [K]."""
+    """Return the temperature of fluid, coil or wall [K] by name."""
     return getattr(course, name)
 
 
 def small_section(
     regions: tuple[Region, ...], blocks: tuple[Block, ...], edges: tuple[Edge, ...], film: float
 ) -> Section:
-    """Return a section with one constant film coefficient and no radiation."""
+    """Return a section with one constant heat-transfer coefficient and without radiation."""
     grid = loss_grid(AMBIENT)
     surface = Surface("outside", 0, 0.0, 0.0, "body convection", "body radiation")
     return Section(regions, blocks, (surface,), edges, AMBIENT, grid, np.full((1, len(grid)), film))
@@ -66,14 +66,14 @@ def insulated(section: Section) -> Section:
 # ----------------------------------------------------------------------------------------- closed forms
 
 
-def test_insulated_field_rise_is_closed_form():
+def test_insulated_elements_warm_by_supplied_heat():
     """The temperature rise is the supplied heat divided by the heat capacity."""
     section = insulated(section_of(DRAWING))
     model = discretise(section, mesh_section(section, 0.016))
     course = simulate_field(model.equation, [Load(600.0, constant(80.0), 0.0)])
     rise = course.stored[-1] / section.heat_capacity
     assert rise == pytest.approx(80.0 * 600.0 / section.heat_capacity, rel=1e-9)
-    # All locations warm at the same rate P/C after the start.
+    # After the start, all locations warm at the same rate P/C.
     slope = np.diff(course.fluid[-2:]) / np.diff(course.time[-2:])
     assert slope == pytest.approx(80.0 / section.heat_capacity, rel=1e-3)
 
@@ -89,7 +89,7 @@ def test_heated_tube_has_logarithmic_profile():
     outside = power / (film * 2.0 * math.pi * outer * length)
     per_length = power / length
     at_middle = outside + per_length * math.log(outer / middle) / (2.0 * math.pi * k_wall)
-    # The annulus is heated evenly and insulated inside.
+    # The annulus is heated uniformly and insulated inside.
     heat = per_length / (math.pi * (middle**2 - inner**2))
     at_inner = at_middle + heat / (4.0 * k_core) * (
         middle**2 - inner**2 - 2.0 * inner**2 * math.log(middle / inner)
@@ -100,8 +100,8 @@ def test_heated_tube_has_logarithmic_profile():
         assert found == pytest.approx(np.full(len(found), expected), rel=1e-6)
 
 
-def test_annular_fin_has_exact_efficiency():
-    """The reference is Kern and Kraus (Bessel functions, insulated tip, uniform over the fin thickness)."""
+def test_annular_fin_elements_have_exact_efficiency():
+    """The reference is Kern and Kraus (Bessel functions, insulated tip, uniform across the thickness)."""
     root, tip, thickness, k, film, power = 0.02, 0.05, 1e-3, 20.0, 60.0, 30.0
     regions = (Region("gap", "gap", 1e6, 1e6, 2e6), Region("fins", "fins", k, 1e5, 2e6))
     blocks = (Block(0, 0.015, root, 0.0, thickness), Block(1, root, tip, 0.0, thickness))
@@ -119,7 +119,7 @@ def test_annular_fin_has_exact_efficiency():
     assert found == pytest.approx(exact, rel=2e-6)
 
 
-def test_perfect_conductor_rise_is_power_by_conductance():
+def test_perfect_conductor_warms_by_power_over_conductance():
     section = section_of(BARE)
     section = replace(
         with_constant_films(section, np.array([12.0])),
@@ -133,12 +133,12 @@ def test_perfect_conductor_rise_is_power_by_conductance():
     assert np.ptp(theta) < 5e-3
 
 
-# ------------------------------------------------------------------------------- section, mesh, and sums
+# ------------------------------------------------------------------------------- section, mesh, and areas
 
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
-def test_section_capacity_equals_network_capacity(drawing: DamperDrawing):
-    """The volumes are computed by two methods: from annuli of zones, and from triangles of a mesh."""
+def test_element_capacity_equals_network_capacity(drawing: DamperDrawing):
+    """The volumes are sums of annular zones (network) and of triangles of a mesh (finite elements)."""
     model = build_field(drawing)
     expected = zone_network(drawing).total_capacity
     assert model.section.heat_capacity == pytest.approx(expected, rel=1e-12)
@@ -148,7 +148,7 @@ def test_section_capacity_equals_network_capacity(drawing: DamperDrawing):
     assert volumes == pytest.approx(np.bincount(*map(np.array, zip(*blocks, strict=True))), rel=1e-9)
 
 
-def test_surfaces_have_their_areas():
+def test_element_surfaces_have_exact_areas():
     body, r = DRAWING.body, 0.5 * DRAWING.body.outer_diameter
     assert SINK is not None
     model = build_field(DRAWING)
@@ -175,7 +175,7 @@ def test_surfaces_have_their_areas():
 
 @pytest.mark.system
 @pytest.mark.parametrize("longest_step", [60.0, 20.0])
-def test_field_energy_is_conserved_at_any_step(longest_step: float):
+def test_elements_conserve_energy_with_any_step(longest_step: float):
     loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
     course = heat_field(DRAWING, loads, size=0.016, longest_step=longest_step)[1]
     assert course.closure <= 1e-9
@@ -183,7 +183,7 @@ def test_field_energy_is_conserved_at_any_step(longest_step: float):
 
 
 @pytest.mark.system
-def test_steady_paths_add_up_to_losses():
+def test_steady_heat_paths_sum_to_losses():
     model = build_field(DRAWING, size=0.016)
     course = simulate_field(model.equation, [DUTY], start=steady_field(model.equation, DUTY))
     lost = sum(float(watts[-1]) for watts in course.paths_W.values())
@@ -194,7 +194,7 @@ def test_steady_paths_add_up_to_losses():
 
 @pytest.mark.system
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
-def test_symmetric_damper_has_symmetric_field(drawing: DamperDrawing):
+def test_symmetric_damper_has_symmetric_temperatures(drawing: DamperDrawing):
     model, course = heat_field(drawing, [DUTY])
     length = drawing.body.length
     key = np.round(model.nodes / 1e-9).astype(np.int64)
@@ -231,7 +231,7 @@ def test_contact_resistance_causes_temperature_drop():
     )
 
 
-# ------------------------------------------------------------------------------------------- convergence
+# ------------------------------------------------------------------------------ convergence of mesh and steps
 
 
 def test_mesh_converges_with_third_order():
@@ -254,7 +254,7 @@ def test_mesh_converges_with_third_order():
 @pytest.mark.nightly
 @pytest.mark.parametrize("drawing", [DRAWING, BARE, SLENDER], ids=["paper", "bare", "slender"])
 def test_mesh_error_is_below_50_millikelvin(drawing: DamperDrawing):
-    """The error is largest in the gap, which conducts 1e4 times better along than across (thin layers)."""
+    """The error is largest in the gap, which conducts 1e4 times better along than across the thin layers."""
     section = section_of(drawing)
     fine = discretise(section, refined(mesh_section(section)))
     steps: dict[str, Any] = {"longest_step": 300.0, "first_step": 20.0}
@@ -266,7 +266,7 @@ def test_mesh_error_is_below_50_millikelvin(drawing: DamperDrawing):
 
 
 @pytest.mark.nightly
-def test_minute_steps_err_below_50_millikelvin():
+def test_minute_steps_of_elements_are_accurate():
     model = build_field(BARE, size=0.04)
     course = simulate_field(model.equation, [DUTY], longest_step=60.0)
     truth = simulate_field(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
@@ -277,8 +277,8 @@ def test_minute_steps_err_below_50_millikelvin():
 
 
 @pytest.mark.nightly
-def test_field_steps_converge_with_second_order():
-    """Equal time steps from a smooth start are halved twice, while the temperatures still change."""
+def test_element_steps_converge_with_second_order():
+    """Equal time steps from a smooth start are halved, while the temperatures still change."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
     ends = [
@@ -291,19 +291,19 @@ def test_field_steps_converge_with_second_order():
     assert np.log2(gaps[-2] / gaps[-1]) > 1.9
 
 
-# -------------------------------------------------------------------------------------------- behaviour
+# ------------------------------------------------------------------------------------ other models and limits
 
 
 @pytest.mark.system
-def test_network_is_near_the_elements():
-    """The network has ten nodes, the finite elements have thousands, for the same geometry."""
+def test_elements_are_near_thermal_network():
+    """The network has ten nodes and the finite elements have thousands for the same geometry."""
     course = heat_field(DRAWING, [DUTY])[1]
     network = simulate_network(zone_network(DRAWING), [DUTY])
     assert np.abs(course.fluid - np.interp(course.time, network.time, network.fluid)).max() < 3.0
     assert course.coil[-1] > course.fluid[-1] + 3.0 > course.wall[-1]
 
 
-def test_field_stops_at_the_limit():
+def test_element_simulation_stops_at_limit():
     course = heat_field(BARE, [DUTY], size=0.016, stop_at=353.15)[1]
     assert course.stopped
     assert course.fluid[-1] == pytest.approx(353.15, abs=1e-4)

@@ -1,4 +1,4 @@
-"""Heat capacities as polynomials of temperature; heat is conserved."""
+"""Heat capacities may be polynomials of temperature, and heat is conserved."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def test_slope_of_heat_is_heat_capacity(values: list[float], kelvin: float):
     assert float(slope) == pytest.approx(curve.evaluate(kelvin), rel=1e-6)
 
 
-def test_polynomial_in_celsius_is_evaluated_in_kelvin():
-    """C = 800 + 2 T + 0.01 T^2 with T in degC, constant outside the range."""
+def test_capacity_polynomial_in_celsius_is_evaluated():
+    """C = 800 + 2 T + 0.01 T^2 with T in degC, constant outside of the range."""
     stated = PolynomialHeatCapacity(range_degC=(20.0, 140.0), fluid_J_kg_K=(800.0, 2.0, 0.01))
     curve = stated.parts["fluid"]
     at = [curve.evaluate(degrees + ZERO_CELSIUS_K) for degrees in (-10.0, 20.0, 100.0, 140.0, 200.0)]
@@ -62,21 +62,21 @@ def test_polynomial_in_celsius_is_evaluated_in_kelvin():
     assert curve.over_mean().mean == pytest.approx(1.0)
 
 
-def test_variable_capacity_gives_temperature_from_heat():
-    """The heat is quadratic if the heat capacity of the damper is 900 J/K at 20 degC and rises by 5 J/K^2."""
+def test_temperature_follows_variable_heat_capacity():
+    """The heat is quadratic if the damper has 900 J/K at 20 degC, rising by 5 J/K^2."""
     model = coarse(paper(WHOLE, fins=False), insulated=True)
     load = replace(LOAD, duration=1200.0, coil_W=0.0)
     course = simulate_field(model.equation, [load])
     mean = float(model.equation.uniform @ (model.equation.mass @ course.state[-1]))
     mean /= float(model.equation.uniform @ (model.equation.mass @ model.equation.uniform))
     expected = (np.sqrt(900.0**2 + 2.0 * 5.0 * 95.0 * 1200.0) - 900.0) / 5.0
-    # The capacity of each part depends on its own temperature, ``expected`` uses the mean temperature.
+    # The capacity of each part depends on its own temperature, but ``expected`` uses the mean temperature.
     assert mean == pytest.approx(expected, rel=2e-3)
     assert course.closure < 1e-12
 
 
 @pytest.mark.parametrize("fins", one_by_day([True, False]), ids=["fins", "bare"])
-def test_variable_capacity_agrees_when_reduced(fins: bool):
+def test_reduced_model_includes_variable_capacity(fins: bool):
     model = coarse(paper(STEEP, fins=fins))
     full, small = (simulate_field(each.equation, [LOAD]) for each in (model, reduce_field(model, order=22)))
     assert np.abs(full.fluid - small.fluid).max() < 10e-3
@@ -87,8 +87,8 @@ def test_variable_capacity_agrees_when_reduced(fins: bool):
 
 
 @pytest.mark.nightly
-def test_variable_capacity_agrees_with_scipy_integrator():
-    """The reference is an implicit SciPy method. The error falls by four if the step is halved."""
+def test_variable_capacity_agrees_with_scipy():
+    """The reference is an implicit SciPy method. Halving the step divides the error by four."""
     equation = reduce_field(coarse(paper(STEEP))).equation
     system = FieldSystem(equation)
     system.take(LOAD)

@@ -62,9 +62,9 @@ def predicted(
 class Score:
     """Error, coverage and width of predicted temperatures after 30 min."""
 
-    rmse: float  # [K]
-    inside: float  # fraction of the 90 % intervals that contain the temperature
-    width: float  # mean [K]
+    rmse: float  # RMS error [K]
+    inside: float  # Fraction of the 90 % intervals that contain the temperature
+    width: float  # Mean width [K]
 
 
 def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Place = "fluid") -> Score:
@@ -80,8 +80,8 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
 
 
 @pytest.mark.nightly
-def test_prior_interval_holds_on_perturbed_dampers():
-    """The intervals contain at least 85 % of 60 dampers, minus two standard deviations of this count.
+def test_uncalibrated_interval_covers_perturbed_dampers():
+    """The intervals contain at least 85 % of 60 dampers, minus two standard deviations of this fraction.
 
     The width of the intervals is at most twice the required width.
     """
@@ -93,7 +93,7 @@ def test_prior_interval_holds_on_perturbed_dampers():
     assert found.high[-1] - found.low[-1] < 2.0 * (2.0 * 1.645 * ends.std())
 
 
-def test_interval_contains_the_rise_and_its_time():
+def test_heating_interval_contains_rise_and_limit():
     rise = rise_of(BARE, duty="sine:15mm:1Hz:2A:3600s")
     found = predict_interval([WORK], BARE, read_duty("sine:15mm:1Hz:2A:3600s"), rise)
     fluid = np.interp(found.time, rise.time, rise.fluid)
@@ -105,7 +105,7 @@ def test_interval_contains_the_rise_and_its_time():
     assert len(found.to_limits) == len(rise.limits)
 
 
-def test_interval_continues_curve_stopped_at_limit():
+def test_heating_interval_continues_after_fluid_limit():
     """The interval of the time to the limit is the same if the curve stops at the fluid limit."""
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     stopped = simulate_rise([WORK], BARE, hour, model="network")
@@ -122,7 +122,7 @@ def test_ten_minutes_predict_perturbed_dampers(base):
     """For six dampers with wrong geometry values, the error at 30 min is 2 K and most intervals hold."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
-    assert found.inside >= 0.5  # 85 % minus 2.5 standard deviations of this count
+    assert found.inside >= 0.5  # 85 % minus 2.5 standard deviations of this fraction
 
 
 @pytest.mark.release
@@ -136,7 +136,7 @@ def test_hundred_perturbed_dampers_are_predicted(base, minutes, most, place):
     assert found.inside >= 0.78
 
 
-def test_first_minutes_depend_on_power_and_capacity():
+def test_early_interval_depends_on_power_and_capacity():
     """At first only power and heat capacity matter, and the squares of their deviations add."""
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
     gained = np.interp(60.0, found.time, found.median) - found.median[0]
@@ -144,7 +144,7 @@ def test_first_minutes_depend_on_power_and_capacity():
     assert width / gained == pytest.approx(2.0 * 1.645 * np.hypot(PRIOR.power, PRIOR.capacity), rel=0.35)
 
 
-def test_quick_interval_matches_predicted_interval():
+def test_quick_interval_matches_full_interval():
     """Factors of the temperature rise give the limits of the interval within 2 %."""
     load = Load(1800.0, power, 4.0 * OHM)
     ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))

@@ -1,4 +1,4 @@
-"""Temperature limits of parts: time of a limit, part with the smallest margin, and stated limits."""
+"""Temperature limits of parts: the first time at a limit, and limits in the geometry file."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from mrdamper.thermal.limits import first_time, limits_of
 TIME = np.array([0.0, 10.0, 30.0, 60.0, 100.0])
 
 
-def test_first_crossing_of_limit_is_returned():
-    """The time is exact on a straight line, at and between samples. A second crossing is ignored."""
+def test_first_time_at_limit_is_returned():
+    """The time is exact for a straight line, at and between samples. A second crossing is ignored."""
     line = 300.0 + 0.5 * TIME
     assert first_time(TIME, line, 307.5) == pytest.approx(15.0)
     assert first_time(TIME, line, 315.0) == pytest.approx(30.0)
@@ -29,7 +29,7 @@ def test_first_crossing_of_limit_is_returned():
     assert first_time(TIME, there_and_back, 325.0) == pytest.approx(90.0, abs=7.0)
 
 
-def test_stated_limit_replaces_the_class_limit():
+def test_limit_in_geometry_replaces_material_limit():
     drawing = read_drawing("paper")
     stated = replace(
         drawing, coil=replace(drawing.coil, limit=400.0), seals=replace(drawing.seals, limit=390.0)

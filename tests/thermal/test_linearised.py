@@ -1,6 +1,6 @@
-"""Derivatives of steps and filters against finite differences of the rate.
+"""Derivatives of the rates in time steps and filters agree with difference quotients.
 
-A step of ROS2 has second order with any Jacobian, so a simulation does not reveal a wrong one.
+A step of ROS2 has second order with any Jacobian, so a wrong Jacobian would not be visible in a simulation.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ LOAD = Load(600.0, falling, 20.0)
 
 
 def slope_along(function: Callable[[FloatArray], FloatArray], at: FloatArray, move: FloatArray) -> FloatArray:
-    """Return the derivative along a move, by differences of fourth order."""
+    """Return the derivative along a direction, by fourth-order differences."""
     step = 0.02 / float(np.abs(move).max())
     one, two = (function(at + k * step * move) - function(at - k * step * move) for k in (1.0, 2.0))
     return np.asarray((8.0 * one - two) / (12.0 * step))
 
 
 def check(system: System, state: FloatArray, seed: int = 0) -> None:
-    """Compare the linearised rate, and the solver of (M - c J), with differences of the rate."""
+    """Compare the linearised rate and the solution with (M - c J) with differences of the rate."""
     rate, solve = system.linearise(state, SHRUNK_S)
     assert rate == pytest.approx(system.rate(state), rel=1e-12)
     right = np.random.default_rng(seed).standard_normal(state.shape)
@@ -50,7 +50,7 @@ def check(system: System, state: FloatArray, seed: int = 0) -> None:
     assert left == pytest.approx(right, abs=2e-6 * np.abs(system.inertia(move)).max())
 
 
-def test_network_linearisation_is_exact():
+def test_network_jacobian_is_exact():
     system = NetworkSystem(NETWORK)
     system.take(LOAD)
     nodes = len(NETWORK.names)
@@ -59,7 +59,7 @@ def test_network_linearisation_is_exact():
     check(system, state)
 
 
-def test_field_linearisation_is_exact():
+def test_element_jacobian_is_exact():
     full = build_field(WINDY, size=0.05)
     models: tuple[FieldModel | ReducedModel, ...] = (full, reduce_field(full, order=8))
     for model in models:

@@ -1,4 +1,4 @@
-"""The thermal network: closed forms, conservation of energy, order of convergence, and symmetry."""
+"""The thermal network agrees with closed forms, conserves energy, converges, and is symmetric."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def constant(watts: float):
 
 
 def fading(kelvin):
-    """Return a power that falls with temperature, as in an MR damper."""
+    """Return a power that decreases with temperature, like the power of an MR damper."""
     return 75.0 - 0.2 * (kelvin - AMBIENT)
 
 
@@ -59,7 +59,7 @@ def one_node(*, capacity: float = 1000.0, conductance: float = 0.5) -> ThermalNe
 
 
 def steady_state(network: ThermalNetwork, load: Load) -> np.ndarray:
-    """Return the steady temperatures of a load [K], by long steps of the L-stable method."""
+    """Return the steady temperatures of a load [K], from long steps of the L-stable method."""
     run = simulate_network(network, [replace(load, duration=1e7)], longest_step=1e5)
     return np.asarray(run.temperature[-1])
 
@@ -68,10 +68,10 @@ def without_losses(network: ThermalNetwork) -> ThermalNetwork:
     return replace(network, watts=np.zeros_like(network.watts))
 
 
-# ------------------------------------------------------------------------------------------------- limits
+# ----------------------------------------------------------------------------------------------- closed forms
 
 
-def test_insulated_network_rise_is_closed_form():
+def test_insulated_network_warms_by_supplied_heat():
     """The mean temperature rise is the supplied heat divided by the heat capacity, within 1e-6."""
     for drawing in (BARE, DRAWING):
         network = without_losses(zone_network(drawing))
@@ -84,12 +84,12 @@ def test_insulated_network_rise_is_closed_form():
         assert rate == pytest.approx(90.0 / network.total_capacity, rel=1e-6)
 
 
-def test_steady_network_rise_is_power_by_conductance():
+def test_steady_network_rise_is_power_over_conductance():
     ends = steady_state(one_node(), Load(1.0, constant(50.0)))
     assert ends[0] - AMBIENT == pytest.approx(50.0 / 0.5, rel=1e-6)
 
 
-def test_one_node_follows_the_closed_form():
+def test_single_node_follows_formula():
     heated = simulate_network(one_node(), [Load(1800.0, constant(50.0))], longest_step=1.0)
     exact = constant_heating(heated.time, 50.0, 0.5, 1000.0, ambient=AMBIENT, start=AMBIENT)
     assert heated.fluid - AMBIENT == pytest.approx(exact - AMBIENT, rel=1e-6, abs=1e-9)
@@ -98,7 +98,7 @@ def test_one_node_follows_the_closed_form():
 def test_fin_node_has_exact_heat_flow(monkeypatch):
     """Without radiation and with constant heat transfer, the heat flow from body to fin is exact.
 
-    This also applies with a contact resistance.
+    The same is true with a contact resistance.
     """
     film = 14.0
     for module in (network_module, surfaces):
@@ -125,7 +125,7 @@ def shell(inner: float, outer: float, conductivity: float, length: float) -> flo
 
 
 def heated(inner: float, outer: float, conductivity: float, length: float, *, cooled_outside: bool) -> float:
-    """Return the resistance from the mean of an evenly heated annulus to its one cooled face [K/W].
+    """Return the resistance from the mean of a uniformly heated annulus to its one cooled face [K/W].
 
     The heat generated between the insulated face and a radius flows through this radius. The mean is weighted
     by area.
@@ -142,7 +142,7 @@ def heated(inner: float, outer: float, conductivity: float, length: float, *, co
 
 @pytest.mark.parametrize("through", [True, False])
 def test_network_conductances_agree_with_quadrature(through):
-    """Radial conductances agree with quadrature. An evenly heated slab has a third of its resistance."""
+    """The conductances are radial. A uniformly heated slab has a third of its resistance."""
     factors = NodeFactors(fluid_wall=1.3, fluid_core=0.8, coil=1.4, fin_root=1.7)
     sink = HeatSink(fins=3, width=0.02, thickness=2e-3, pitch=0.01, contact=1e-4)
     drawing = replace(
@@ -203,7 +203,7 @@ UPRIGHT = replace(
 
 @pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
 def test_network_and_elements_have_equal_losses(drawing):
-    """The losses agree for each path at any temperature. A corrected radius includes the rim of the fins."""
+    """The losses of each path agree at any temperature. A corrected radius includes the rim of the fins."""
     network, model = zone_network(drawing), build_field(drawing, size=0.05)
     equation = model.equation
     for kelvin in network.grid[[60, 90, 140]]:
@@ -219,7 +219,7 @@ def test_network_and_elements_have_equal_losses(drawing):
 
 
 @pytest.mark.parametrize("through", [True, False])
-def test_mount_loss_is_divided_by_conductances(through):
+def test_mount_loss_is_divided_by_conductance(through):
     """The heat flow to the mount is divided between rod and cap in proportion to their conductances."""
     held = replace(BARE, rod=replace(BARE.rod, through=through, mount=1e-6))
     network = zone_network(replace(held, surroundings=replace(BARE.surroundings, mount=0.0)))
@@ -235,7 +235,7 @@ def test_mount_loss_is_divided_by_conductances(through):
     assert taken["core 0"] / taken["wall 0"] == pytest.approx(along / across, rel=1e-6)
 
 
-# ------------------------------------------------------------------------------------ conservation, order
+# ------------------------------------------------------------------------------------ conservation and order
 
 
 @given(
@@ -246,7 +246,7 @@ def test_mount_loss_is_divided_by_conductances(through):
     start=st.floats(-20.0, 60.0),
     model=st.sampled_from([zone_network, lumped_network]),
 )
-def test_network_energy_is_conserved_for_any_design(fins, width, air, step, start, model):
+def test_network_conserves_energy_for_any_design(fins, width, air, step, start, model):
     sink = None if fins == 0 else HeatSink(fins=fins, width=width, thickness=2e-3, pitch=0.02)
     drawing = replace(BARE.with_sink(sink), surroundings=replace(BARE.surroundings, air_speed=air))
     heated = simulate_network(model(drawing), [DUTY], longest_step=step, start=AMBIENT + start)
@@ -255,16 +255,16 @@ def test_network_energy_is_conserved_for_any_design(fins, width, air, step, star
 
 
 def test_network_steps_converge_with_second_order():
-    """If the step is halved, the error falls by about four (observed order 1.9 or more)."""
+    """Halving the step divides the error by about four (observed order 1.9 or more)."""
     network = zone_network(DRAWING)
     warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
         -1
-    ]  # state after the initial transient
+    ]  # This is the state after the initial transient.
     load = [Load(960.0, fading, 16.8)]
     exact = simulate_network(network, load, start=warm, longest_step=0.25).fluid[-1]
     errors = []
     for step in (16.0, 8.0, 4.0):
-        # The simulation increases its steps within a load. Loads of one step each give equal steps.
+        # The simulation increases its steps within a load, so loads of one step each give equal steps.
         pieces = [Load(step, fading, 16.8)] * round(960.0 / step)
         state = warm
         heated = heat_up_evenly(network, pieces, state)
@@ -274,7 +274,7 @@ def test_network_steps_converge_with_second_order():
 
 
 def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
-    """Return the fluid temperature after steps of equal size, one step per load."""
+    """Return the fluid temperature after equal steps, one step per load."""
     system = NetworkSystem(network)
     system.take(loads[0])
     state = np.concatenate([start, np.zeros(system.columns)])
@@ -284,7 +284,7 @@ def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
 
 
 @pytest.mark.system
-def test_minute_steps_err_below_ten_millikelvin():
+def test_minute_steps_of_network_are_accurate():
     for drawing in (BARE, DRAWING):
         network = zone_network(drawing)
         coarse, fine = simulate_network(network, [DUTY]), simulate_network(network, [DUTY], longest_step=0.5)
@@ -292,7 +292,7 @@ def test_minute_steps_err_below_ten_millikelvin():
         assert np.abs(coarse.fluid - seen).max() < 0.01
 
 
-# ------------------------------------------------------------------------------------------ properties
+# ---------------------------------------------------------------------------------------- symmetry and masses
 
 
 def test_through_rod_network_is_symmetric():

@@ -1,6 +1,6 @@
-"""The heating values of the paper, with the power of the preset ``paper`` and one parameter file.
+"""The heating values of the paper, from the power of the preset ``paper`` and one geometry file.
 
-Some statements of the paper about the same run contradict each other. Tests document the contradictions.
+Some statements of the paper about the same run contradict each other. The tests document the contradictions.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BARE = FINNED.with_sink(None)
 
 
 def rig_work(motion: Sine, current: float = 2.0) -> LoopWork:
-    """Return the work of the rig's preset: its third cycle at each temperature."""
+    """Return the work of the virtual rig's preset in the third cycle at each temperature."""
     cycle = round(motion.period / STEP_S)
     time = np.arange(3 * cycle + 1) * STEP_S
     x, v = motion.displacement(time), motion.velocity(time)
@@ -51,12 +51,12 @@ def rise(work: LoopWork, drawing: DamperDrawing, minutes: float) -> Rise:
     return simulate_rise([work], drawing, duty, stop_at_limit=False)
 
 
-def test_rig_damper_dissipates_seventy_watts(work):
+def test_paper_damper_dissipates_seventy_watts(work):
     assert work.peak_at(293.15) == pytest.approx(1300.0, abs=1.0)
     assert work.power_at(293.15) == pytest.approx(73.4, abs=0.2)
 
 
-def test_one_file_gives_three_paper_temperatures(work):
+def test_geometry_file_gives_temperatures_of_paper(work):
     bare, finned = rise(work, BARE, 35.0), rise(work, FINNED, 30.0)
     assert bare.fluid_at(1800.0) - 273.15 == pytest.approx(129.9, abs=0.5)
     assert bare.fluid_at(2100.0) - 273.15 == pytest.approx(140.0, abs=0.5)
@@ -69,17 +69,17 @@ def test_force_losses_agree_with_paper(work):
     assert rise(work, FINNED, 30.0).force_loss_percent == pytest.approx(15.7, abs=0.3)
 
 
-def test_fluid_limit_is_passed_after_thirty_minutes(work):
+def test_fluid_limit_is_reached_after_thirty_minutes(work):
     bare = rise(work, BARE, 35.0)
     assert np.interp(bare.limit_K, bare.fluid, bare.time) == pytest.approx(1803.0, abs=30.0)
     assert bare.time_to_limit_s == pytest.approx(1720.0, abs=30.0)
 
 
-def test_paper_reduction_is_relative_to_temperature_rise(work):
+def test_paper_reduction_refers_to_temperature_rise(work):
     """The reduction of 48.23 % refers to the rise above 20 degC.
 
     If it referred to the temperature in degC, the damper without fins would have 148.5 degC after 30 min.
-    This contradicts 140 degC after 35 min, because the curve rises.
+    This contradicts 140 degC after 35 min because the curve rises.
     """
     bare, finned = (rise(work, drawing, 30.0).fluid_degC[-1] for drawing in (BARE, FINNED))
     assert 100.0 * (bare - finned) / (bare - 20.0) == pytest.approx(48.23, abs=0.5)
@@ -87,14 +87,14 @@ def test_paper_reduction_is_relative_to_temperature_rise(work):
     assert (np.diff(rise(work, BARE, 35.0).fluid) > 0.0).all()
 
 
-def test_five_millimetre_label_contradicts_the_temperature(work):
-    """At 5 mm, the damper stays cooler without fins than the paper states with fins. The runs have 15 mm."""
+def test_paper_temperatures_contradict_five_millimetres(work):
+    """At 5 mm, the damper without fins stays cooler than the paper states with fins. The runs have 15 mm."""
     small = rig_work(Sine(5e-3, 1.0))
     assert rise(small, BARE, 30.0).fluid_degC[-1] == pytest.approx(75.0, abs=1.0)
     assert rise(small, FINNED, 30.0).fluid_degC[-1] == pytest.approx(49.0, abs=1.0)
 
 
-def test_paper_outer_diameter_is_the_radius(work):
+def test_outer_diameter_in_paper_is_radius(work):
     """The piston does not fit into this diameter, and a damper scaled to it would exceed 200 degC."""
     with pytest.raises(InputError, match=r"Is 23 mm the body's radius"):
         replace(BARE, body=replace(BARE.body, outer_diameter=0.023))
@@ -109,7 +109,7 @@ def test_paper_outer_diameter_is_the_radius(work):
 
 
 @pytest.mark.parametrize(("width", "least"), [(0.018, 0.98), (0.023, 0.975), (0.028, 0.965), (0.033, 0.95)])
-def test_fin_conduction_does_not_explain_the_optimum(width, least):
+def test_fin_efficiency_does_not_explain_optimum(width, least):
     """The fin efficiency is above 95 % for the widths of the paper, with increased heat transfer."""
     sink = FINNED.sink
     assert sink is not None
@@ -126,15 +126,15 @@ def test_fin_conduction_does_not_explain_the_optimum(width, least):
     assert least < float(efficiency) < 1.0
 
 
-def test_still_air_cools_less_than_paper_states(work):
-    """Without a fitted multiplier, five fins end 20 K hotter than in the paper."""
+def test_still_air_cools_less_than_in_paper(work):
+    """Without a fitted multiplier, the damper with five fins ends 20 K hotter than in the paper."""
     sink = FINNED.sink
     assert sink is not None
     plain = rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0)), 30.0)
     assert plain.fluid_degC[-1] == pytest.approx(97.0, abs=1.5)
 
 
-def test_slow_air_reproduces_fin_temperature_of_paper(work):
+def test_slow_air_gives_fin_temperature_of_paper(work):
     sink = FINNED.sink
     assert sink is not None
     plain = FINNED.with_sink(replace(sink, film_multiplier=1.0))

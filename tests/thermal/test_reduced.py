@@ -1,4 +1,4 @@
-"""The reduced model compared with its finite elements, and conservation of energy."""
+"""The reduced model agrees with its finite elements and conserves energy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BARE = DRAWING.with_sink(None)
 
 
 def fading(kelvin):
-    """Return a power that falls with temperature, as in an MR damper."""
+    """Return a power that decreases with temperature, like the power of an MR damper."""
     return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - 293.15)
 
 
@@ -33,7 +33,7 @@ def miss(full, reduced, name: str) -> float:
 
 @pytest.mark.system
 @pytest.mark.parametrize("number", one_by_day(range(4)))
-def test_reduced_model_follows_the_elements(number: int):
+def test_reduced_model_follows_elements(number: int):
     """The designs are random, and the load lasts half an hour. No constant was chosen with these designs."""
     model = build_field(draw_designs(4, seed=2)[number])
     small = reduce_field(model)
@@ -68,7 +68,7 @@ def test_reduced_model_follows_new_load():
     assert miss(full, reduced, "coil") < 50e-3
 
 
-def test_reduced_energy_is_conserved():
+def test_reduced_model_conserves_energy():
     model = build_field(DRAWING, size=0.016)
     small = reduce_field(model)
     course = simulate_field(small.equation, [DUTY])

@@ -1,4 +1,4 @@
-"""Temperature rise: load cycle and card to power, power to temperature; notes."""
+"""A load cycle and a card give the power, and the power gives the temperature rise, with notes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def temperature_dependent() -> Damper:
 # --------------------------------------------------------------------------------------------- load cycles
 
 
-def test_amplitude_table_has_a_segment_per_row(tmp_path):
+def test_load_cycle_table_has_segment_per_row(tmp_path):
     path = tmp_path / "duty.csv"
     path.write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,15,1,2\n600,0,0,0\n900,5,2,1\n1200,5,2,1\n"
@@ -62,8 +62,8 @@ def test_amplitude_table_has_a_segment_per_row(tmp_path):
     assert rise.energy_closure <= 1e-9
 
 
-def test_equivalent_stroke_moves_the_same_fluid():
-    """Amplitude times frequency is the mean of segments and rests. The longest stroke gives the amplitude."""
+def test_equivalent_stroke_moves_same_fluid():
+    """Amplitude times frequency is the mean with rests. The amplitude is weighted by the moved fluid."""
     sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
     segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
     rest = replace(segments[0], path=None, duration=300.0)
@@ -76,7 +76,7 @@ def test_equivalent_stroke_moves_the_same_fluid():
     assert (still.amplitude, still.frequency) == (0.0, 0.0)
 
 
-def test_measured_sine_heats_as_a_sine(tmp_path):
+def test_measured_sine_heats_like_ideal_sine(tmp_path):
     path, seconds = tmp_path / "motion.csv", np.arange(0.0, 120.0 + 1e-9, 0.01)
     rows = [f"{t:.2f},{15.0 * math.sin(2.0 * math.pi * t):.6f},2" for t in seconds]
     path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
@@ -86,18 +86,18 @@ def test_measured_sine_heats_as_a_sine(tmp_path):
     assert gained == pytest.approx(sine.fluid[-1] - sine.fluid[0], rel=2e-3)
 
 
-# --------------------------------------------------------------------------------------------------- power
+# ------------------------------------------------------------------------------------------- dissipated power
 
 
-def test_dry_friction_power_is_closed_form():
-    """A friction force F dissipates 4 A F in each cycle of the amplitude A."""
+def test_dry_friction_power_matches_formula():
+    """A friction force F dissipates 4 A F in each cycle of amplitude A."""
     work = tabulate_work(dry_and_viscous(dry=1000.0), segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.constant
     assert work.power[0] == pytest.approx(4.0 * 1000.0 * 0.015, rel=1e-3)
     assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
 
 
-def test_dashpot_power_is_closed_form():
+def test_dashpot_power_matches_formula():
     """The mean power of a sine is c v^2 / 2 with the peak velocity v."""
     speed = 2.0 * math.pi * 2.0 * 0.005
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(Sine(0.005, 2.0), 0.0, 60.0))
@@ -110,7 +110,7 @@ def test_spring_dissipates_no_power():
     assert work.power[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_aperiodic_motion_is_averaged():
+def test_power_of_aperiodic_motion_is_averaged():
     """The mean power of two tones is the sum of the powers of both tones.
 
     The tolerance is the error if the averaging time contains an additional half beat.
@@ -121,7 +121,7 @@ def test_aperiodic_motion_is_averaged():
     assert work.power[0] == pytest.approx(exact, rel=0.01)
 
 
-def test_interpolated_power_agrees_with_the_loop():
+def test_interpolated_power_agrees_with_loop():
     damper, segment = temperature_dependent(), segment_of(Sine(0.015, 1.0), 2.0, 60.0)
     table = tabulate_work(damper, segment)
     between = np.array([297.0, 331.3, 388.8])
@@ -131,17 +131,17 @@ def test_interpolated_power_agrees_with_the_loop():
     assert (np.diff(table.power_at(np.linspace(280.0, 420.0, 200))) < 0.0).all()
 
 
-# ---------------------------------------------------------------------------------------------------- rise
+# ------------------------------------------------------------------------------------------- temperature rise
 
 
-def test_card_without_temperature_keeps_its_force():
+def test_damper_without_temperature_keeps_force():
     rise = predict_rise(dry_and_viscous(dry=1000.0), BARE)
     assert "the card does not depend on temperature: its force is held constant" in rise.notes
-    assert rise.force_loss_percent is None  # The loss is unknown.
+    assert rise.force_loss_percent is None  # The loss of force is unknown.
     assert rise.mechanical_W == pytest.approx(60.0, rel=1e-3)
 
 
-def test_force_fades_with_fluid_temperature():
+def test_force_falls_with_fluid_temperature():
     damper = temperature_dependent()
     rise = predict_rise(damper, BARE)
     at = np.array([293.15, float(rise.fluid[-1])])
@@ -150,7 +150,7 @@ def test_force_fades_with_fluid_temperature():
     assert rise.peak_force_N[0] == pytest.approx(own.peak[0], rel=1e-4)
 
 
-def test_rise_energy_is_sum_over_paths():
+def test_heating_energy_is_sum_over_paths():
     rise = predict_rise(temperature_dependent(), DRAWING)
     account = rise.energy_J
     paths = sum(account[path] for path in rise.paths_W)
@@ -164,13 +164,13 @@ def test_rise_energy_is_sum_over_paths():
     assert "annular fins" in rise.correlations["fins"]
 
 
-def test_coil_heat_follows_its_resistance():
+def test_coil_heat_follows_coil_resistance():
     rise = predict_rise(temperature_dependent(), BARE)
     resistance = 4.2 * (1.0 + 0.00393 * (rise.coil - 293.15))
     assert rise.coil_W == pytest.approx(4.0 * resistance, rel=1e-9)
 
 
-def test_rise_stops_at_the_fluid_limit():
+def test_heating_stops_at_fluid_limit():
     hot = dry_and_viscous(dry=2000.0)
     rise = predict_rise(hot, BARE)
     assert rise.fluid_degC[-1] == pytest.approx(130.0, abs=1e-6)
@@ -184,7 +184,7 @@ def test_rise_stops_at_the_fluid_limit():
         rise.fluid_at(1800.0)
 
 
-def test_volts_need_the_driver_gain():
+def test_card_in_volts_requires_driver_gain():
     volts = replace(temperature_dependent(), command_unit="V")
     with pytest.raises(InputError, match=r"its command is in A, the card's in V"):
         predict_rise(volts, BARE)
@@ -195,8 +195,8 @@ def test_volts_need_the_driver_gain():
     assert rise.coil_W[0] == pytest.approx(4.2)
 
 
-def test_reduced_rise_follows_the_elements():
-    """The difference is at most 10 mK. The heat balance has the paths of the network and closes."""
+def test_reduced_heating_follows_elements():
+    """The difference is at most 10 mK. The heat balance has the same paths as the network and closes."""
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     works = [tabulate_work(temperature_dependent(), segment) for segment in duty.segments]
     rise, zones = (simulate_rise(works, DRAWING, duty, model=model) for model in ("reduced", "network"))
@@ -209,11 +209,11 @@ def test_reduced_rise_follows_the_elements():
     assert rise.energy_closure < 1e-9
 
 
-# --------------------------------------------------------------------------------------------------- segments
+# ----------------------------------------------------------------------------------- segments of a load cycle
 
 
-def test_reported_force_belongs_to_its_segment():
-    """The two moving segments have different forces, which fall with temperature. The pause has none."""
+def test_reported_force_belongs_to_load_segment():
+    """The two moving segments have different forces, which fall with temperature. The pause has no force."""
     kelvin = np.array([293.15, 393.15])
     works = [
         LoopWork(kelvin, np.full(2, 60.0), np.array([1000.0, 800.0])),

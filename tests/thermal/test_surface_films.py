@@ -1,7 +1,7 @@
-"""Heat losses of surfaces, computed one value at a time, with the library ``ht`` if it has the correlation.
+"""Heat losses of surfaces equal values computed one by one, with the library ``ht`` where possible.
 
 The equations of annular fins are solved for each strip, a groove by the radiation between its walls, and the
-moving fluid by its three laws.
+moving fluid by its three equations.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def published_wind(
 
 
 @given(exponent=st.floats(-2.0, 7.0), ratio=st.floats(1.1, 4.9))
-def test_annular_fins_follow_published_natural_law(exponent, ratio):
+def test_still_air_fins_follow_tsubouchi_masuda(exponent, ratio):
     assert nusselt_annular_fins(10.0**exponent, ratio) == pytest.approx(
         published_still(10.0**exponent, ratio), rel=1e-10
     )
@@ -86,7 +86,7 @@ def test_annular_fins_follow_published_natural_law(exponent, ratio):
     tube=st.floats(0.02, 0.08),
     ratio=st.floats(1.1, 4.0),
 )
-def test_annular_fins_follow_published_forced_law(speed, gap, tube, ratio):
+def test_fins_in_wind_follow_published_strips(speed, gap, tube, ratio):
     air = air_at(320.0)
     nu, pr, outer = float(air.kinematic_viscosity), float(air.prandtl), ratio * tube
     found = forced_side_film(speed, gap, tube, outer, nu, pr, driving=1.3, correction=0.8)
@@ -149,7 +149,7 @@ def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[flo
 
 @pytest.mark.parametrize(("speed", "altitude"), [(0.0, 0.0), (2.0, 1500.0)])
 @pytest.mark.parametrize("law", ["annular", "disc"])
-def test_films_agree_with_hand_computation(law, speed, altitude):
+def test_heat_transfer_coefficients_equal_hand_computation(law, speed, altitude):
     drawing = drawn(law, speed, altitude=altitude)
     for kelvin in (270.0, 340.0, 420.0):
         fins = fin_films(drawing, kelvin)
@@ -166,7 +166,7 @@ def sent_back_and_forth(
 ) -> float:
     """Return the fraction of a black body's radiation that leaves a groove, per area of the walls.
 
-    The walls have one mean emissivity and exchange radiation uniformly, reflection after reflection.
+    The walls have one mean emissivity and exchange radiation uniformly, reflection by reflection.
     """
     walls = sum(areas)
     mean = sum(e * a for e, a in zip(emissivities, areas, strict=True)) / walls
@@ -196,8 +196,8 @@ def test_groove_radiation_agrees_with_reflections(finish):
 
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
-def test_moving_fluid_conductances_match_published_laws(amplitude, frequency, gap):
-    """The laws are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
+def test_moving_fluid_conductances_match_published_equations(amplitude, frequency, gap):
+    """These are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)
     found = conduct_fluid(channel, Stroke(amplitude, frequency))

@@ -1,4 +1,4 @@
-"""The installed Chromium for tests of the pages, with a check for errors and requests to other hosts."""
+"""The installed Chromium for tests of the pages, with checks for errors and for requests to other hosts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Scheme = Literal["light", "dark"]
 
 @contextmanager
 def chromium(program: Path) -> Iterator[Browser]:
-    """Start the installed browser. Nothing is downloaded."""
+    """Start the installed browser, without a download."""
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
         try:
@@ -37,7 +37,7 @@ def chromium(program: Path) -> Iterator[Browser]:
 
 
 def log_in(context: BrowserContext, address: str) -> None:
-    """Exchange the token of the server for a cookie, like a first visit of the printed address."""
+    """Exchange the token of the server for a cookie, as the first visit of the printed address does."""
     assert context.request.get(f"{address}?token={TOKENS[address]}").ok
 
 
@@ -65,7 +65,7 @@ def opened(
     )
     try:
         yield page
-        # The browser also reports refused requests, which the page shows as messages.
+        # The browser also reports rejected requests, which the page shows as messages.
         assert [text for text in wrong if "Failed to load resource" not in text] == []
         assert abroad == []
     finally:

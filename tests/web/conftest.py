@@ -1,4 +1,4 @@
-"""Browsers and served folders for the tests of the pages."""
+"""Browsers, and served folders with runs and cards, for tests of the pages."""
 
 from __future__ import annotations
 

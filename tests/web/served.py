@@ -1,4 +1,4 @@
-"""Servers for the tests: a process on a free port, or an application that is called without a socket."""
+"""Servers for tests: a process on a free port, or an application that is called without a socket."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Answer:
 
 @contextmanager
 def started(app: ASGIApp) -> Iterator[Callable[..., Answer]]:
-    """Start an application in a thread; generate a function that sends a request to the application."""
+    """Start an application in a thread and generate a function that sends a request to it."""
     with start_blocking_portal() as portal, portal.wrap_async_context_manager(_lifespan(app)):
         yield lambda *request, **options: portal.call(partial(_call, app, *request, **options))
 
@@ -75,7 +75,7 @@ async def _call(
     query: str = "",
     pieces: int = 1,
 ) -> Answer:
-    """Send a request to an application with path and headers unchanged; a client would normalise them."""
+    """Send a request to an application. Path and headers stay unchanged, which a client would normalise."""
     sent = {"host": "127.0.0.1:8765", **(headers or {})}
     step = max(1, -(-len(body) // pieces))
     parts = [body[k : k + step] for k in range(0, len(body), step)] or [b""]
@@ -109,7 +109,7 @@ async def _call(
 
 
 class Client:
-    """Client of a server process."""
+    """HTTP client of a server process."""
 
     def __init__(self, process: subprocess.Popen[str], opened: str) -> None:
         self.process = process
@@ -145,14 +145,14 @@ class Client:
         raise AssertionError(f"{job_id} is {job['state']} after {longest_s} s")
 
     def read_all(self) -> list[Json]:
-        """Wait until the server has read all files; return the runs."""
+        """Wait until the server has read all files, and return the runs."""
         while (answer := self.get("/api/runs"))["reading"]:
             time.sleep(0.05)
         runs: list[Json] = answer["runs"]
         return runs
 
     def kill(self) -> None:
-        """Kill the server without a chance to clean up, like a power cut."""
+        """Kill the server without a chance to clean up, as in a power failure."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -185,7 +185,7 @@ def served(folder: Path, *options: str) -> Iterator[Client]:
 
 
 def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[np.float32]]]]:
-    """Parse a binary response as the documented series format; return header and columns."""
+    """Parse a binary response in the documented series format, and return header and columns."""
     length = int.from_bytes(content[:4], "little")
     assert (4 + length) % 4 == 0
     header = json.loads(content[4 : 4 + length])
@@ -202,7 +202,7 @@ def is_alive(pid: int) -> bool:
 
 
 def python_processes_of(folder: Path) -> list[int]:
-    """Return the processes of jobs and queries that the server of a folder has started."""
+    """Return the IDs of the job and query processes that the server of a folder has started."""
     mark, found = f"{FOLDER_MARK}={folder}".encode(), []
     for entry in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):

@@ -1,4 +1,4 @@
-"""Tests of the pages in a browser.
+"""Pages in a browser: plots, fits, layout and safe texts.
 
 ``MRDAMPER_SHOTS=1`` writes screenshots to build/web/. Look at them after a change of a page.
 """
@@ -49,8 +49,8 @@ PATHS = """async (kind) => {
 }"""
 
 
-def test_saved_plot_equals_server_values(page, site):
-    """The saved CSV and PNG of a loop have the values of the server and the units of the axes."""
+def test_downloaded_plot_has_server_values(page, site):
+    """The CSV file of a loop has the values of the server and the units of the axes."""
     page.goto(f'/#/data?view.runs=["{RUN}"]')
     page.wait_for_selector("#view-status[data-ms]")
     page.wait_for_selector("figure[data-drawing]", state="detached")
@@ -67,8 +67,8 @@ def test_saved_plot_equals_server_values(page, site):
 
 
 @pytest.mark.parametrize("kind", ["series", "loop"])
-def test_decimation_keeps_single_spike(page, kind):
-    """The path of a million samples is short and keeps a single spike."""
+def test_decimated_plot_keeps_single_spike(page, kind):
+    """The path of a million samples is short, but a spike of one sample remains."""
     page.goto("/#/jobs")
     count, low, high = page.evaluate(PATHS, kind)
     assert count < 30_000
@@ -77,12 +77,12 @@ def test_decimation_keeps_single_spike(page, kind):
 
 
 def test_fit_on_page_writes_readable_card(page, site):
-    """A fit with held-out runs writes a card that the command line can read. The result fits one screen."""
+    """The command line can read the card of a fit with held-out runs. The result fits one screen."""
     root, _ = site
     page.goto("/#/model")
     page.fill("#fit-card", "fitted")
     page.fill("#fit-hold-out", "*_060C_*")
-    page.select_option("#fit-law", "dahl")  # The default setting compares all laws and takes longer.
+    page.select_option("#fit-law", "dahl")  # The default compares all laws and takes longer.
     page.click("#start-fit")
     page.wait_for_selector("#fit-tiles", timeout=240_000)
     page.wait_for_selector("#view-status[data-ms]")
@@ -106,8 +106,8 @@ def test_fit_on_page_writes_readable_card(page, site):
 @pytest.mark.nightly
 @pytest.mark.parametrize("size", SCREENS)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_page_fits_the_screen(browser, site, size, scheme):
-    """No element is wider than the screen; text has contrast, controls have names, and axes have units."""
+def test_every_page_fits_screen(browser, site, size, scheme):
+    """No element is wider than the screen, text has contrast, controls have names, and axes have units."""
     with opened(browser, site[1].address, size=size, scheme=scheme) as page:
         for name, address in VIEWS:
             page.goto(f"/#/{address}")
@@ -122,7 +122,7 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
             shoot(page, f"{re.sub(r'[^a-z]+', '-', address.lower())}-{scheme}-{size[0]}", whole=True)
 
 
-def test_modules_never_parse_markup():
+def test_javascript_never_parses_markup():
     """No JavaScript module parses markup or contains the address of another host, and all are small."""
     for path in STATIC.glob("*.js"):
         text = path.read_text()
@@ -135,7 +135,7 @@ def test_modules_never_parse_markup():
     assert served_kB <= SERVED_MAX_kB
 
 
-def test_vendored_files_have_their_digests():
+def test_vendored_files_have_documented_hashes():
     lines = (STATIC / "vendor" / "SHA256SUMS").read_text().splitlines()
     digests = {name: digest for digest, name in (line.split() for line in lines)}
     files = [path for path in (STATIC / "vendor").iterdir() if path.suffix in {".js", ".css"}]
@@ -164,7 +164,7 @@ def haunted(tmp_path_factory):
 
 
 @pytest.mark.nightly
-def test_markup_names_stay_text(browser, haunted):
+def test_markup_in_names_is_shown_as_text(browser, haunted):
     with opened(browser, haunted.address) as page:
         for name, address in VIEWS:
             page.goto(f"/#/{address}")

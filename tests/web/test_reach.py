@@ -1,7 +1,4 @@
-"""Every option of the command line has a field on a page, or docs/web.md states why it has none.
-
-An option that is missing on the pages fails here.
-"""
+"""Every option of the command line has a field on a page, or docs/web.md states why it has no field."""
 
 from __future__ import annotations
 
@@ -45,7 +42,7 @@ def commands(group: click.Group = cli, before: str = "") -> Iterator[tuple[str, 
 
 
 def only_there() -> set[str]:
-    """Return the options that docs/web.md lists as available on the command line only."""
+    """Return the options that docs/web.md lists as available only on the command line."""
     text = (ROOT / "docs" / "web.md").read_text(encoding="utf-8")
     section = text.split("## Only on the command line")[1].split("\n## ")[0]
     rows = [line.split("|")[1:3] for line in section.splitlines() if line.startswith("| `")]
@@ -67,10 +64,10 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize(("command", "name", "told"), OPTIONS, ids=str)
-def test_option_has_field_or_reason(command, name, told):
+def test_every_option_has_field_or_reason(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
-    if told == "--resume":  # The option ``resume`` is a separate request.
+    if told == "--resume":  # Resuming a sweep is a separate request on the pages.
         assert "resumeButton" in (STATIC / "page_jobs.js").read_text(encoding="utf-8")
         return
     kind = command.split()[-1]
@@ -79,13 +76,13 @@ def test_option_has_field_or_reason(command, name, told):
     assert {field, told.lstrip("-").replace("-", "_")} & fields, f"{command} {told}: add it to {kind}"
 
 
-def test_documented_exceptions_are_options():
+def test_options_without_field_exist():
     known = {f"{command} {told}" for command, _, told in OPTIONS}
     known |= {each for command, _, told in OPTIONS for each in (command, told)}
     assert only_there() <= known
 
 
-def test_commands_are_in_page_table():
+def test_every_command_is_documented_for_pages():
     text = (ROOT / "docs" / "web.md").read_text(encoding="utf-8")
     section = text.split("## What is on which page")[1].split("\n## ")[0]
     assert {name for name, _ in commands()} - {"serve"} - only_there() <= set(
@@ -94,8 +91,8 @@ def test_commands_are_in_page_table():
 
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)
-def test_job_kinds_have_a_page(kind):
-    """The form is built from the declarations, so that no field is missing."""
+def test_every_job_kind_has_page(kind):
+    """The form is built from the declarations, so no field is missing."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
     assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^\s+{kind}: "', text, re.MULTILINE)
 

@@ -1,4 +1,4 @@
-"""Access control: other sites, DNS rebinding, paths outside the folder, too large uploads, links."""
+"""Access control of the server: other sites, DNS rebinding, outside paths, large uploads and links."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LOCKED = ListenAddress("127.0.0.1", TOKEN)
 
 @pytest.fixture
 def folder(tmp_path):
-    """Return a work folder; its parent contains a secret."""
+    """Return a work folder whose parent folder contains a secret."""
     (tmp_path / "secret.csv").write_text(SECRET, encoding="utf-8")
     root = tmp_path / "work"
     WorkFolder(root)
@@ -57,7 +57,7 @@ def ask(folder):
 
 @pytest.fixture
 def ask_locked(folder):
-    """Return a function that calls a server which requires a token."""
+    """Return a function that calls a server that requires a token."""
     with started(build(folder, LOCKED)) as asking:
         yield asking
 
@@ -67,7 +67,7 @@ def snapshot(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in kept}
 
 
-# ------------------------------------------------------------------------------------------- access
+# -------------------------------------------------------------------------------------- access by other sites
 
 
 @pytest.mark.parametrize(
@@ -79,8 +79,8 @@ def snapshot(folder: Path) -> dict[str, bytes]:
         ("127.0.0.1", "with\nbreak-in-its-text", "16 or more"),
     ],
 )
-def test_unsafe_address_is_refused(host, token, words):
-    """A public host needs a token, and a token is long and printable."""
+def test_unsafe_listen_address_is_rejected(host, token, words):
+    """A public host requires a token, which must be long and printable."""
     with pytest.raises(InputError, match=words):
         ListenAddress(host, token)
 
@@ -90,8 +90,8 @@ def test_unsafe_address_is_refused(host, token, words):
     ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example:8765", "evil.example@127.0.0.1", "",
      "127.0.0.1:x", "127.0.0.1/", "127.0.0.1 evil.example", "[::1", "192.168.0.7:8765"],
 )  # fmt: skip
-def test_dns_rebinding_is_refused(ask, host):
-    """In DNS rebinding the name evil.example resolves to 127.0.0.1."""
+def test_dns_rebinding_is_rejected(ask, host):
+    """In DNS rebinding, the name evil.example resolves to 127.0.0.1."""
     answer = ask("GET", "/api/state", headers={"host": host})
     assert answer.status == 403
     assert "files" not in answer.json
@@ -111,7 +111,7 @@ def test_dns_rebinding_is_refused(ask, host):
         {"sec-fetch-site": "same-site"},
     ],
 )
-def test_other_site_cannot_write(folder, ask, headers):
+def test_other_site_cannot_change_files(folder, ask, headers):
     before = snapshot(folder)
     for method, path, body in (
         ("PUT", "/api/files/b.csv", CSV),
@@ -132,7 +132,7 @@ def test_other_site_may_only_link(folder, ask):
     assert (folder / "runs" / "b.csv").read_bytes() == CSV
 
 
-def test_request_without_token_is_refused(ask_locked):
+def test_request_without_token_is_rejected(ask_locked):
     for path in ("/", "/api/state", "/static/style.css", "/api/files/a.csv/look"):
         assert ask_locked("GET", path).status == 401
         for wrong in (f"Bearer {TOKEN}x", f"Bearer {TOKEN[:-1]}", TOKEN, "Bearer "):
@@ -140,7 +140,7 @@ def test_request_without_token_is_refused(ask_locked):
         assert ask_locked("GET", path, query="token=wrong").status == 401
 
 
-def test_token_gives_http_only_cookie(ask_locked):
+def test_token_is_exchanged_for_http_only_cookie(ask_locked):
     """The address with the token is exchanged for a cookie, and the redirect stays on the server."""
     assert ask_locked("GET", "/api/state", headers={"authorization": f"Bearer {TOKEN}"}).status == 200
     traded = ask_locked("GET", "/loops", query=f"token={TOKEN}&run=a")
@@ -208,7 +208,7 @@ def test_error_responses_have_security_headers(ask, monkeypatch, capsys, status,
     assert ("fault of mrdamper" in answer.json["error"]) == (status == 500)
 
 
-# ------------------------------------------------------------------------------------------- names
+# ------------------------------------------------------------------------------------------- names and paths
 
 
 NAMES = [
@@ -219,8 +219,8 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_stay_inside_folder(folder, ask, name):
-    """Decoded and encoded names, and the names in the options of a job, use the same check."""
+def test_requested_names_stay_inside_folder(folder, ask, name):
+    """Decoded names, encoded names, and names in the options of a job use the same check."""
     before = snapshot(folder.parent)
     reads = ["/api/files/{}/look", "/api/inputs/{}", "/api/cards/{}", "/api/cards/one/files/{}",
              "/api/jobs/check-001/files/{}", "/api/jobs/{}/files/job.json", "/api/dampers/{}",
@@ -252,7 +252,7 @@ def test_names_stay_inside_folder(folder, ask, name):
 
 
 @given(name=st.text(alphabet=st.characters(codec="utf-8"), max_size=12) | st.sampled_from(NAMES))
-def test_new_names_stay_in_their_folder(tmp_path_factory, name):
+def test_new_names_stay_inside_folder(tmp_path_factory, name):
     root = tmp_path_factory.getbasetemp() / "names"
     folder = WorkFolder(root)
     try:
@@ -264,8 +264,8 @@ def test_new_names_stay_in_their_folder(tmp_path_factory, name):
     assert not path.name.startswith(".")
 
 
-def test_outside_link_is_not_followed(folder, ask):
-    """A link to the outside is neither read nor listed, and an upload replaces it."""
+def test_link_to_outside_is_not_followed(folder, ask):
+    """Such a link is neither read nor listed, and an upload replaces it."""
     secret = folder.parent / "secret.csv"
     (folder / "runs" / "link.csv").symlink_to(secret)
     (folder / "inputs" / "link.toml").symlink_to(secret)
@@ -290,7 +290,7 @@ def test_outside_link_is_not_followed(folder, ask):
     assert not (folder / "runs" / "link.csv").is_symlink()
 
 
-def test_folder_with_outside_link_is_refused(tmp_path):
+def test_folder_with_outside_link_is_rejected(tmp_path):
     (tmp_path / "work").mkdir()
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "work" / "runs").symlink_to(tmp_path / "elsewhere")
@@ -298,11 +298,11 @@ def test_folder_with_outside_link_is_refused(tmp_path):
         WorkFolder(tmp_path / "work")
 
 
-# ------------------------------------------------------------------------------------------- sizes
+# ------------------------------------------------------------------------------------------- sizes of uploads
 
 
 @pytest.mark.parametrize("length", [None, "40000", "10"])
-def test_large_upload_leaves_no_file(folder, ask, length):
+def test_too_large_upload_leaves_no_file(folder, ask, length):
     """The limit applies to the size of the body, not to the stated length."""
     headers = {} if length is None else {"content-length": length}
     answer = ask("PUT", "/api/files/big.csv", headers=headers, body=b"1,2,3,4\n" * 5000, pieces=20)
@@ -317,7 +317,7 @@ def test_large_upload_leaves_no_file(folder, ask, length):
      b'{"kind": "heat", "options": {"card": "one", "ambient_degC": 1e999}}',
      b'{"kind": "check", "options": {"unknown": 1}}'],
 )  # fmt: skip
-def test_invalid_job_request_reports_error(folder, ask, body):
+def test_invalid_job_request_returns_error(folder, ask, body):
     answer = ask("POST", "/api/jobs", body=body)
     assert answer.status == 422
     assert answer.json["error"]
@@ -325,7 +325,7 @@ def test_invalid_job_request_reports_error(folder, ask, body):
     assert [path.name for path in (folder / "results").iterdir()] == ["check-001"]
 
 
-# ------------------------------------------------------------------------------------------- contents
+# ------------------------------------------------------------------------------------------ contents of files
 
 
 def test_report_is_sent_with_sandbox(ask):
@@ -337,7 +337,7 @@ def test_report_is_sent_with_sandbox(ask):
         assert "script-src" not in policy
 
 
-def test_python_law_never_runs(folder, ask, tmp_path):
+def test_uploaded_python_law_never_runs(folder, ask, tmp_path):
     mark = tmp_path / "it_ran"
     law = tmp_path / "law.py"
     law.write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Answers of the server: files, samples for plots, and agreement with the command line."""
+"""Answers of the server: files, samples of plots, and agreement with the command line."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def site(tmp_path_factory):
 
 @pytest.fixture
 def clean(site):
-    """Return the server with an empty folder."""
+    """Return the server after its folder has been emptied."""
     root, client = site
     for part in ("runs", "inputs", "cards"):
         for path in (root / part).iterdir():
@@ -63,7 +63,7 @@ def a_run(path, *, seconds=4.0, rate_Hz=200.0, header="time_s,displacement_mm,fo
     return table
 
 
-# ------------------------------------------------------------------------------------------- initial state
+# ------------------------------------------------------------------------------------------- default values
 
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)
@@ -86,7 +86,7 @@ def test_uploaded_run_keeps_its_samples(clean, tmp_path):
     (run,) = client.read_all()
     assert (run["name"], run["file"], run["usable"]) == ("run 1", "run 1.csv", True)
     assert run["motion"] == "sine 5 mm 1 Hz"
-    assert run["peak_velocity_mm_s"] == pytest.approx(31.4, rel=0.01)  # Peak velocity: 2 pi 5 mm 1 Hz.
+    assert run["peak_velocity_mm_s"] == pytest.approx(31.4, rel=0.01)  # 2 pi times 5 mm times 1 Hz
     header, columns = series_of(client.ask("GET", "/api/runs/run 1/series").content)
     assert header["n"] == header["samples"] == len(table)
     assert header["step_s"] == pytest.approx(0.005)
@@ -98,7 +98,7 @@ def test_uploaded_run_keeps_its_samples(clean, tmp_path):
     np.testing.assert_allclose(columns["velocity_mm_s"][inner], expected[inner], atol=0.1)
 
 
-def test_broken_file_reports_error_and_columns(clean):
+def test_invalid_file_shows_error_and_columns(clean):
     _, client = clean
     text = "time_s,displacement_mm,load,current_A\n0,0,1,1\n0.01,1,2,1\n0.02,oops,3,1\n"
     client.ask("PUT", "/api/files/broken.csv", content=text.encode())
@@ -106,7 +106,7 @@ def test_broken_file_reports_error_and_columns(clean):
     broken, mute = (client.get(f"/api/files/{name}.csv/look") for name in ("broken", "mute"))
     assert "broken.csv" in broken["error"]
     assert "oops" in broken["error"]
-    assert "force" in mute["error"]  # The unit of `load` is not guessed.
+    assert "force" in mute["error"]  # The unit of `load` is missing and is not guessed.
     roles = {column["name"]: column["guess"]["role"] for column in mute["columns"]}
     names = {"time_s": "time", "displacement_mm": "displacement", "load": "force", "current_A": "current"}
     assert roles == names
@@ -115,7 +115,7 @@ def test_broken_file_reports_error_and_columns(clean):
     assert client.get("/api/runs")["runs"] == []
 
 
-def test_changed_file_is_read_again(clean, tmp_path):
+def test_changed_run_file_is_read_again(clean, tmp_path):
     root, client = clean
     a_run(root / "runs" / "run.csv")
     assert client.read_all()[0]["samples"] == 800
@@ -145,7 +145,7 @@ def silent_file(path, tmp_path):
     np.savetxt(path, table[:, :3] * [1.0, 1.0, -0.01], delimiter=" ", header="a b c", comments="", fmt="%.9g")
 
 
-def test_saved_map_works_on_command_line(clean, tmp_path):
+def test_saved_channel_map_works_on_command_line(clean, tmp_path):
     root, client = clean
     silent_file(root / "runs" / "silent.txt", tmp_path)
     assert client.get("/api/files/silent.txt/look")["error"]
@@ -169,7 +169,7 @@ def test_saved_map_works_on_command_line(clean, tmp_path):
     assert client.read_all() == []
 
 
-def test_unsuitable_map_is_not_saved(clean, tmp_path):
+def test_unsuitable_channel_map_is_not_saved(clean, tmp_path):
     root, client = clean
     silent_file(root / "runs" / "silent.txt", tmp_path)
     (root / "runs" / "two.txt").write_text("a b\n1 2\n3 4\n", encoding="utf-8")
@@ -184,8 +184,8 @@ def test_unsuitable_map_is_not_saved(clean, tmp_path):
     assert "force" in refused.json()["error"]  # The message suggests the nearest name.
 
 
-def test_model_is_plotted_at_run_samples(clean, runs, tmp_path):
-    """The error of the drawn samples equals the error of ``mrdamper evaluate``."""
+def test_model_error_on_page_equals_evaluate(clean, runs, tmp_path):
+    """The model is plotted at the samples of the run, so the error equals ``mrdamper evaluate``."""
     root, client = clean
     shutil.copy(runs[3], root / "runs")
     (root / "cards" / "mine").mkdir(parents=True)
@@ -207,7 +207,7 @@ def test_model_is_plotted_at_run_samples(clean, runs, tmp_path):
     assert client.ask("GET", f"/api/runs/{name}/model?card=nobody").status_code == 404
 
 
-# ------------------------------------------------------------------------------------------- heat
+# ------------------------------------------------------------------------------------------- heating
 
 
 def test_uploaded_geometry_is_used_for_heating(clean):
@@ -230,8 +230,8 @@ def test_uploaded_geometry_is_used_for_heating(clean):
 # ------------------------------------------------------------------------------------------- queries
 
 
-def test_query_after_dead_process_succeeds():
-    """If the process of a query dies, the query raises an error. The next query gets a new process."""
+def test_query_succeeds_after_dead_process():
+    """If the process of a query dies, this query raises an error. The next query gets a new process."""
 
     def children() -> set[int]:
         lists = Path("/proc/self/task").glob("*/children")
@@ -250,7 +250,7 @@ def test_query_after_dead_process_succeeds():
     asyncio.run(kill_a_query())
 
 
-# ------------------------------------------------------------------------------------------- the command
+# ------------------------------------------------------------------------------------------ command ``serve``
 
 
 def test_unusable_address_ends_server_with_message(site, tmp_path):
@@ -270,7 +270,7 @@ def test_unusable_address_ends_server_with_message(site, tmp_path):
 @pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_ends_server_without_traceback(tmp_path, number):
-    """Ctrl-C and the stop of a service end the server without a traceback."""
+    """Ctrl-C and the stop of a service are interrupts."""
     with served(tmp_path / "work") as client:
         client.get("/api/state")
         client.process.send_signal(number)
@@ -279,7 +279,7 @@ def test_interrupt_ends_server_without_traceback(tmp_path, number):
         assert client.process.stderr.read() == ""
 
 
-def test_missing_extra_names_install_command(tmp_path):
+def test_missing_web_library_names_install_command(tmp_path):
     code = f"import sys; sys.modules['fastapi'] = None; {command()[2]}"
     run = subprocess.run(
         [sys.executable, "-c", code, "serve", "--folder", str(tmp_path)],

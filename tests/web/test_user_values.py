@@ -1,4 +1,4 @@
-"""The workbench uses the numbers and choices of the user, and reports only checked results as good."""
+"""The workbench uses the numbers and choices of the user, and marks only checked results as good."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ RESIDUAL_RANGE = """async () => {
 def write_run(
     path: Path, levels_A: tuple[float, float], *, force_N: float = 400.0, comment: str = ""
 ) -> None:
-    """Write a sine run of 3 s at 20 degC whose current steps after half of the time."""
+    """Write a sinusoidal run of 3 s at 20 degC whose current steps after half of the time."""
     time = np.arange(600) / 200.0
     travel = 4.0 * np.sin(2.0 * np.pi * time)
     current = np.where(time < 1.5, *levels_A)
@@ -93,13 +93,13 @@ def page(browser, folder):
 
 
 def go(page: Page, address: str) -> None:
-    """Open a page and wait until it is filled."""
+    """Open a page and wait until its contents are complete."""
     page.goto(f"/#/{address}")
     page.wait_for_selector(f"[data-shown={address.partition('?')[0]}] h1")
     page.wait_for_timeout(300)
 
 
-def test_typed_numbers_are_used_or_refused(page):
+def test_typed_numbers_are_used_or_marked(page):
     """Number fields accept both decimal separators. An invalid entry is marked and starts no job."""
     go(page, "thermal?card=own&heat.tab=Heat sink")
     assert page.evaluate(READ, [SPELLINGS, False]) == [2.5] * len(SPELLINGS)
@@ -128,7 +128,7 @@ def test_typed_numbers_are_used_or_refused(page):
     assert sent.value.post_data_json["options"]["width_mm"] == 2.5
 
 
-def test_new_geometry_removes_calibration_of_previous_damper(page, folder):
+def test_new_geometry_removes_old_calibration(page, folder):
     """Calibration factors are valid only for the damper on which they were measured."""
     go(page, "thermal?card=own")
     expect(page.locator("#calibration")).to_contain_text("heat capacity × 0.9663")
@@ -152,7 +152,7 @@ def test_new_geometry_removes_calibration_of_previous_damper(page, folder):
 
 @pytest.mark.nightly
 def test_choices_are_kept_on_next_pages(page):
-    """Load cycle, geometry, design and controller stay selected when the user opens the next page."""
+    """Load cycle, geometry, heat sink and controller stay selected when the user opens the next page."""
     go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&drawing=paper")
     page.fill("#drawing-sink-fins", "0")
     page.fill("#drawing-name", "bare")
@@ -185,7 +185,7 @@ def test_choices_are_kept_on_next_pages(page):
     expect(page.locator("#export-damper")).to_have_value(chosen)
 
 
-def test_chosen_runs_stay_on_the_model(page):
+def test_selected_runs_stay_selected_on_page(page):
     go(page, "model")
     page.locator("#chosen-runs summary").click()
     page.get_by_role("group", name="Fitted runs").get_by_label(re.compile("^rig")).uncheck()
@@ -198,7 +198,7 @@ def test_chosen_runs_stay_on_the_model(page):
 
 @pytest.mark.nightly
 def test_tracked_controller_is_preselected_for_export(page):
-    """Tracking offers controllers that the card supports. Export preselects the tracked controller."""
+    """Tracking offers the controllers that the card supports. Export preselects the tracked controller."""
     plants = {}
     for card in ("own", "simulated", "chain", "late"):
         go(page, f"controller?card={card}")
@@ -221,8 +221,8 @@ def test_tracked_controller_is_preselected_for_export(page):
     shoot(page, "values-export")
 
 
-def test_model_curves_differ_from_measured(page):
-    """Runs with current steps have a colour, held-out runs a mark; the residual axis ignores the start."""
+def test_model_curves_differ_from_measured_curves(page):
+    """Current-step runs have another colour, held-out runs a mark. The residual axis ignores the start."""
     go(page, "jobs")
     low, high = page.evaluate(RESIDUAL_RANGE)
     assert -60.0 < low < high < 60.0
@@ -236,13 +236,14 @@ def test_model_curves_differ_from_measured(page):
     expect(swatches).to_have_count(2)
     colours = swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")
     assert len(set(colours)) == 2
-    expect(page.locator(".readout-table tr.held")).to_have_count(2)  # The measured and the modelled curve.
+    # These are the measured and the modelled curve.
+    expect(page.locator(".readout-table tr.held")).to_have_count(2)
     expect(page.locator(".readout-table tr.held").last).to_contain_text("held out")
     shoot(page, "values-loops", whole=True)
 
 
-def test_run_is_not_good_before_check(page):
-    """A run is marked as good only after its check. Stopped fits are visible."""
+def test_unchecked_run_is_not_marked_good(page):
+    """A run is marked as good only after its check, and a fit that has stopped is marked."""
 
     def partly_checked(route: Route) -> None:
         answer = route.fetch().json()
@@ -260,7 +261,7 @@ def test_run_is_not_good_before_check(page):
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_volts_are_offered_with_common_gains(browser, tmp_path):
+def test_channels_in_volts_offer_common_gains(browser, tmp_path):
     """Buttons answer the questions for columns and units. The user then enters gains in mm/V and kN/V."""
     with served(tmp_path / "volts") as client, opened(browser, client.address) as page:
         a_logger_file(tmp_path / "volts" / "runs" / "raw.txt")
@@ -286,8 +287,8 @@ def test_volts_are_offered_with_common_gains(browser, tmp_path):
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 
 
-def test_token_is_removed_and_print_names_source(browser, folder):
-    """The token is removed from the address, the navigation does not scroll, printed pages have a source."""
+def test_token_leaves_address_and_print_names_source(browser, folder):
+    """The token leaves the address, the navigation does not scroll, and printed pages name their source."""
     _, client = folder
     with opened(browser, client.address) as page:
         page.goto(f"{client.address}?token={TOKENS[client.address]}#/data")

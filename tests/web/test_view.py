@@ -1,4 +1,4 @@
-"""The linked view shows runs and cards with one cursor and one time span. The address stores the view."""
+"""The linked view shows runs and cards with one cursor and one time span, which the address stores."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _pictures(page):
     return page.evaluate("() => [...document.querySelectorAll('figure canvas')].map((e) => e.toDataURL())")
 
 
-def test_two_million_samples_never_block_page(browser, tmp_path):
+def test_two_million_samples_do_not_block_page(browser, tmp_path):
     """All samples are plotted in 1.5 s, the cursor moves in 16 ms, and a zoom blocks for less than 100 ms."""
     root = tmp_path / "long"
     (root / "runs").mkdir(parents=True)
@@ -106,8 +106,8 @@ def test_two_million_samples_never_block_page(browser, tmp_path):
     assert longest <= within_reach(FRAME_MS)
 
 
-def test_address_restores_view_and_back_button_undoes(browser, site, page):
-    """A different browser restores runs, card, cycles, hidden curves and zooms from the address."""
+def test_address_restores_view_and_back_undoes(browser, site, page):
+    """Another browser restores runs, card, cycles, hidden curves and zooms from the address."""
     page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)
     whole = _pictures(page)

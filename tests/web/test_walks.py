@@ -20,7 +20,7 @@ from tests.web.walking import a_sine_run, drop_files
 
 pytestmark = pytest.mark.nightly
 
-TABS = 12  # A browser opens six connections to a server.
+TABS = 12  # This is more than the six connections that a browser opens to a server.
 REQUEST_MAX_S = 0.5
 SECOND = "Dämpfer 2 (RD-8040)"
 
@@ -118,7 +118,7 @@ def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
     assert not (root / "cards" / "brought one").exists()
 
 
-def test_keyboard_starts_a_fit(page, rig):
+def test_fit_can_be_started_by_keyboard(page, rig):
     """Tab moves the visible focus in page order, Space selects a box, and Enter starts the fit."""
     page.goto("/#/model")
     page.select_option("#fit-law", "bouc-wen")
@@ -135,7 +135,7 @@ def test_keyboard_starts_a_fit(page, rig):
         )
         steps.append(at)
         if at["type"] == "checkbox" and sum(step["type"] == "checkbox" for step in steps) == 1:
-            page.keyboard.press("Space")  # Hold out the first run.
+            page.keyboard.press("Space")  # This holds out the first run.
         if at["id"] == "start-fit":
             break
     assert steps[-1]["id"] == "start-fit"
@@ -152,7 +152,7 @@ def test_keyboard_starts_a_fit(page, rig):
 
 
 def test_dampers_have_separate_files(browser, tmp_path):
-    """A second damper has separate runs. The user can remove and restore the damper."""
+    """A second damper has its own runs. The user can remove and restore the damper."""
     root = tmp_path / "first"
     (root / "runs").mkdir(parents=True)
     a_sine_run(root / "runs" / "one.csv", 300.0)
@@ -170,7 +170,7 @@ def test_dampers_have_separate_files(browser, tmp_path):
         own = root / "dampers" / SECOND
         assert (own / "runs" / "second.csv").is_file()
         (own / "cards" / "soft").mkdir()
-        write_card_of(own / "cards" / "soft" / "card.json")  # A different program writes the file.
+        write_card_of(own / "cards" / "soft" / "card.json")  # Another program writes this file.
         expect(page.get_by_label("soft", exact=True)).to_be_visible()
         page.locator("#folder").click()
         page.get_by_role("link", name="first", exact=True).click()
@@ -188,8 +188,8 @@ def test_dampers_have_separate_files(browser, tmp_path):
         assert (own / "runs" / "second.csv").is_file()
 
 
-def test_open_page_recovers_after_power_cut(browser, tmp_path):
-    """After a power cut during a fit, the open page reports the lost fit and still shows earlier results."""
+def test_open_page_recovers_after_power_failure(browser, tmp_path):
+    """After a power failure during a fit, the page reports the lost fit and still shows earlier results."""
     root = tmp_path / "damper"
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))

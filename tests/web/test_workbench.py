@@ -1,4 +1,4 @@
-"""One damper from its files to its controller in a browser, and folders with many runs."""
+"""In a browser, files of one damper lead to its controller, and folders may hold many runs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def map_logger_channels(page: Page) -> None:
 def test_logger_file_becomes_verified_fmu(browser, tmp_path):
     """A raw file and the dimensions of the user's damper lead to a verified controller as an FMU.
 
-    The user writes no TOML file and uploads no downloaded file; a changed geometry is reported.
+    The user writes no TOML file and uploads no downloaded file. A changed geometry is reported.
     """
     folder = tmp_path / "damper"
     raw = a_logger_file(tmp_path / "Dämpfer_Prüfstand_20°C_1A.txt")
@@ -74,7 +74,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         actions.part = "model"
         press(page, "Model", "link")
         actions.part = ""
-        page.select_option("#fit-law", "bouc-wen")  # The default setting compares all laws and takes longer.
+        page.select_option("#fit-law", "bouc-wen")  # The default compares all laws and takes longer.
         actions.part = "model"
         press(page, "Identify")
         page.wait_for_selector("#fit-tiles", timeout=JOB_MAX_ms)
@@ -155,7 +155,7 @@ def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Return a client of a folder of 91 runs, seven of them copies."""
+    """Return a client of a folder with 91 runs, including seven copies."""
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
     for k in range(RUNS):
@@ -168,7 +168,7 @@ def many(tmp_path_factory):
 
 
 def test_pages_with_many_runs_stay_short(browser, many):
-    """With 91 runs, no page is longer than two screens, and on a phone the result begins near the top."""
+    """With 91 runs, no page is longer than two screens. On a phone, the result begins near the top."""
     with opened(browser, many[1].address) as page:
         desk = page.viewport_size
         assert desk is not None
@@ -218,7 +218,7 @@ def test_run_filters_exclude_copies(browser, many):
         assert all(int(name[3:6]) % 3 == 1 for name in options["files"])
 
 
-def test_shortcuts_open_help_and_pages(browser, many):
+def test_keyboard_shortcuts_open_help_and_pages(browser, many):
     with opened(browser, many[1].address) as page:
         page.goto("/")
         page.wait_for_selector("#drop")
@@ -234,7 +234,7 @@ def test_shortcuts_open_help_and_pages(browser, many):
 
 
 def test_address_restores_form_values(browser, site):
-    """The Back button and a different browser restore the entered values from the address."""
+    """The Back button and another browser restore the entered values from the address."""
     address = site[1].address
     with opened(browser, address) as page, opened(browser, address) as other:
         for place, field in FIELDS:

@@ -1,4 +1,4 @@
-"""Jobs of the server run in separate processes: Cancel, dead processes, restart of the server."""
+"""Jobs of the server run in separate processes, with Cancel, dead processes, and a restart of the server."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def idle(shared):
 
 
 def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
-    """Start a fit that takes minutes; wait for its start and return its id and process."""
+    """Start a fit that takes minutes, wait for its start, and return its ID and process."""
     job_id = client.job("fit", card=name, **LONG)
     pid = int(client.until(job_id, {"running"})["pid"])
     end = time.monotonic() + within_reach(30.0)
@@ -109,7 +109,7 @@ def test_dead_process_fails_its_job(idle):
 
 
 @pytest.mark.nightly
-def test_third_job_waits(folder):
+def test_third_job_waits_for_others(folder):
     with served(folder) as client:
         client.read_all()
         first, _ = a_long_fit(client, "first")
@@ -157,7 +157,7 @@ def test_only_ended_jobs_are_removed(idle):
     assert client.ask("GET", f"/api/jobs/{job_id}").status_code == 404
     assert not (folder / "results" / job_id).exists()
     after = client.job("check")
-    assert after.rpartition("-")[2] > job_id.rpartition("-")[2]  # The name in the trash stays reserved.
+    assert after.rpartition("-")[2] > job_id.rpartition("-")[2]  # The name of the removed job stays reserved.
     client.ended(after)
     (thrown,) = client.get("/api/trash")["trash"]
     assert thrown["names"][-1] == f"results/{job_id}"

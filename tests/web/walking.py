@@ -1,4 +1,4 @@
-"""Frequent actions and checks on a page."""
+"""Actions of users on a page and checks of their results, for several test modules."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ ACTIONS = {"click", "fill", "type", "press", "select_option", "check", "uncheck"
 
 
 class Actions(Counter[str]):
-    """Counts clicks, choices, entries and key presses of a user for each named part of a test.
+    """Count clicks, choices, entries and key presses of a user for each named part of a test.
 
     Actions outside of a named part only make the test faster and are not counted.
     """
@@ -144,14 +144,14 @@ def download(page: Page, press: Callable[[], object]) -> bytes:
 
 
 def saved_table(page: Page, figure: Locator) -> tuple[list[str], list[list[str]]]:
-    """Download the CSV of a plot; return its header and rows."""
+    """Download the CSV file of a plot, and return its header and rows."""
     text = download(page, figure.get_by_role("button", name="CSV").click).decode()
     header, *rows = csv.reader(io.StringIO(text))
     return header, rows
 
 
 def plot(page: Page, title: str) -> Locator:
-    """Return the plot with a title."""
+    """Return the plot with this title."""
     return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
 
 
@@ -173,7 +173,7 @@ def drop_files(page: Page, where: str, files: list[Path]) -> None:
 
 
 def a_sine_run(path: Path, force_N: float, *, mm: float = 4.0, current_A: float = 1.0) -> None:
-    """Write two seconds of a sine whose hysteretic force is a tanh of velocity."""
+    """Write two seconds of a sinusoidal run whose hysteretic force is a tanh of velocity."""
     second = np.arange(400) / 200.0
     travel = mm * np.sin(2.0 * np.pi * second)
     force = force_N * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel

@@ -1,4 +1,4 @@
-/* Functions of the machine for the replay. */
+/* Functions that the replay requires of a machine. */
 #include <stdint.h>
 
 int replay(void);

@@ -1,4 +1,4 @@
-/* The replay on the machine that builds it: no timer, no stack figure. */
+/* The replay on the machine that compiles it, without timer and stack size. */
 #include <stdio.h>
 
 #include "board.h"

@@ -1,4 +1,4 @@
-/* A controller with its tables in one file, so that the compiler can use its values. */
+/* A controller and its tables in one file, so that the compiler can use their values as constants. */
 #define MRD_TRACK_API static inline
 #include "tables.c"
 

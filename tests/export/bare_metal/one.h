@@ -1,4 +1,4 @@
-/* A controller with its tables. */
+/* Interface of a controller that is compiled with its tables. */
 #include "controller.h"
 
 mrd_real one_largest(void);

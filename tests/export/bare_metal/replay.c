@@ -1,8 +1,8 @@
-/* Steps a controller through given readings; says how long the steps took and what came out, as a hash of bits.
+/* Step a controller through given readings, and print the duration of the steps and a hash of the outputs.
  *
- * STEPS is how many; MRD_SINGLE as in the kernel. One line: shortest, total and longest step and which that was
- * [ticks of the timer, less what reading it takes], stack [bytes], hash, steps whose command is no number within
- * 0 and the largest.
+ * STEPS is the number of steps; MRD_SINGLE has the same meaning as in the kernel. The program prints one line: shortest
+ * step, all steps, longest step [timer ticks without reading the timer], index of the longest step, stack [bytes],
+ * hash, and number of steps whose command is NaN or not between 0 and the largest command.
  */
 #include "board.h"
 #include "one.h"
@@ -24,7 +24,7 @@ static void put_number(uint64_t value, const char *after)
     board_put(after);
 }
 
-/* Fowler, Noll & Vo's hash, 64 bits. */
+/* Continue the 64-bit hash of Fowler, Noll and Vo (FNV-1a) with these bytes. */
 static uint64_t hashed(uint64_t hash, const void *bytes, size_t count)
 {
     const unsigned char *byte = bytes;

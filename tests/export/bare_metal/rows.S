@@ -1,4 +1,4 @@
-/* The readings of the replay, five numbers to a step. */
+/* The readings of the replay, with five numbers per step. */
     .section .rodata
     .balign 8
     .global rows

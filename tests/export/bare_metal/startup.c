@@ -1,4 +1,4 @@
-/* Start-up of a Cortex-M4F or M7 without a board: vectors, memory, floating-point unit, the semihosting calls. */
+/* Start-up code of a Cortex-M4F or M7 in QEMU: vectors, memory, floating-point unit, semihosting calls. */
 #include <stdint.h>
 
 #include "board.h"
@@ -21,10 +21,10 @@ static int32_t call_host(int32_t operation, const void *argument)
 
 void board_put(const char *text) { (void)call_host(0x04, text); }
 
-/* Ticks of the system timer, which counts down in 24 bits. */
+/* Return the ticks of the system timer, which counts down in 24 bits. */
 uint32_t board_ticks(void) { return 0xFFFFFFu - TICK_NOW; }
 
-/* Bytes of the stack that have been written so far. */
+/* Return the number of stack bytes that have been written so far. */
 uint32_t board_stack(void)
 {
     const uint32_t *p = stack_end;
@@ -38,7 +38,7 @@ static void leave(uint32_t reason)
     for (;;) {}
 }
 
-static void fault(void) { leave(0x20023u); } /* a run-time error */
+static void fault(void) { leave(0x20023u); } /* QEMU ends with a run-time error. */
 
 void reset(void);
 
@@ -50,7 +50,7 @@ void reset(void)
     for (uint32_t *from = data_from, *to = data_begin; to < data_end;) *to++ = *from++;
     for (uint32_t *to = zero_begin; to < zero_end;) *to++ = 0u;
     TICK_RELOAD = 0xFFFFFFu;
-    TICK_CONTROL = 5u; /* the processor's clock, no interrupt */
+    TICK_CONTROL = 5u; /* processor clock, no interrupt */
     leave(replay() == 0 ? 0x20026u : 0x20023u);
 }
 
