@@ -197,8 +197,10 @@ def _target(found: DemoResult) -> Json:
 
 
 def _show(found: DemoResult, console: Console) -> None:
-    """Print the errors of both laws, then the claims of the paper with their verdicts."""
+    """Print the counts of verdicts, the errors of both laws, and the values that disagree with the paper."""
     console.print(escape(f"The runs are {LABEL}."))
+    for line in _claims_in_words(found):
+        console.print(escape(line))
     laws = []
     for each in (found.fitted, found.paper_law):
         summary = summaries(each.assessment.runs)
@@ -208,14 +210,12 @@ def _show(found: DemoResult, console: Console) -> None:
     console.print(terminal_table(title, ("law", "training", "held out"), laws, left=("law",)))
     claims = []
     for claim in found.claims:
-        cells = [_figure(value) for value in (claim.paper, claim.ours)]
-        claims.append((str(claim.row), claim.statement, *cells, claim.unit, claim.origin, claim.outcome))
-    title = "Values in the paper and in this simulation. The report gives the reasons."
-    words = ("claim", "unit", "origin", "verdict")
-    names = ("#", words[0], "paper", "simulation", *words[1:])
-    console.print(terminal_table(title, names, claims, left=words))
-    for line in _claims_in_words(found):
-        console.print(escape(line))
+        if claim.verdict in ("worse", "contradicts"):
+            cells = [_figure(value) for value in (claim.compared_with, claim.ours)]
+            claims.append((claim.statement, *cells, claim.unit, claim.outcome))
+    title = "Simulated values that disagree with the paper. The report has all values, and the reasons."
+    names = ("claim", "compared with", "simulation", "unit", "verdict")
+    console.print(terminal_table(title, names, claims, left=("claim", "unit", "verdict")))
 
 
 def _median_worst(values: Json | None) -> str:
