@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Method = Literal["varpro", "genetic"]
-"""Search method: variable projection (``varpro``), or the genetic algorithm of the paper."""
+"""Search method: variable projection (``varpro``), or the genetic algorithm of the reference paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,8 @@ class NumericalSettings:
     steps_per_sample: int = 4  # A sample with more integration steps counts as several samples of work.
     parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5
-    # Runs have the same motion if their standard deviations have a smaller ratio. A fold holds out a motion.
+    # Runs have the same motion if the ratio of their standard deviations (displacement and velocity) is
+    # smaller.
     fold_motion_ratio: float = 1.3
     # Limits in the fit of the actuation. Long runs are resampled, but not below 200 Hz, which is necessary to
     # resolve time constants of 5 ms.
@@ -114,8 +115,8 @@ class NumericalSettings:
     # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal
     multiplier_regularisation: float = 1e-10
     resolved_cost_ratio: float = 1e-9  # If cost / cost of the guess is smaller, rounding errors dominate.
-    active_stiffness: float = 1e8  # relative stiffness of an active condition
-    sum_count_max: int = 1 << 21  # max number of sums of single runs in memory
+    active_stiffness: float = 1e8  # relative penalty that keeps an active condition active
+    sum_count_max: int = 1 << 21  # max number of Gram matrix elements of single runs in memory
     # OpenBLAS uses one thread up to this product size. Several threads would waste time in busy waiting.
     one_thread_size_max: int = 1 << 17
     invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]

@@ -119,7 +119,8 @@ class Archetype:
 
 _Free = FreeCoefficient
 
-# The factors c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 depend on the current (see the paper).
+# The factors c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 depend on the current (see the reference
+# paper).
 _PARALLEL = (
     _Free("viscosity", "polynomial", 0.0, 2.0),
     _Free("stiffness", "polynomial", 0.0, 1.0),

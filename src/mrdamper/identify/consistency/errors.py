@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Statistics of ``nrmse_percent``, e.g. of all held-out runs (``kind``) with constant ``current``."""
+    """Statistics of ``nrmse_percent`` over runs, for one kind of error and one kind of current."""
 
     kind: ErrorKind
     current: CurrentKind
@@ -36,8 +36,8 @@ def summarize_errors(
     """Return the error statistics of held-out runs, training runs and cross-validation.
 
     Combinations of error kind and current kind without any run are omitted. ``chosen`` is the score of the
-    selected candidate, which contains the cross-validation errors. If the user specified the
-    model, there is no selection and ``chosen`` is not given.
+    selected candidate, which contains the cross-validation errors. If the user specified the model,
+    ``chosen`` is missing because there was no selection.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)

@@ -42,8 +42,8 @@ class SelectionSettings:
     training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates of a law: a candidate is better if its cross-validation gain and the
-    # Student's t of this gain over the folds exceed the first two values. Alternatively, both exceed the last
-    # two values. A law replaces another law if its gain exceeds the third value.
+    # Student's t of this gain over the folds exceed the first two values. It is also better if gain and t
+    # exceed the last two values. A law replaces another law if its gain exceeds the third value.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
