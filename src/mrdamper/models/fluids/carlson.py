@@ -8,9 +8,9 @@ water. The module ``temperature`` describes how the yield stress changes with te
 curve is assumed to be the same at every temperature. The stress does not depend on the sign of the field,
 and B is odd in H.
 
-Source: Carlson's empirical formulas, from a public source file; the values of C are this project's
-assumptions. Against the manufacturer's points for MRF-132DG (second hand: 4.64, 13.77 and 23.47 kPa at 18, 46
-and 80 kA/m) the formula with phi = 0.32, C = 1 gives +17, -2 and -5 %.
+Source: Carlson's empirical formulas, from a public source file. The values of C are assumptions of this
+project. The manufacturer's points for MRF-132DG (from a secondary source) are 4.64, 13.77 and 23.47 kPa at
+18, 46 and 80 kA/m. With phi = 0.32 and C = 1, the formula deviates from these points by +17, -2 and -5 %.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _iron(particle_fraction: float) -> float:
 
 
 def checked_fraction(particle_fraction: float) -> float:
-    """Return the volume fraction of iron after a check (random packing of spheres reaches about 0.64)."""
+    """Return the volume fraction of iron; raise InputError outside (0, 0.6] (packed spheres reach 0.64)."""
     if not 0.0 < particle_fraction <= 0.6:
         raise InputError(
             found=f"particle fraction is {particle_fraction:g}",
