@@ -34,7 +34,7 @@ AIR_MAX_M_S = 50.0
 """Maximum air speed across the axis [m/s]."""
 
 DISC_GAP = 0.010
-"""Minimum gap between the fins of a vertical damper [m]. The correlation for single discs requires it."""
+"""Minimum gap between the fins of a vertical damper [m]. At smaller gaps, fins are not like single discs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """Geometry of a damper for heating. The constructor raises InputError for parts that do not fit."""
+    """Geometry of a damper for heating. The constructor raises InputError if the parts do not fit."""
 
     name: str = "drawing"
     body: Body
@@ -201,7 +201,7 @@ class DamperDrawing:
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
     stroke: Stroke = PAPER_STROKE  # mean stroke of the piston, which stirs the fluid
-    heat_capacity: PolynomialHeatCapacity | None = None  # polynomials; None: constant heat capacities
+    heat_capacity: PolynomialHeatCapacity | None = None  # None: heat capacities do not depend on temperature
     text: str = field(default="", repr=False, compare=False)  # text of the geometry file
 
     def __post_init__(self) -> None:
@@ -215,9 +215,10 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Return the factor on the geometric heat capacity without fins [-].
+        """Return the factor on the heat capacity without fins that follows from the geometry [-].
 
-        The factor includes the calibration and, if it is stated, the heat capacity of the whole damper.
+        The factor includes the calibration. If the geometry file states the heat capacity of the whole
+        damper, the factor also converts to this value.
         """
         measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
         share = 1.0 if measured is None else measured.mean / self._geometric_capacity
@@ -242,7 +243,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return the heat capacity of a part versus temperature, divided by its mean; None: constant."""
+        """Return the heat capacity of a part versus temperature / its mean; None if it is constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -270,7 +271,7 @@ class DamperDrawing:
 
     @property
     def fluid_heat(self) -> FluidHeat:
-        """Return the effective conductivities of the moving fluid, and the conductance gap to chamber.
+        """Return the effective conductivities of the moving fluid, and the conductance from gap to chamber.
 
         Values that the geometry file does not state are computed from the stroke.
         """
@@ -295,8 +296,8 @@ class DamperDrawing:
     def exchange_conductivity(self) -> float:
         """Return the axial conductivity times area [W m/K] that has the same effect as the pumped fluid.
 
-        The length of this conductor is the distance between the middles of gap and chamber. Dividing the
-        result by the area of an annulus gives an effective axial conductivity.
+        A conductor with this value would extend from the middle of the gap to the middle of a chamber. The
+        result divided by the area of an annulus is the effective axial conductivity of this annulus.
         """
         return 0.5 * self.fluid_heat.exchange * (self.piston.length + self.chamber_length)
 
@@ -304,8 +305,8 @@ class DamperDrawing:
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
     """Return the thermal properties of a fluid of ``models.fluid``; ``given`` overrides its properties.
 
-    If the fluid states no conductivity, it is computed by the formula of Maxwell for well-conducting spheres
-    in an oil with 0.14 W/(m K).
+    A missing conductivity is computed by the formula of Maxwell for well-conducting spheres in an oil with
+    0.14 W/(m K).
     """
     share = fluid.particle_fraction
     stated: dict[str, float | None] = {

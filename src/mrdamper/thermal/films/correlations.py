@@ -1,8 +1,8 @@
 """Heat-transfer correlations: Nusselt numbers, radiation and fin efficiency, each with its range and source.
 
-Every function is an equation on arrays of any shape. If the library ``ht`` has the same correlation for
-scalars, a test compares both to 1e-12. The tables of the zone network need some hundred points per surface,
-for which scalar calls are too slow. ``surfaces`` selects the correlation for a surface.
+Every function is an equation on arrays of any shape. If the library ``ht`` has the same correlation, a test
+compares both to 1e-12. ``ht`` itself accepts only scalars and is too slow here, because the tables of the
+zone network need some hundred points per surface. ``surfaces`` selects the correlation for a surface.
 
 An argument outside the stated range raises ``EnvelopeError``. Vanishing temperature differences are an
 exception: natural convection then has a limit, and its heat flow vanishes.
@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError, InputError
 
 STEFAN_BOLTZMANN = 5.670374419e-8
-"""[W/(m^2 K^4)]"""
+"""Stefan-Boltzmann constant [W/(m^2 K^4)]."""
 
 
 # ------------------------------------------------------------------------------------- natural convection
