@@ -64,7 +64,7 @@ class FitSettings:
     start_count: int = 4  # number of descents, which start at the parameter sets with the smallest costs
     start_iterations_max: int = 12  # limit of each descent; the best descent continues until it converges
     iterations_max: int = 400  # A fit with more iterations has not converged.
-    same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative difference of costs are equal.
+    same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative cost difference count as equal.
 
 
 DEFAULT_SETTINGS = FitSettings()
@@ -126,7 +126,7 @@ class NumericalSettings:
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
     perturbation_range_ratio: float = 0.1  # change on a linear scale for 1 e-fold / range of the bounds
-    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # coefficients taken from a second minimum
+    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # part of coefficients from a second minimum
     python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
 
     # Conditions and limits of coefficients

@@ -89,7 +89,7 @@ def fit_actuation(
 ) -> tuple[Damper, ActuationFit]:
     """Fit an actuation to runs with a changing command; return the damper with the actuation, and the fit.
 
-    If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force, and the
+    If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force. The
     lags are fitted for each trial value of the fraction.
 
     Parameters

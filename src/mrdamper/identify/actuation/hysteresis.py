@@ -64,9 +64,9 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
 
     The regression models the force error for each held command and direction of motion. The model is an
     offset. If the command was reached from above, the half width times the *effect* is added. The effect is
-    the derivative of the force with respect to the half width. The four sums are the squared effects, the
-    products of effect and force error, the squared force errors, and the number of samples minus the number
-    of offsets.
+    the derivative of the force with respect to the half width. Three of the sums contain squared effects,
+    products of effect and force error, and squared force errors. The fourth is the number of samples minus
+    the number of offsets.
     """
     path = run.trajectory
     span = float(np.ptp(path.command))

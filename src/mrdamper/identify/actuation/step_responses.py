@@ -56,8 +56,8 @@ class SteppedRun:
 def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
     """Return a run with the responses to its command steps; None if the run has no usable step.
 
-    A step is usable if both levels have enough settled samples in the direction of motion at the step, the
-    motion continues in this direction after the step, and the step changes the force.
+    A step is usable if it satisfies three conditions. Both levels have enough settled samples in the
+    direction of motion at the step. The motion continues in this direction. The step changes the force.
     """
     path, step_s = run.trajectory, run.trajectory.step
     span = float(np.ptp(path.command))

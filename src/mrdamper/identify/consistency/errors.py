@@ -60,9 +60,9 @@ def find_contradictions(
 ) -> tuple[Finding, ...]:
     """Return a finding if the training error is much larger than the cross-validation error.
 
-    A model has a larger error on runs that are held out from the fit than on the fitted runs. If the opposite
-    is true, the selection and the final fit did not use the same data, or the final fit is not at the
-    minimum. Only runs with constant current are compared because the fit uses these runs.
+    A model has a larger error on runs that are held out from the fit than on the fitted runs. There are two
+    possible causes if the opposite is true: model selection and final fit used different data, or the final
+    fit is not at the minimum. Only runs with constant current are compared because the fit uses these runs.
     """
     constant = {error.kind: error.rms_percent for error in errors if error.current == "constant"}
     training_percent, cv_percent = constant.get("training"), constant.get("cross_validation")

@@ -2,8 +2,8 @@
 
 If a run has a wrong gain, delay, command or offset, its residual has a characteristic shape (``effects``).
 The model itself also has errors, which depend on command and motion. Therefore the size of a cause in one run
-is compared with its size in runs with the same command and motion, and with the scatter of all runs. The
-simplest sufficient cause is reported.
+is compared with its size in runs with the same command and motion. The difference is compared with the
+scatter of all runs. The simplest sufficient cause is reported.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ def find_suspects(
     """Return the names of at most two suspect runs. The caller repeats the fit without each of them.
 
     The suspects are the run with the largest deviation and the run with the largest residual. These can be
-    two different runs if the wrong run has the slowest or the fastest motion, because the fit then follows
-    the wrong run and deviates from correct runs.
+    two different runs if the wrong run has the slowest or the fastest motion. The fit then follows the wrong
+    run and deviates from correct runs.
     """
     steady = _steady_runs(runs)
     if len(steady) < settings.run_count_min:

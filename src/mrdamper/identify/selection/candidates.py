@@ -111,7 +111,7 @@ class ValidatedCandidate:
         """Mean error [%] of held-out runs. The forward selection compares terms by this error.
 
         The root mean square is not used because a few runs with large errors for all candidates would
-        dominate it, such as runs at zero current in which only friction acts.
+        dominate it. Examples are runs at zero current, in which only friction acts.
         """
         weights, errors_percent, _ = self._run_errors()
         means = [float(weights @ errors_percent)]

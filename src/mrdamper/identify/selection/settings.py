@@ -24,8 +24,8 @@ class SelectionSettings:
     subset_growth: float = 3.0  # factor on samples_max in each repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 1.5  # error of a law's best start / smallest such error of all laws
-    training_error_ratio_max: float = 1.5  # training error of a law / smallest training error of all laws
+    start_error_ratio_max: float = 1.5  # max error of a law's best start / smallest such error of all laws
+    training_error_ratio_max: float = 1.5  # max training error of a law / smallest training error of all laws
     finalist_count_max: int = 3  # max number of laws that are cross-validated, in addition to modular laws
 
     # Forward selection
