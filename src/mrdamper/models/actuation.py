@@ -34,8 +34,8 @@ class Actuation:
 
     The first lag has the time constant ``rise_s`` while its input exceeds its output, otherwise ``fall_s``.
     ``hysteresis_width_A`` is the half width [A or V] of the dead band behind the lags. A command that rises
-    from zero is unchanged. A falling command acts like a command that is larger by up to the half width,
-    because the dead band is two half widths wide and acts on half of the field. A driver with one quadrant
+    from zero is unchanged. A falling command acts like a command that is larger by up to the half width. The
+    dead band is two half widths wide but acts only on half of the field. A driver with one quadrant
     cannot force the current down: the output of the first lag then falls no faster than with the time
     constant ``freewheel_time_s``. With ``saturation`` the dead band has a constant width in flux, and a large
     free-wheeling current falls faster.

@@ -1,8 +1,8 @@
 """The model card: the result of an identification as one JSON file without code.
 
-A card holds the damper (law, dependence of each coefficient, parameters with units and standard errors), its
-operating envelope, the preparation of its data, and the evidence (errors of each run). docs/card.md describes
-the file key by key. ``card_schema`` reads, checks and writes it.
+A card contains the damper: law, dependence of each coefficient, parameters with units and standard errors. It
+also contains the operating envelope, the preparation of the data, and the errors of each run. docs/card.md
+describes the file key by key. ``card_schema`` reads, checks and writes it.
 """
 
 from __future__ import annotations

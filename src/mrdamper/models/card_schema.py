@@ -253,7 +253,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     Raises
     ------
     InputError
-        The message lists all problems of the file and their locations.
+        If the file is not a valid card. The message lists all problems and their locations.
     """
     card_size_max_bytes = 1 << 26  # A card has about 10 kB. A larger file is not a card.
     text = read_text(path, "card", card_size_max_bytes)

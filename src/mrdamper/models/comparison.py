@@ -111,7 +111,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
     Raises
     ------
     InputError
-        Commands in different units, or no common envelope.
+        If the commands have different units, or the envelopes have no common part.
     """
     cards = (first, second)
     names = names or _names(first.file, second.file)

@@ -51,8 +51,8 @@ class ForceBand:
 
     .. math:: h = factor\, c \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share\, rms F)^2 + base^2}
 
-    d is the distance of the motion of the run to the nearest of ``motions``, and ``usual_distance`` is the
-    mean distance of the held-out motions to the fitted motions. Without ``motions``, d has no influence. c is
+    d is the distance of the motion of the run to the nearest of ``motions``. ``usual_distance`` is the mean
+    distance of the held-out motions to the fitted motions. Without ``motions``, d has no influence. c is
     ``changing_current_ratio`` for a run with changing current, otherwise 1.
 
     ``expected_nrmse_percent`` is the expected median error of new runs inside the envelope, and

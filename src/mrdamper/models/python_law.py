@@ -175,7 +175,7 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
     last = path.count - 1
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in turns_of(cubic)]
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
-    local = tolerance / 30  # The errors of many steps accumulate.
+    local = tolerance / 30  # The tolerance of a step is smaller because the errors of many steps accumulate.
     samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
     z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):

@@ -85,7 +85,7 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
     Raises
     ------
     InputError
-        For the same reasons as ``simulate``.
+        If ``simulate`` raises this error for one of the trajectories.
     """
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]

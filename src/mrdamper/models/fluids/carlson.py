@@ -77,9 +77,9 @@ def flux_density(field_A_m: ArrayLike, particle_fraction: float) -> FloatArray:
 def field_strength(flux_density_T: ArrayLike, particle_fraction: float) -> FloatArray:
     """Return the field strength H [A/m] for flux densities B [T] in the fluid (inverse of B(H)).
 
-    With b = mu0 H, a = 1.91 phi^1.133 and k = 10.97/T the curve is b + a (1 - exp(-k b)) = B, whose solution
-    is b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One subsequent Newton step removes the
-    remaining cancellation error at small B.
+    With b = mu0 H, a = 1.91 phi^1.133 and k = 10.97/T the curve is b + a (1 - exp(-k b)) = B. The solution is
+    b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One subsequent Newton step removes the remaining
+    cancellation error at small B.
     """
     from scipy.special import lambertw
 

@@ -90,7 +90,7 @@ def fit_viscosity(
     Raises
     ------
     InputError
-        A value is not positive, or there are too few temperatures.
+        If a value is not positive, or there are too few temperatures.
     """
     order = np.argsort(temperature_K, kind="stable")
     kelvin, viscosity = temperature_K[order], viscosity_Pa_s[order]
@@ -161,7 +161,7 @@ def fit_yield_stress(
     Raises
     ------
     InputError
-        A stress in a field is not positive, or there are too few points or temperatures.
+        If a stress in a field is not positive, or there are too few points or temperatures.
     """
     order = np.lexsort((np.abs(field_A_m), temperature_K))
     field, kelvin, stress = np.abs(field_A_m)[order], temperature_K[order], stress_Pa[order]
