@@ -10,8 +10,8 @@ Controllers made from cards run on virtual dampers in C (``core/binding/closed_l
 several loops in parallel. All other controllers and plants run in Python, sample by sample. A loop has
 bit-identical results in C and in Python.
 
-Arrays at the time steps of the plant, shape (n,), contain the value at the end of each step h, at the times
-h, 2 h, ..., n h.
+Arrays at the time steps of the plant have the shape (n,). They contain the values at the ends of the steps,
+which are the times h, 2 h, ..., n h for the step h.
 """
 
 from __future__ import annotations

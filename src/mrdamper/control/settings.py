@@ -28,7 +28,7 @@ class ControlSettings:
     # Prediction horizon
     horizon_steps: int = 6
     horizon_ratio: float = 0.8  # completed fraction of the response at the end of the horizon
-    freewheel_ratio: float = 0.95  # the same fraction for a current that can only free-wheel down
+    freewheel_ratio: float = 0.95  # like horizon_ratio, for a current that can only free-wheel down
     freewheel_stretch: int = 3  # length of a late time step / length of an early one, for such a current
     step_ratio_min: float = 0.25  # min time step of the horizon / time constant of the motion filter
     late_ratio_max: float = 0.5  # max time added by rounding up the dead time / time step

@@ -1,8 +1,8 @@
 """Targets for a damper of any size, as fractions of the damper's force at the largest current and 20 degC.
 
 The three targets of the virtual rig suit a damper of 1.7 kN and 12 mm. For another damper, the amplitude of
-each target is the same fraction of the damper's force. The amplitude of the motion fits its stroke and speed,
-and the offset of the target is the gas force at the temperature of the test.
+each target is the same fraction of the damper's force. The amplitude of the motion fits its stroke and speed.
+The offset of the target is the gas force at the temperature of the test.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ noise of 0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 *Prediction horizon.* The motion is assumed to be harmonic, so the jerk density of the filter is multiplied by
 ``harmonic_jerk_ratio``. The horizon begins at the end of the dead time and has ``horizon_steps`` time steps.
 It ends when the lags have completed ``horizon_ratio`` of their response to a sudden change of the command. No
-time step is shorter than ``step_ratio_min`` of the time constant of the motion filter. If the driver is
-one-quadrant (the current can only free-wheel down), the horizon lasts at least for ``freewheel_ratio`` of the
-fall from the largest command to zero. The time steps from the fourth on are then ``freewheel_stretch`` times
-as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more than
-``late_ratio_max`` of a time step.
+time step is shorter than ``step_ratio_min`` of the time constant of the motion filter. The current of a
+one-quadrant driver can only free-wheel down. In this case, the horizon lasts at least for ``freewheel_ratio``
+of the fall from the largest command to zero. The time steps from the fourth on are then ``freewheel_stretch``
+times as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more
+than ``late_ratio_max`` of a time step.
 
 *Prediction cost.* The force error of a time step has ``horizon_fade`` of the weight of the previous time
 step. A change of the command (*move*) costs ``move_cost_ratio`` of the force change that it causes. It also
@@ -22,8 +22,8 @@ swing between its limits. The cost is at most ``move_cost_ratio_max`` of the for
 ``implicit_move_cost_ratio_max`` for a law with an implicit step. After a reversal, ``recommended`` assumes
 that ``settled_ratio`` of the remaining build-up of the hysteresis is complete. ``predictive`` uses the
 hysteresis of the card unchanged. For a law with an implicit step, the computation is spread over at most
-``spread_sample_count_max`` periods, and the time steps during the dead time are ``dead_time_stride`` times as
-long as the time steps of the horizon.
+``spread_sample_count_max`` periods. The time steps during the dead time are then ``dead_time_stride`` times
+as long as the time steps of the horizon.
 
 *Feedback.* Proportional and integral gain follow from Skogestad's (SIMC) rule. The first lag of the actuation
 is the time constant of the process. The dead time, the second lag and the sampling period together are the

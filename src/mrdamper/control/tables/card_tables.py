@@ -260,10 +260,10 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 def _scales(rows: FloatArray) -> FloatArray:
     """Return the scale of each row. Tolerances are relative to these scales.
 
-    The scale of a force is the largest yield force, or the force at a low speed if this is larger, because a
-    passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke and an
-    acceleration that few dampers exceed. The scale of a viscosity or of an inverse yield displacement is the
-    maximum of the row.
+    The scale of a force is the largest yield force, or the force at a low speed if this is larger. The reason
+    is that a passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke
+    and an acceleration that few dampers exceed. The scale of a viscosity or of an inverse yield displacement
+    is the maximum of the row.
     """
     own = np.abs(rows).max(axis=(1, 2))
     passive = own[0] + own[3] * SETTINGS.low_speed_m_s + own[4] + own[5]

@@ -1,8 +1,8 @@
 """Binned lookup tables: the universal curve of the hysteresis, and the functions of speed.
 
 A table is piecewise cubic. The cell width doubles with every octave of the argument because the functions
-bend most strongly near zero. Each table has the smallest number of cells for which the error at all test
-points is at most ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
+bend most strongly near zero. Each table has as few cells as its error limit permits. The limit applies to all
+test points and is ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
 ``track_tables.h`` reads the tables.
 """
 
@@ -67,8 +67,8 @@ def tabulate_lookup(
 ) -> LookupTable:
     """Return the table of a function from 0 to ``end`` by piecewise cubic Hermite interpolation.
 
-    Below ``fine``, all cells have the same width. If ``rising`` is True, the slope at the ends of each cell
-    is limited to three times the secant slope, which keeps the table monotone (Fritsch & Carlson).
+    Below ``fine``, all cells have the same width. If ``rising`` is True, the table is kept monotone (Fritsch
+    & Carlson): the slope at the ends of each cell is limited to three times the secant slope.
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
