@@ -1,8 +1,9 @@
 """Geometry of a damper for heating: lengths, materials, fluid, coil, mounting, surroundings.
 
 Users write the geometry as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are
-in metres and kelvin. The damper is axisymmetric: a tube with a flat cap at each end, a piston in the middle
-of the bore with a coil in its outer surface, a rod, and annular fins around the middle of the body.
+in metres and kelvin. The damper is axisymmetric. It consists of a tube with a flat cap at each end, a piston
+in the middle of the bore, and a rod. The piston has a coil in its outer surface. Annular fins can surround
+the middle of the body.
 ``network`` and ``finite_element`` compute the heat flow. ``surfaces`` computes the heat-transfer
 coefficients.
 """
@@ -89,7 +90,7 @@ class Rod:
     """The rod leaves the body at both ends."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
     mount: Annotated[float, Option(key="mount_W_K", unit="W/K", least=0.0)] = 0.0
-    """Conductance from each outer end of the rod to its mounting at ambient temperature."""
+    """Conductance from each outer end of the rod to its mounting, which has ambient temperature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +167,7 @@ class Surroundings:
     emissivity: Annotated[float, Option(least=0.0, most=1.0)] = 0.3
     """Emissivity of the bare body."""
     mount: Annotated[float, Option(key="mount_W_K", unit="W/K", least=0.0)] = 0.0
-    """Conductance of both ends to the mountings at ambient temperature."""
+    """Conductance of both ends of the body to the mountings, which have ambient temperature."""
     altitude: Annotated[float, Option(key="altitude_m", unit="m", least=-500.0, most=9000.0)] = 0.0
     """Altitude above sea level, which determines the density of air."""
 

@@ -86,12 +86,12 @@ class ThermalSettings:
 
     # Interval of a predicted heating curve
     interval_deviations: float = 1.645  # half width of a normal 90 % interval / standard deviation
-    stop_excess_K: float = 50.0  # A simulation stops this far above all limits and temperatures of the curve.
+    stop_excess_K: float = 50.0  # A simulation stops this far above the limits and above the predicted curve.
     run_margin_K: float = 20.0  # A simulation stops this far below the end of the loss tables.
     misfit_ratio: float = 0.004  # standard deviation of the error of a calibrated network / temperature rise
 
     # Design of fins
-    sink_step_max_s: float = 120.0  # The error is 10 mK after half an hour, equal for all heat sinks.
+    sink_step_max_s: float = 120.0  # max time step; its error is 10 mK after half an hour for all heat sinks
     sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # tried width / largest width
     fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # tried thickness / smallest thickness
     sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # tried pitch / largest pitch

@@ -1,8 +1,8 @@
 r"""Heat transfer by the moving fluid: effective conductivities in gap and chambers, and transport by pumping.
 
-The three equations use the amplitude A and the frequency f of the stroke, the piston area A_p (without the
-rod), the gap width g and the gap area A_g, the lengths L_p of the piston and L_c of a chamber, and the
-conductivity k and the volumetric heat capacity rho c of the fluid.
+The stroke has the amplitude A and the frequency f. The piston has the area A_p (without the rod) and the
+length L_p. The gap has the width g and the area A_g, and a chamber has the length L_c. The fluid has the
+conductivity k and the volumetric heat capacity rho c.
 
 .. math::
     k_g / k &= Nu / 12, \quad Nu = 7.55 + \frac{0.024 x^{-1.14}}{1 + 0.0358 Pr^{0.17} x^{-0.64}},

@@ -7,8 +7,8 @@ card determines the power. If the power is wrong, the two factors have the same 
 simulated temperatures are still correct.
 
 The zone network is fitted because its simulation takes only milliseconds. To calibrate a different thermal
-model, the temperature difference between this model and the network is subtracted from the measured curve,
-and the fit is repeated.
+model, the temperature difference between this model and the network is subtracted from the measured curve.
+Then the fit is repeated.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Convection of annular fins on a horizontal tube: heat-transfer coefficients of sides, floor and rim.
 
 The *floor* is the tube between the fins, and the *rim* is the outer edge of a fin. In still air, the
-coefficients follow from the correlation of Tsubouchi and Masuda for the mean of fin sides and tube, with a
-correction because the tube blocks the air in narrow gaps. With air across the axis, the coefficients follow
+coefficients follow from the correlation of Tsubouchi and Masuda for the mean of fin sides and tube. It is
+corrected because the tube blocks the air in narrow gaps. With air across the axis, the coefficients follow
 from a developing flow between two discs that is driven by the wind pressure. docs/thermal.md describes the
 validation. ``side_uncertainty`` and ``RIM_UNCERTAINTY`` are the errors. All functions accept arrays of any
 shape and do not depend on geometry files.

@@ -2,11 +2,11 @@
 
     M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
 
-M is the mass matrix (heat capacities), K the conduction matrix, P the mechanical power with the load vector
-p, and W the coil heat at 20 degC with the load vector c. E is the increase of the coil heat with the local
-temperature, because the coil resistance increases. B interpolates θ at the surface points, which have the
-areas a and the heat fluxes q. The matrices are sparse for the finite elements, and small and dense for the
-reduced model. Both models use the same time integration (``stepping``). If the heat capacity of a part
+M is the mass matrix (heat capacities), and K the conduction matrix. P is the mechanical power with the load
+vector p. W is the coil heat at 20 degC with the load vector c. E is the increase of the coil heat with the
+local temperature, because the coil resistance increases. B interpolates θ at the surface points, which have
+the areas a and the heat fluxes q. The matrices are sparse for the finite elements, and small and dense for
+the reduced model. Both models use the same time integration (``stepping``). If the heat capacity of a part
 depends on its mean temperature, M changes with time. The Jacobian is exact except for this dependence. The
 dependence of P on the mean fluid temperature would make the matrix dense. Therefore it is included by the
 Sherman-Morrison formula.

@@ -44,8 +44,8 @@ class NodeFactors:
     """Factors on conductances that adapt the network with few nodes to the finite-element model.
 
     The factors were fitted to 16 random dampers (even seeds of ``tests/thermal/bodies``). They are needed
-    because the network does not resolve the fluid temperature near the walls, and the constriction of the
-    heat flow at the root of a fin.
+    because the network does not resolve two effects: the fluid temperature near the walls, and the
+    constriction of the heat flow at the root of a fin.
     """
 
     fluid_wall: float = 2.22
@@ -337,8 +337,8 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
 def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
     """Return the conductance between the body and the node of one fin [W/K], including the contact.
 
-    The node has the mean temperature of the fin. With the coefficient h, the area A and the efficiency eta,
-    the conductance h A eta / (1 - eta) gives the steady heat flow of the exact solution. The conductance is
+    The node has the mean temperature of the fin. The conductance h A eta / (1 - eta) gives the steady heat
+    flow of the exact solution (heat-transfer coefficient h, area A, efficiency eta). The conductance is
     computed at 60 K above ambient.
     """
     diameter = drawing.body.outer_diameter

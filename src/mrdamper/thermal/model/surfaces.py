@@ -118,8 +118,8 @@ def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArra
 def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
     """Return the convective heat-transfer coefficients of the fins and of the body between the fins.
 
-    In still air, the correlation for annular fins is used if the body is horizontal, and the correlation for
-    single discs if the body is vertical. With air across the axis, the correlation describes a developing
+    In still air, the correlation depends on the orientation of the body: annular fins if it is horizontal,
+    single discs if it is vertical. With air across the axis, the correlation describes a developing
     flow between two discs. The outer sides of the first and last fin have the coefficient of a gap.
 
     Parameters

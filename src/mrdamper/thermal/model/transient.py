@@ -129,7 +129,7 @@ class NetworkSystem:
         self._unit = np.eye(n)
 
     def take(self, load: Load) -> None:
-        """Set the heat sources of a load in the tables of cubics."""
+        """Set the load: store its heat sources as cubics of temperature."""
         grid = self.network.grid
         self._cubics[:, :, -2] = CubicSpline(grid, load.power(grid)).c.T
         knots = grid[:-1]

@@ -241,7 +241,7 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
 
 
 def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
-    """Return the pitches of the grid [m], rounded down so that the fins fit, min the smallest pitch."""
+    """Return the pitches of the grid [m]: rounded down so that the fins fit, at least the smallest pitch."""
     least = thickness + limits.least_gap
     if fins == 1:
         return [least]

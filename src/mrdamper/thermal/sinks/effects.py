@@ -132,7 +132,7 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Gain of a heat sink and its interval. The gain is positive if it is cooler than the reference."""
+    """Gain of a heat sink and its interval. A positive gain means a cooler fluid than with the reference."""
 
     middle: float  # computed gain [K]
     low: float  # lower end of the interval [K]
