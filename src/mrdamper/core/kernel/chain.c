@@ -140,7 +140,7 @@ static void chain_set(chain_state *l)
     }
 }
 
-/* Set up the step of length h to the velocity v behind the free play. */
+/* Compute the constants of a step of length h. At its end, the velocity behind the free play is v. */
 static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain_step *s)
 {
     const pack *c = l->c, q = l->q, floor = pack_of(CHAIN_FLOOR), none = pack_of(0.0);

@@ -53,7 +53,7 @@ static inline double common_force(const mrd_model *m, const mrd_record *r, size_
 
 /* Values along a record that the force and its partial derivatives share. Unused rows are NULL. */
 typedef struct {
-    const double *power; /* viscous speed */
+    const double *power; /* v |v / v0|^(exponent - 1) */
     double *fade, *side; /* Stribeck factor and sign of the friction */
     double *store;
 } common_rows;

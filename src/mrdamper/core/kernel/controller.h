@@ -113,7 +113,7 @@ typedef struct {
     mrd_config_faults faults;
     mrd_config_thermometer thermometer;
     mrd_config_heating heating;
-    int32_t currents;               /* length of a column */
+    int32_t currents;               /* number of currents of the tables (length of a column) */
     int32_t pieces;                 /* number of equal intervals of the temperature axis from coldest to warmest */
     int32_t levels;                 /* number of levels, which are the first terms */
     int32_t begin[MRD_GROUPS + 1];  /* first column of each group, and the number of columns */
@@ -125,7 +125,7 @@ typedef struct {
     mrd_lookup loading, unloading; /* |w| on the universal curve versus the travel from w = 0 */
     mrd_lookup unload_map;      /* reversal while loading: unloading travel versus loading travel */
     mrd_lookup reload_map;      /* reversal while unloading, in the first half of the unloading travel */
-    mrd_lookup reload_map_rest;  /* the same in the second half, versus the remaining travel, with reversed sign */
+    mrd_lookup reload_map_rest; /* like reload_map for the second half, versus the remaining travel, sign reversed */
     mrd_lookup viscous;         /* factor on the viscosity versus speed */
     mrd_lookup sliding;         /* sliding friction divided by its value at high speed */
     mrd_lookup breakaway;       /* factor on the breakaway friction versus speed */
@@ -213,7 +213,7 @@ typedef struct {
     mrd_prediction prediction;          /* unfinished prediction */
     mrd_real delay_line[MRD_TRACK_DELAY_LINE];  /* commands in the dead time */
     mrd_real wanted_line[MRD_TRACK_DELAY_LINE]; /* wanted forces that were known ahead [N] */
-    int32_t newest_command;             /* index in both lines */
+    int32_t newest_command;             /* index of the newest value in delay_line and wanted_line */
     int32_t repeated_readings;          /* number of consecutive equal displacement readings */
     int32_t missing_samples, recovery_countdown; /* samples without displacement; remaining samples of the recovery */
     int32_t settled_samples;            /* samples since the motion filter started, until it has settled */

@@ -18,10 +18,11 @@
 #define FETCH_AHEAD(array, from, n, known) ((void)0)
 #endif
 
-/* Ranges of the samples of a monotone piece by their part of the curve. The travel never decreases, so that the samples
- * on the fall branch (tau < 0) are first, then the rise branch, then the samples beyond the table with constant w. */
+/* Ranges of the samples of a monotone piece by their part of the curve. The travel never decreases. Therefore the first
+ * samples are on the fall branch (tau < 0), the next samples on the rise branch, and the last samples beyond the table,
+ * where w is constant. */
 typedef struct {
-    size_t fall, rise; /* ends of the first two ranges */
+    size_t fall, rise; /* end of the range on the fall branch, end of the range on the rise branch */
 } spans;
 
 static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)

@@ -104,7 +104,7 @@ typedef struct {
     double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
     double y, q, q_rate;                    /* Spencer; series valve: y; chain: y, q */
-    double lag[2], change[2];               /* series valve, chain */
+    double lag[2], change[2];               /* series valve, chain: elastic velocity, its change in the last step */
     double e, side, place;                  /* Spencer */
     double play, cavity, bristle[5], level[2]; /* chain */
 } mrd_state;

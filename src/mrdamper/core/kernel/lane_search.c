@@ -4,8 +4,8 @@
  * lane is evaluated again at its root with bitwise equal results.
  */
 
-/* After this number of steps, every second step is a bisection, because Newton's method oscillates about a root with
- * infinite slope, for example a dashpot with exponent 1/2 at rest. */
+/* After this number of steps, every second step is a bisection. Newton's method oscillates about a root with infinite
+ * slope, for example the root of a dashpot with exponent 1/2 at rest. */
 #define SEARCH_PATIENCE 16
 #define SEARCH_STEPS_MAX 100
 #define SEARCH_TOLERANCE 1e-7 /* If residual / force is smaller, one more Newton step ends the search. */

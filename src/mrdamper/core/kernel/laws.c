@@ -66,7 +66,7 @@ static inline double speed_share(const mrd_model *m, double v, size_t i)
     return speed / (speed + coefficient_at(m, SAT_VELOCITY, i));
 }
 
-/* Return the force of an element at w = 1. */
+/* Return the force of a hysteretic element at w = 1. */
 static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int element, double v, size_t i)
 {
     const double yield = coefficient_at(m, s->yield[element], i);

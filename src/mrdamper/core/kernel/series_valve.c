@@ -13,7 +13,7 @@
 #define SDIRK_FIRST 0.29289321881345247560 /* 1 - sqrt(1/2), length of both stages divided by the step */
 
 /* Coefficients and state of PACK lanes. The start value of a stage extrapolates the elastic velocity, which changes
- * less than the valve velocity, from the same stage of previous steps, because the stages have different errors. */
+ * less than the valve velocity. It uses the same stage of previous steps, because the stages have different errors. */
 typedef struct {
     pack c[SV_COUNT], per_velocity;
     compliance compliance;

@@ -4,7 +4,7 @@
  * The model has at most six states: the uniform temperature, then modes of conduction inside the damper. Each kind of
  * surface loses heat with the heat-transfer coefficient at its mean temperature. Each call adds up work and the square
  * of the current. After `every` calls, one implicit step, which is unconditionally stable, advances the states. A
- * thermometer in the fluid and the resistance of the coil correct the states and the missing heat flow, which is the
+ * thermometer in the fluid and the resistance of the coil correct the states and the missing heat flow. This is the
  * heat flow that the model does not contain. Both sensors are optional.
  */
 #ifndef MRD_THERMAL_H
@@ -20,7 +20,7 @@
 #define MRD_THERMAL_KINDS 8   /* maximum number of kinds of surface */
 #define MRD_THERMAL_POINTS 3  /* candidate points of each part for its hottest point */
 #define MRD_THERMAL_ROWS 11   /* number of temperatures: mean of the fluid, mean of the coil, 3 points of 3 parts */
-#define MRD_THERMAL_SENSORS 2 /* thermometer in the fluid and resistance of the coil; they measure the first two rows */
+#define MRD_THERMAL_SENSORS 2 /* thermometer (mean fluid temperature) and coil resistance (mean coil temperature) */
 
 typedef struct {
     int32_t states, kinds;
@@ -113,7 +113,7 @@ typedef struct {
     mrd_real corrected;                 /* corrections of the model since then [K] */
     mrd_thermal_outputs found;          /* outputs of the last update */
     int32_t count;                      /* steps since the last update */
-    int32_t powers, squares, missed;    /* steps with power, steps with command; 1: one was missing in a step */
+    int32_t powers, squares, missed;    /* number of steps with power, with command; 1 if either was missing once */
     int32_t started, way;               /* 1: a temperature is known; 1: a prediction is unfinished */
     int32_t frozen;
     int32_t flags;

@@ -35,7 +35,7 @@ typedef struct {
     mrd_real charge, charge_slope, charge_curvature; /* force H of the gas on the piston, dH/dz, d2H/dz2 */
     mrd_real gain, gain_slope;     /* factor G on the valve force, dG/dq */
     mrd_real rest, rest_slope;     /* force of offset, spring and gas, and d force / dq */
-    mrd_real viscoplastic, thinning, slowness; /* factors of the two terms; inverse yield velocity */
+    mrd_real viscoplastic, thinning, slowness; /* factors of these two valve terms; inverse yield velocity */
     mrd_real bypass;               /* bypass term of the yield, scaled by slowness */
     mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* levels of bristles; travel in a step at 1 m/s / yield travel */
     mrd_real before[MRD_TRACK_BRISTLES];

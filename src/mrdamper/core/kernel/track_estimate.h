@@ -31,8 +31,8 @@ static void predict_motion(const mrd_track *c, mrd_track_state *s)
     else predict_constant_acceleration(&s->x, &s->v, s->a, c->axes.period);
 }
 
-/* Estimate the squared angular frequency of the motion, mean a^2 / mean v^2. For a stationary motion, minus this value
- * times v is the best prediction of the jerk from the velocity. The sensor noise in a^2 is subtracted. The estimate
+/* Estimate the squared angular frequency of the motion: omega^2 = mean a^2 / mean v^2. For a stationary motion,
+ * -omega^2 v is the best prediction of the jerk from the velocity. The sensor noise in a^2 is subtracted. The estimate
  * starts when the motion filter has settled. */
 static void update_motion_frequency(const mrd_track *c, mrd_track_state *s)
 {
@@ -96,7 +96,7 @@ static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
     if (there) s->last_displacement = reading;
 
     if (there && !frozen) {
-        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* restart */
+        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* Restart the motion filter. */
             s->x = reading;
             s->v = R(0.0);
             s->a = R(0.0);

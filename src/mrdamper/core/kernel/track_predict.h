@@ -5,7 +5,7 @@
  *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
  *
  * While the hysteresis builds up after a reversal, a fraction `settled` of the remaining build-up is assumed to be
- * complete, because a real damper builds up its force faster than a Bouc-Wen model when the current rises.
+ * complete. When the current rises, a real damper builds up its force faster than a Bouc-Wen model.
  *
  * u0 is the command in the first step of the horizon, u1 in the next two steps, u2 in all later steps. The controller
  * uses u0. An iteration is a Gauss-Newton step; the derivatives are integrated with the state. A prediction starts with

@@ -158,8 +158,8 @@ static void motion_multipliers(const mrd_track *c, const moment *m, mrd_real *by
     by[MRD_ROW_SECOND] = c->gains.yield_force;
 }
 
-/* Factors on the yield forces. With the hysteretic states w, the factor on the first yield force is yield * w0, and the
- * factor on the second is second[0] * w0 + second[1] * w1. */
+/* Factors on the yield forces, for hysteretic states w. The first yield force is multiplied by yield * w0, the second
+ * one by second[0] * w0 + second[1] * w1. */
 typedef struct {
     mrd_real yield, second[2];
 } mixture;
