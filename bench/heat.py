@@ -1,8 +1,7 @@
 """Heating for 30 min: run time and error of the zone network compared with SciPy's solvers.
 
-All solvers solve the same problem: SciPy gets the right-hand side and Jacobian of the network. The result of
-Radau's method is the reference. The error is the largest deviation of the mean temperatures of fluid, coil
-and wall from the reference, at 5, 10, ... 30 min.
+All solvers solve the same problem: SciPy gets the right-hand side and Jacobian of the network. The error is
+the largest deviation of the mean temperatures of fluid, coil and wall from Radau's method, every 5 min.
 """
 
 from __future__ import annotations

@@ -21,10 +21,9 @@ _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperatur
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that can be injected into a campaign.
+    """A fault: findings that name it correctly, function that injects it, and sizes from small to large.
 
-    ``causes`` are the kinds of findings that name the fault correctly. ``inject`` changes the runs by one of
-    the ``sizes``, which are sorted from small to large. ``where`` selects the runs that can have the fault.
+    ``where`` selects the runs that can have the fault.
     """
 
     name: str

@@ -2,9 +2,8 @@
 
 Each damper is randomised around a preset of the virtual rig and identified from its default campaign. Then
 the recommended controller and a PI controller with a force sensor track three targets at 20, 60, 100 and 123
-degC with two seeds of noise. The error of a damper at a target is its largest RMS error on the feasible
-samples. The table has the median and the largest error of the dampers. Odd seeds are for reports, even seeds
-for development.
+degC with two seeds of noise. The error at a target is the largest RMS error on the feasible samples. The
+table has the median and the largest error of the dampers. Odd seeds are for reports, even for development.
 """
 
 from __future__ import annotations
@@ -44,8 +43,7 @@ FAMILIES = {
     "hydraulic-bench": HYDRAULIC_LIMITS,
     "hydraulic-monotube": HYDRAULIC_LIMITS,
 }
-# Minimum percentage of all pairs of damper and target with at most the error of the PI controller.
-BETTER_THAN_PI_MIN_PERCENT = 75.0
+BETTER_THAN_PI_MIN_PERCENT = 75.0  # pairs of damper and target with at most the error of the PI controller
 CONTROLLERS = ("recommended", "pi")
 
 
