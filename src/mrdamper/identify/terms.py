@@ -24,7 +24,7 @@ FOLLOW_TERM = "follow"
 """Name of the term that can be identified only from runs with changing current."""
 
 ACCELERATION_MIN_m_s2 = 100.0
-"""Upper bound of the moving mass: force divided by this acceleration.
+"""The upper bound of the moving mass is the typical force divided by this acceleration.
 
 A larger apparent mass is not physical. It is caused by a time lag of the force signal.
 """

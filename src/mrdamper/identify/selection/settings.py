@@ -63,9 +63,9 @@ class SelectionSettings:
     round_gain_min: float = 0.004  # The next round starts only if the gain of a round exceeds this value.
     fold_iterations: int = 4  # iterations of a cross-validation fit, which starts at the fit to all windows
     screening_iterations: int = 8  # iterations of a fit with one additional term
-    # Archetypes get a gas force if a regression on temperature reduces the error of the mean forces by more.
+    # Archetypes get a gas force if a regression on temperature reduces the error of mean forces by this much.
     gas_error_percent_min: float = 2.0
-    # Asymmetric archetypes are added if a regression on force and speed reduces this error by more.
+    # Asymmetric archetypes are added if a regression on force and speed reduces this error by this much.
     asymmetry_error_percent_min: float = 5.0
 
     # Response to the current
