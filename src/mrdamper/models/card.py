@@ -186,7 +186,7 @@ def _require_unicode(text: str, place: str) -> None:
         ) from fault
 
 
-def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
+def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - any JSON value
     """Return a read-only copy of a JSON value, with sorted keys unless ``ordered``.
 
     Raise InputError if the value is not JSON.

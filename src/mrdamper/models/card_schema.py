@@ -224,7 +224,7 @@ def _error_record(evidence: Evidence, split: str) -> SplitRecord:
     return SplitRecord(**evidence.errors(split))  # type: ignore[arg-type]  # by the names of its fields
 
 
-def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - whatever JSON holds
+def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - any JSON value
     """Return JSON text. Short tables and rows of numbers use one line, longer ones use one line per entry."""
     line = json.dumps(value, ensure_ascii=False, allow_nan=False)
     parts = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []

@@ -60,7 +60,7 @@ class ForceBand:
     """
 
     share: Annotated[float, Option(above=0.0, below=1.0)]
-    """Fraction of the samples in the band."""
+    """Fraction of the samples of a new motion that the band is expected to contain."""
     factor: _Positive
     run_share: _Positive
     base_N: _Positive
