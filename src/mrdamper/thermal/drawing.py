@@ -35,7 +35,7 @@ AIR_MAX_M_S = 50.0
 """Maximum air speed across the axis [m/s]."""
 
 DISC_GAP = 0.010
-"""Minimum gap between the fins of a vertical damper [m]. At smaller gaps, fins are not like single discs."""
+"""Minimum gap between the fins of a vertical damper [m]. Closer fins do not behave like single discs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Body:
     length: Annotated[float, length_option("length_mm")]
     """Length including the caps."""
     wall: Annotated[float, length_option("wall_mm")]
-    """Thickness of the tube."""
+    """Wall thickness of the tube."""
     cap: Annotated[float, length_option("cap_mm", "the thickness of the wall")] = 0.0
     """Thickness of each cap; 0 selects the thickness of the wall."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
@@ -76,7 +76,7 @@ class Piston:
     diameter: Annotated[float, length_option("diameter_mm")]
     """Diameter of the piston."""
     length: Annotated[float, length_option("length_mm")]
-    """Axial length."""
+    """Axial length of the piston."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
 
 
@@ -98,9 +98,9 @@ class Coil:
     """The winding, which is a ring in the middle of the outer surface of the piston; lengths in metres."""
 
     resistance: Annotated[float, Option(key="resistance_ohm", unit="ohm", least=0.0)]
-    """Resistance at 20 degC."""
+    """Coil resistance at 20 degC."""
     length: Annotated[float, length_option("length_mm")]
-    """Axial length."""
+    """Axial length of the winding."""
     depth: Annotated[float, length_option("depth_mm", "0.4 of the gap between rod and piston surface")] = 0.0
     """Radial depth below the surface of the piston; 0 selects the default."""
     amperes_per_volt: Annotated[float | None, Option(key="A_per_V", unit="A/V", above=0.0)] = None

@@ -11,7 +11,7 @@ class ThermalSettings:
 
     # Geometry and materials
     coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
-    carrier_conductivity_W_mK: float = 0.14  # default of the carrier oil
+    carrier_conductivity_W_mK: float = 0.14  # default conductivity of the carrier oil
     mixed_fraction: float = 0.5  # fraction of the displaced fluid that mixes with a chamber before it returns
 
     # Load cycles and their power

@@ -35,7 +35,7 @@ PATHS = ("body convection", "body radiation", "fin convection", "fin radiation",
 
 LOSS_STEP_K = 2.0  # temperature step of the loss tables
 LOSS_RANGE_K = (233.15, 653.15)  # temperature range of the loss tables
-# Temperature rise above ambient at which the conductance of the fins is computed. It has hardly any effect.
+# Temperature rise at which the conductance of the fins is computed. The value has hardly any effect.
 FIN_RISE_K = 60.0
 
 
