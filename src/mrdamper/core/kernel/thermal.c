@@ -342,7 +342,7 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     if (s->count >= c->every) {
         thermal_update(c, s, in);
     } else if ((s->started != 0) && (s->count == (c->every / 2))) {
-        thermal_look_ahead(c, s); /* The update has a different step, so that each step is short. */
+        thermal_look_ahead(c, s); /* Updates are computed in other steps, so that each step is short. */
     } else {
         /* The outputs of the last update remain valid. */
     }
