@@ -125,7 +125,7 @@ class NumericalSettings:
     # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    perturbation_range_ratio: float = 0.1  # change on a linear scale instead of 1 e-fold / range of the bounds
+    perturbation_range_ratio: float = 0.1  # linear-scale change for 1 e-fold / range of bounds
     exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # part of coefficients from a second minimum
     python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
 
