@@ -1,1 +1,1 @@
-"""Benchmarks, not part of the package: ``python -m bench [NAME ...]`` prints a table and writes JSON."""
+"""Benchmarks, which are not installed. ``python -m bench [NAME ...]`` prints a table and writes JSON."""

@@ -1,6 +1,7 @@
 """Run benchmarks: ``python -m bench [NAME ...]``. Without a name, all benchmarks without options are run.
 
-``python -m bench.track``, ``python -m bench.fit`` and ``python -m bench.faults`` have options of their own.
+Three benchmarks have options and are started directly: ``python -m bench.track``, ``python -m bench.fit`` and
+``python -m bench.faults``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ NAMES = ("models", "peers", "fit", "heat")
 
 
 def main() -> None:
-    """Print each benchmark as a Markdown table, then the limits and whether they are met."""
+    """Print each benchmark as a Markdown table, then a table of all limits with the measured values."""
     parser = argparse.ArgumentParser(prog="python -m bench", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one or more of {', '.join(NAMES)}")
     names = parser.parse_args().names

@@ -1,12 +1,12 @@
-"""Injected faults: detected fraction and named causes of ``check --deep``, and false alarms on sound runs.
+"""Count the injected faults that ``check --deep`` finds and names correctly, and its false alarms.
 
-    python -m bench.faults --data DIR               the half of the faults that is for reports
-    python -m bench.faults --data DIR --tuning      the other half
+    python -m bench.faults --data DIR               half of the faults, for reports
+    python -m bench.faults --data DIR --tuning      the other half, for development
 
-Each fault has the smallest size in its list that doubles the error of the card on the sound runs. If no
-size does, the fault has the largest size. A silent acceptance is a fault without a finding whose card has
-more than twice the error. A hash of name and location assigns a fault to one of the halves. ``DIR`` holds
-public runs (``utfsm_sine*``, ``utfpr*``); the virtual dampers need none.
+Each fault has the smallest size in its list that doubles the error of the card on the sound runs. If no size
+doubles the error, the fault has the largest size. A fault is silently accepted if it has no finding although
+its card has more than twice the error. A hash of name and location assigns a fault to one of the halves.
+``DIR`` contains public runs (``utfsm_sine*``, ``utfpr*``). Without it, only virtual dampers are tested.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
 
-# True properties of the public runs (docs/check.md), which do not count as false alarms.
+# Findings that are true for the public runs (docs/check.md) and therefore do not count as false alarms.
 TRUE_FINDINGS = {
     "force_offset", "force_level_changes", "position_drift", "force_drift", "poor_repeatability",
     "force_noise",
@@ -43,7 +43,7 @@ ERROR_RATIO = 2.0
 
 
 def campaigns(folder: Path | None) -> Iterator[tuple[str, Runs]]:
-    """Generate the name and runs of each campaign, of real and virtual dampers."""
+    """Generate name and runs of each campaign. The dampers are real or virtual."""
     if folder is not None:
         yield "utfsm", list(read_runs(sorted(folder.glob("utfsm_sine*"))))
         yield "utfpr", list(read_runs(sorted(folder.glob("utfpr*_0[1357].csv"))))
@@ -68,12 +68,12 @@ def locations(fault: Fault, runs: Runs) -> list[int]:
 
 
 def is_tuning(campaign: str, fault: Fault, index: int) -> bool:
-    """Return True if a fault at a location belongs to the half for development."""
+    """Return True if a fault at a location belongs to the half of the faults for development."""
     return hashlib.sha256(f"{campaign}/{fault.name}/{index}".encode()).digest()[0] % 2 == 0
 
 
 def findings(runs: Runs) -> tuple[Finding, ...]:
-    """Run ``check --deep``; return the findings that are faults or warnings."""
+    """Run ``check --deep``; return its findings except notes."""
     report = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True))
     return tuple(each for each in report.findings if each.severity != "note")
 
@@ -85,7 +85,7 @@ def error_of(damper: Damper, runs: Runs) -> float:
 
 
 def damaging(fault: Fault, index: int, sound: Runs, damper: Damper) -> tuple[float, Runs, float]:
-    """Return the smallest fault size that doubles the error, the faulty runs, and the error ratio."""
+    """Return the smallest fault size that doubles the error (else the largest), its runs and error ratio."""
     judged = sound if index < 0 else [sound[index]]
     tried = []
     for size in (fault.sizes[-1], *fault.sizes[:-1]):
@@ -96,7 +96,7 @@ def damaging(fault: Fault, index: int, sound: Runs, damper: Damper) -> tuple[flo
             ratio = float("inf")
         tried.append((size, faulty, ratio))
         if (ratio >= ERROR_RATIO) != (len(tried) == 1):
-            break  # Either the largest size is too small, or this size is the first one that is large enough.
+            break  # The largest size does not double the error, or this size is the smallest that does.
     return tried[-1] if tried[-1][2] >= ERROR_RATIO else tried[0]
 
 

@@ -1,10 +1,10 @@
-"""Identification: comparison of search methods, accuracy on virtual dampers, and expected errors.
+"""Benchmarks of the identification: search methods, accuracy on virtual dampers, expected errors of cards.
 
     python -m bench fit                                        # variable projection and genetic algorithm
     python -m bench.fit accuracy hydraulic-bench nominal       # presets of the virtual rig
-    python -m bench.fit accuracy hard --draws 1 3              # and randomised dampers around a preset
-    python -m bench.fit expected nominal --draws 1 3           # expected errors of cards and measured errors
-    python -m bench.fit expected --runs DIR/utfsm_sine_*.csv   # the same on measured runs
+    python -m bench.fit accuracy hard --draws 1 3              # a preset and randomised dampers around it
+    python -m bench.fit expected nominal --draws 1 3           # expected error versus error on new motions
+    python -m bench.fit expected --runs DIR/utfsm_sine_*.csv   # the same comparison on measured runs
 
 Even seeds of randomised dampers are for development, odd seeds for reports.
 """
@@ -49,7 +49,7 @@ from mrdamper.virtual_rig.measurement import measure
 GROUP = "a campaign of 12 runs, 2 % noise, 14 free parameters"
 CURRENTS_A, TEMPERATURES_degC = (0.0, 1.0, 2.0), (20.0, 40.0, 60.0, 80.0)
 SAMPLES, RATE_Hz, NOISE_RATIO, SEEDS = 1000, 200.0, 0.02, 5
-COST_RATIO_MAX = 1.01  # A search within 1 % of the cost of the true parameters has found the damper.
+COST_RATIO_MAX = 1.01  # A search is successful if its cost / cost of the true parameters is at most this.
 REFERENCE = {
     "viscosity.c0": 900.0,
     "viscosity.c1": 150.0,
@@ -69,7 +69,7 @@ REFERENCE = {
 
 
 def campaign(seed: int) -> tuple[FitProblem, float]:
-    """Return a fitting problem and the cost [%] of the true parameters."""
+    """Return a fit problem for simulated noisy runs, and the cost [%] of the true parameters."""
     plain = _runs(None, np.random.default_rng(0))
     reference = template("bouc-wen", plain, terms=())[0].with_parameters(REFERENCE)
     runs = _runs(reference, np.random.default_rng(seed))
@@ -83,7 +83,7 @@ def campaign(seed: int) -> tuple[FitProblem, float]:
 
 
 def _runs(damper: Damper | None, rng: np.random.Generator) -> list[PreparedRun]:
-    """Simulate the runs of a damper. Without a damper, return plausible runs for ``template``."""
+    """Simulate the runs of a damper. If it is None, return plausible runs for the function ``template``."""
     runs = []
     for current in CURRENTS_A:
         for degrees in TEMPERATURES_degC:
@@ -151,8 +151,9 @@ def run() -> list[Row]:
 def accuracy_line(preset: str, seed: int | None) -> str:
     """Return median and largest held-out error [%] of the default card, by kind of run.
 
-    The columns are: known motions above zero current, known motions, chirps above zero current (nRMSE), and
-    random current on random motion (RMS error divided by RMS force).
+    The four kinds are: constant current above zero (without chirps), any constant current (without chirps),
+    chirps above zero current, and random motion with random current. The error of the last kind is RMS error
+    / RMS force. The other errors are nRMSE.
     """
     tests = rig(RigOptions(preset=preset, draw=seed))
     try:
@@ -214,7 +215,7 @@ def held_out_motions(runs: Sequence[RigRun], *, by_motion: bool) -> list[HeldOut
 
 
 def randomised_runs(preset: str, seed: int) -> list[RigRun]:
-    """Return the runs at constant current of a randomised damper (seed 0: the preset)."""
+    """Return the runs at constant current of a randomised damper, or of the preset if the seed is 0."""
     damper = draw_variant(find_preset(preset), seed) if seed else find_preset(preset)
     default = default_campaign(damper)
     more = () if "monotube" in preset else ("sine:8mm:0.5Hz", "sine:4mm:1.5Hz")

@@ -1,7 +1,7 @@
 """Heating for 30 min: run time and error of the zone network compared with SciPy's solvers.
 
 All solvers solve the same problem: SciPy gets the right-hand side and Jacobian of the network. The error is
-the largest deviation of the mean fluid, coil and wall temperatures at 5, 10, ... 30 min from Radau's method.
+the largest deviation of the mean temperatures of fluid, coil and wall from Radau's method, every 5 min.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _at_marks(course: Heating) -> FloatArray:
 
 
 def run() -> list[Row]:
-    """Compare the solvers on 30 min of the load cycle in the paper."""
+    """Compare the solvers on 30 min of the load cycle of the reference paper."""
     network = zone_network(DRAWING)
     reference = scipy_on(network, LOAD_CYCLE, "Radau", 1e-11)()
     jobs: dict[str, Callable[[], FloatArray]] = {

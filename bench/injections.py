@@ -1,4 +1,4 @@
-"""Faults for ``bench.faults``: how runs are changed, fault sizes, and findings that name the cause."""
+"""The faults of ``bench.faults``: functions that change runs, fault sizes, findings with the right cause."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperatur
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault: function that changes a campaign, sizes in ascending order, findings that name the cause."""
+    """A fault: findings that name it correctly, function that injects it, and sizes from small to large.
+
+    ``where`` selects the runs that can have the fault.
+    """
 
     name: str
     causes: tuple[str, ...]
@@ -33,24 +36,24 @@ class Fault:
 
 
 def one(change: Change) -> Inject:
-    """Return a function that changes one run of a campaign."""
+    """Return a fault injection that changes one run of a campaign."""
     return lambda runs, at, size: [
         change(run, size) if number == at else run for number, run in enumerate(runs)
     ]
 
 
 def every(change: Change) -> Inject:
-    """Return a function that changes all runs equally."""
+    """Return a fault injection that changes all runs equally."""
     return lambda runs, _, size: [change(run, size) for run in runs]
 
 
 def half(change: Change) -> Inject:
-    """Return a function that changes every second run."""
+    """Return a fault injection that changes every second run."""
     return lambda runs, _, size: [change(run, size) if k % 2 else run for k, run in enumerate(runs)]
 
 
 def growing(change: Change) -> Inject:
-    """Return a function that changes the runs by increasing sizes, in a random order of recording."""
+    """Return a fault injection whose size grows from run to run. The runs are put in random order first."""
 
     def inject(runs: Runs, _: int, size: float) -> Runs:
         order = np.random.default_rng(7).permutation(len(runs))
@@ -62,19 +65,19 @@ def growing(change: Change) -> Inject:
 
 
 def times(*names: str) -> Change:
-    """Return a change that multiplies channels by a factor."""
+    """Return a change of a run that multiplies some channels by a factor."""
     return lambda run, size: replace(
         run, **{name: values * size for name in names if (values := getattr(run, name)) is not None}
     )
 
 
 def with_force(change: Callable[[RigRun, float], FloatArray]) -> Change:
-    """Return a change of a run that only affects the force."""
+    """Return a change of a run that affects only the force."""
     return lambda run, size: replace(run, force=change(run, size))
 
 
 def rows(run: RigRun, kept: np.ndarray, *, restamp: bool) -> RigRun:
-    """Return selected rows of a run, with their times or with times that count the samples."""
+    """Return selected samples of a run. With ``restamp``, their times are replaced by uniform times."""
     cut = {name: values[kept] for name in _CHANNELS if (values := getattr(run, name)) is not None}
     if restamp:
         cut["time"] = run.time[0] + np.median(np.diff(run.time)) * np.arange(len(kept))
@@ -82,7 +85,7 @@ def rows(run: RigRun, kept: np.ndarray, *, restamp: bool) -> RigRun:
 
 
 def delayed(run: RigRun, ms: float) -> FloatArray:
-    """Delay the force."""
+    """Delay the force by a time [ms]."""
     return np.interp(run.time - 1e-3 * ms, run.time, run.force)
 
 
@@ -95,19 +98,19 @@ def low_passed(run: RigRun, cutoff_Hz: float) -> FloatArray:
 
 
 def hard_clipped(run: RigRun, share: float) -> FloatArray:
-    """Clip the force below its peak."""
+    """Clip the force at a level that is a fraction ``share`` below its peak."""
     most = (1.0 - share) * float(np.abs(run.force).max())
     return np.clip(run.force, -most, most)
 
 
 def soft_clipped(run: RigRun, share: float) -> FloatArray:
-    """Compress the force smoothly by a fraction of its peak."""
+    """Compress the force smoothly: its peak decreases by the fraction ``share``."""
     peak = float(np.abs(run.force).max())
     return run.force * (1.0 - share * (run.force / peak) ** 2)
 
 
 def stuck(run: RigRun, share: float) -> FloatArray:
-    """Hold the force for a fraction of the run."""
+    """Hold the force constant for a fraction of the run, from its middle on."""
     force, n = run.force.copy(), len(run)
     force[n // 2 : n // 2 + int(share * n)] = force[n // 2]
     return force
@@ -121,7 +124,7 @@ def spiked(run: RigRun, size: float) -> FloatArray:
 
 
 def hum(run: RigRun, share: float) -> FloatArray:
-    """Add mains hum that aliasing moved to 6.37 Hz, where the motion has no harmonic."""
+    """Add mains hum that appears at 6.37 Hz by aliasing. The motion has no harmonic at this frequency."""
     return run.force + share * float(np.ptp(run.force)) / 2.0 * np.sin(2.0 * np.pi * 6.37 * run.time + 0.3)
 
 
@@ -139,7 +142,7 @@ def lost_with_stamps(run: RigRun, share: float) -> RigRun:
 
 
 def lost_unseen(run: RigRun, share: float) -> RigRun:
-    """Remove blocks of samples. The time counts samples, so that the gaps are not visible."""
+    """Remove blocks of samples and number the times again, so that the gaps are not visible."""
     kept = np.ones(len(run), dtype=bool)
     for start in np.linspace(0.15, 0.85, 4):
         kept[int(start * len(run)) : int((start + share / 4) * len(run)) + 1] = False
@@ -147,7 +150,7 @@ def lost_unseen(run: RigRun, share: float) -> RigRun:
 
 
 def doubled(run: RigRun, share: float) -> RigRun:
-    """Repeat blocks of samples. The time counts samples, so that the repetitions are not visible."""
+    """Repeat blocks of samples and number the times again, so that the repetitions are not visible."""
     kept = np.arange(len(run))
     for start in np.linspace(0.85, 0.15, 4):
         a, b = int(start * len(run)), int((start + share / 4) * len(run)) + 1
@@ -156,7 +159,7 @@ def doubled(run: RigRun, share: float) -> RigRun:
 
 
 def copied(runs: Runs, at: int, gain: float) -> Runs:
-    """Replace a run by a scaled copy of another run, keeping its name and command."""
+    """Replace the data of a run by scaled data of another run; name and command stay."""
     victim = runs[at]
     near = sorted(
         (k for k in range(len(runs)) if k != at and runs[k].constant_command != victim.constant_command),
@@ -195,7 +198,7 @@ def driven(run: RigRun) -> bool:
 
 
 def quick(run: RigRun) -> bool:
-    """Return True if the run has a command and about two cycles per second or more."""
+    """Return True if the run has a command well above zero and a motion above about 0.8 Hz."""
     x = run.displacement - np.mean(run.displacement)
     crossings = np.count_nonzero(np.diff(np.signbit(x)))
     return driven(run) and crossings > 1.6 * float(run.time[-1] - run.time[0])

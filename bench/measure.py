@@ -1,7 +1,8 @@
-"""Measurement for the benchmarks: jobs take turns; tables have medians with minimum and maximum.
+"""Measure CPU times for the benchmarks, and print the results as tables.
 
-A row may have limits, which end a benchmark as a table of limit, measured value and result. A peer that is
-not installed keeps its row without values.
+The compared jobs are run in turns. Tables contain the median, the minimum and the maximum. A row can have
+limits; a benchmark then ends with a table of all limits and measured values. A program that is not installed
+has a row without values.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Row:
     Attributes
     ----------
     cpu_s : CPU time of each turn [s]
-    ratios : CPU time of each turn divided by the time of the first contender of the group
+    ratios : CPU time of each turn divided by the CPU time of the first program of the group
     """
 
     contender: str
@@ -57,7 +58,7 @@ class Row:
 
 
 def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = REPEATS) -> dict[str, tuple[float, ...]]:
-    """Run jobs in turns (A B A B); return the CPU times [s] of each job without its first turn."""
+    """Run jobs in turns (A B A B); return the CPU times [s] of each job, except for its first turn."""
     spent: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(repeats + 1):
         for name, job in jobs.items():
@@ -75,7 +76,7 @@ def ratios_of(mine: Sequence[float], other: Sequence[float], work: float = 1.0) 
 def side_by_side(
     group: str, jobs: Mapping[str, Callable[[], object]], samples: Mapping[str, int]
 ) -> list[Row]:
-    """Measure jobs in turns; return a row for each job. Ratios compare the time with the first job."""
+    """Measure jobs in turns; return a row for each job. Ratios are relative to the first job."""
     spent = timed(jobs)
     first = next(iter(spent))
     return [
@@ -91,7 +92,7 @@ def side_by_side(
 
 
 def absent(contender: str, reason: object, group: str = "") -> Row:
-    """Return the row of a contender that could not run."""
+    """Return the row of a program that could not be run."""
     return Row(contender, accuracy=f"absent: {reason}", group=group)
 
 
@@ -139,7 +140,7 @@ def _spread(values: Sequence[float]) -> str:
 
 
 def limit_table(rows: Sequence[Row]) -> str:
-    """Return the limits, the measured values and whether they are met, as a Markdown table."""
+    """Return a Markdown table of the limits, the measured values, and the results (met or not met)."""
     limits = [limit for row in rows for limit in row.limits]
     if not limits:
         return ""

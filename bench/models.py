@@ -1,7 +1,7 @@
 """CPU time of the Gram matrix of each hysteresis model, which takes most of the time of a fit.
 
-Times are per sample and candidate: 8 candidates on 12 runs of about 3,000 samples, with every instruction
-set of the machine. Ratios compare with the widest instruction set.
+Times are per sample and candidate. They are measured with 8 candidates on 12 runs of about 3,000 samples, for
+every instruction set of the machine. Ratios are relative to the widest instruction set.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def run() -> list[Row]:
             "bouc-wen",
             "double-bouc-wen",
             "spencer",
-        ):  # A candidate of a fit has one curve for all runs.
+        ):  # As in a fit, all runs of a candidate have the same curve shape.
             near[:, :, -4:] = near[:, :1, -4:]
         places = sorted({0, 1, 2, *map(LAWS[law].names.index, named)})
 

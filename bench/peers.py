@@ -30,7 +30,7 @@ Job = Callable[[], FloatArray]
 
 @dataclass(frozen=True)
 class Problem:
-    """Candidates within 20 % of ``SHAPE``, the first equal to it, on one sine."""
+    """Candidates with random coefficients within 20 % of ``SHAPE`` on a sine; the first equals ``SHAPE``."""
 
     candidates: int = 512
     samples: int = 10_000
@@ -56,7 +56,7 @@ class Problem:
 
         def rate(time: float, w: FloatArray) -> list[float]:
             v, state = float(motion.velocity(time)), float(w[0])
-            u = state if v > 0.0 else -state  # positive while loading
+            u = state if v > 0.0 else -state  # hysteresis variable, positive while loading
             return [rho * v * (1.0 - (u**n if u >= 0.0 else kappa * min(-u, 1.0) ** n))]
 
         force, w = np.zeros(self.samples), 0.0
@@ -93,7 +93,7 @@ def kernel(problem: Problem) -> Job:
 
 
 def odeint(problem: Problem) -> Job:
-    """Return a function that integrates the candidates one after the other with ``odeint`` (LSODA)."""
+    """Return a function that integrates the candidates one by one with SciPy's ``odeint`` (LSODA)."""
     from scipy.integrate import odeint as integrate
 
     omega = 2.0 * pi * FREQUENCY_Hz

@@ -1,9 +1,9 @@
 """Force tracking on randomised dampers: ``python -m bench.track [--draws N] [--law LAW]``.
 
 Each damper is randomised around a preset of the virtual rig and identified from its default campaign. Then
-the recommended controller and a PI with a force sensor track three targets at 20, 60, 100 and 123 degC with
-two seeds of noise. The value of a damper is its largest RMS error on the feasible samples. The table has the
-median and the largest value of the dampers. Odd seeds are for reports, even seeds for development.
+the recommended controller and a PI controller with a force sensor track three targets at 20, 60, 100 and 123
+degC with two seeds of noise. The error at a target is the largest RMS error on the feasible samples. The
+table has the median and the largest error of the dampers. Odd seeds are for reports, even for development.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mrdamper.virtual_rig.measurement import measure
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of a damper family for three targets: median and largest error of all dampers."""
+    """Limits of the median and of the largest error of a damper family, for each of three targets."""
 
     median: tuple[float, float, float]
     worst: tuple[float, float, float]
@@ -43,7 +43,7 @@ FAMILIES = {
     "hydraulic-bench": HYDRAULIC_LIMITS,
     "hydraulic-monotube": HYDRAULIC_LIMITS,
 }
-BETTER_THAN_PI_MIN_PERCENT = 75.0  # dampers and targets with at most the error of the PI
+BETTER_THAN_PI_MIN_PERCENT = 75.0  # pairs of damper and target with at most the error of the PI controller
 CONTROLLERS = ("recommended", "pi")
 
 
@@ -62,7 +62,7 @@ def card_of(damper: VirtualDamper, law: str | None, folder: Path | None) -> Mode
 
 
 def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, list[float]]:
-    """Return, for each controller, the largest RMS error of each target while the target is feasible.
+    """Return the largest RMS error on feasible samples for each controller and target.
 
     If a hot damper is too weak for a target, only lower temperatures are tested, and a message is printed.
     """
@@ -86,7 +86,7 @@ def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, li
 def track_family(
     family: str, seeds: list[int], law: str | None, folder: Path | None
 ) -> tuple[list[Row], int, int]:
-    """Return the rows of a family, the number of targets with at most the PI's error, and of all targets."""
+    """Return the rows of a family, the number of errors of at most the PI's error, and of all errors."""
     bounds, ours, below = FAMILIES[family], [], 0
     for seed in seeds:
         damper = draw_variant(PRESETS[family], seed)

@@ -1,4 +1,4 @@
-// An exported controller in C++: the header is extern "C", the files are compiled as C and linked.
+// Use an exported controller in C++. The exported files are compiled as C and linked; the header is extern "C".
 //
 //   mrdamper export card.json --c out
 //   cc -std=c99 -O2 -c out/damper.c out/damper_tables.c
@@ -15,7 +15,7 @@ class Controller {
 public:
     Controller() { damper_controller_start(&state_); }
 
-    // Sets the gain of the yield force, as of an aged damper. The data are a copy in RAM.
+    // Set the gain of the yield force, for example for an aged damper. The controller data are a copy in RAM.
     void set_yield_gain(mrd_real gain) { data_.gains.yield_force = gain; }
 
     mrd_real step(mrd_real wanted, mrd_real displacement, mrd_real kelvin)

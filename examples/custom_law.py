@@ -1,6 +1,6 @@
-"""A law of your own in Python: a spring that slips, fitted to runs of the virtual rig at two currents.
+"""Define a hysteresis law in Python (a slipping spring), and fit it to runs of the virtual rig.
 
-python examples/custom_law.py    (on files: mrdamper fit DIR --law examples/custom_law.py:Slipping ...)
+python examples/custom_law.py    (your own files: mrdamper fit DIR --law examples/custom_law.py:Slipping ...)
 """
 
 import mrdamper
@@ -13,12 +13,12 @@ Values = dict[str, float]
 
 
 class Slipping:
-    """The state z is the stretch of the spring divided by the yield displacement."""
+    """A slipping spring with a dashpot in parallel. The state z is spring travel / yield displacement."""
 
     name = "slipping"
     coefficients = (
-        Coefficient("yield_force", "N", "force at which it slips", linear=True, lower=0.0, upper=1e4),
-        Coefficient("viscosity", "N s/m", "of the dashpot beside it", linear=True, lower=0.0, upper=1e5),
+        Coefficient("yield_force", "N", "force at which the spring slips", linear=True, lower=0.0, upper=1e4),
+        Coefficient("viscosity", "N s/m", "damping of the dashpot", linear=True, lower=0.0, upper=1e5),
         Coefficient("rho", "1/m", "inverse yield displacement", linear=False, lower=10.0, upper=1e5),
     )
 

@@ -1,6 +1,7 @@
-"""A real damper: fit three motions of a public rig, and predict a fourth motion and a chirp.
+"""Fit a card to three motions of a real damper from a public rig, and predict a fourth motion and a chirp.
 
-python examples/fit_real_data.py DIR    (DIR holds utfsm_sine_*.csv and utfsm_chirp_*.csv, one run each)
+python examples/fit_real_data.py DIR    (DIR contains utfsm_sine_*.csv and utfsm_chirp_*.csv, one run per
+file)
 """
 
 import sys

@@ -1,6 +1,7 @@
-"""Heat sinks for a damper: fluid temperature after half an hour versus mass of the fins.
+"""Search heat sinks for a damper: fluid temperature after half an hour versus mass of the fins.
 
-python examples/heat_sink_study.py CARD [DRAWING]    (default drawing: the paper's)
+python examples/heat_sink_study.py CARD [DRAWING]    (DRAWING: geometry file; default: damper of the reference
+paper)
 """
 
 import sys

@@ -3,9 +3,9 @@
 python examples/quarter_car.py [CARD]
 
 Without CARD, the example identifies the vehicle damper of the virtual rig (half a minute). The damper of the
-car is the real-time model of the card, and the controller is made from the same card. The states are
-z = (x_b - x_w, x_b', x_w - x_r, x_w'): rattle space, body speed, tyre deflection and wheel speed about rest.
-The damper force F resists extension:
+car is the real-time model of the card, and the controller is made from the same card. The states, relative to
+the car at rest, are z = (x_b - x_w, x_b', x_w - x_r, x_w'): rattle space, body speed, tyre deflection and
+wheel speed. The damper force F resists extension:
 
     m_b x_b'' = -k_s (x_b - x_w) - F
     m_w x_w'' =  k_s (x_b - x_w) + F - k_t (x_w - x_r)
@@ -35,14 +35,14 @@ from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import PRESETS
 
-STEP_S = 0.25e-3  # Step of car and damper.
+STEP_S = 0.25e-3  # time step of car and damper
 CONTROL_PERIOD_S = 1e-3
-SPEED_MAX_M_S = 4.0  # Maximum speed of the tables, because the damper of a car is fast.
-UNSCORED_S = 2.0  # Transient from rest.
+SPEED_MAX_M_S = 4.0  # max speed of the tables; the damper of a car is fast
+UNSCORED_S = 2.0  # The transient from rest is not scored.
 SKYHOOK_N_S_M = 2500.0
 
 States = np.ndarray  # shape (4,)
-Damper = Callable[[int, States], float]  # step and states -> force [N] that acts until the next step
+Damper = Callable[[int, States], float]  # arguments: step number and states; result: force in this step [N]
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class QuarterCar:
     tyre_N_m: float = 200e3
 
     def transition(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A, b and c of the exact step z + = A z + b F + c x_r', with F and x_r' held."""
+        """Return A, b and c of the exact time step z <- A z + b F + c x_r'; F and x_r' are constant in it."""
         system = np.zeros((6, 6))
         system[0, 1], system[0, 3], system[2, 3], system[2, 5] = 1.0, -1.0, 1.0, -1.0
         system[1, 0], system[1, 4] = -self.spring_N_m / self.body_kg, -1.0 / self.body_kg
@@ -73,7 +73,7 @@ class Ride:
     tyre_load_N: float
     rattle_m: float
     states: np.ndarray  # shape (steps, 4)
-    force: np.ndarray  # of the damper [N], shape (steps,)
+    force: np.ndarray  # damper force [N], shape (steps,)
 
 
 def drive(car: QuarterCar, damper: Damper, road: Road, duration_s: float = 20.0) -> Ride:
@@ -97,7 +97,7 @@ def drive(car: QuarterCar, damper: Damper, road: Road, duration_s: float = 20.0)
 
 
 def skyhook(z: States) -> float:
-    """Return the wanted force [N]; zero if the damper cannot dissipate it."""
+    """Return the skyhook force [N], or zero if this force would not dissipate energy in the damper."""
     wanted = SKYHOOK_N_S_M * z[1]
     return float(wanted) if wanted * (z[1] - z[3]) > 0.0 else 0.0
 
@@ -110,10 +110,10 @@ def ideal_damper(_step: int, z: States) -> float:
 def card_damper(
     card: ModelCard, car: QuarterCar, controller: ForceController | None, temperature_degC: float
 ) -> Damper:
-    """Return the card's damper with a controller; None: without current.
+    """Return the damper of a card with a controller. If the controller is None, the current is zero.
 
-    The road ahead is unknown. The free motion of the car during the preview of the controller gives the best
-    estimate of the future target force.
+    The road ahead is unknown. The best estimate of the future target force follows from the free motion of
+    the car during the preview of the controller.
     """
     kelvin = temperature_degC + ZERO_CELSIUS_K
     model = realtime_model(card, period_s=STEP_S, speed_m_s=SPEED_MAX_M_S)
@@ -136,7 +136,7 @@ def card_damper(
 
 
 def vehicle_card() -> ModelCard:
-    """Identify the virtual rig's vehicle damper."""
+    """Return the card of the vehicle damper of the virtual rig."""
     campaign = Campaign.from_toml(Path(__file__).with_name("vehicle_campaign.toml"))
     campaign = replace(
         campaign, temperatures_degC=(20.0, 110.0), currents_A=(0.0, 1.0, 2.0), held_out_temperatures_degC=()

@@ -1,4 +1,4 @@
-"""Fit three viscosity laws to a rheometer table, and print the decrease of the viscosity by the best law."""
+"""Fit three viscosity laws to a rheometer table; print the decrease of the viscosity from 20 to 100 degC."""
 
 import numpy as np
 

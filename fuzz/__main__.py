@@ -1,8 +1,8 @@
-"""Run the fuzzing: ``python -m fuzz [NAME ...] [-runs=N] [OPTION ...]``; without a name, list the targets.
+"""Run fuzzing targets: ``python -m fuzz [NAME ...] [-runs=N] [OPTION ...]``. Without a name, list them.
 
-``all`` runs every target. Arguments that begin with a dash go to the engine (libFuzzer's options). The inputs
-that the engine finds stay in build/fuzz/NAME. An input that shows a fault is written to
-build/fuzz/NAME.crash-*; copy it to fuzz/corpus/NAME together with the fix.
+The name ``all`` runs every target. Arguments that begin with a dash are options of the fuzzer (libFuzzer or
+atheris). The fuzzer stores its inputs in build/fuzz/NAME. An input that shows a fault is written to
+build/fuzz/NAME.crash-*. When you fix the fault, copy this input to fuzz/corpus/NAME.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ INPUT_MAX_BYTES = 4096
 COMPILE = (
     *("clang", "-std=c99", "-gline-tables-only", "-O1", "-ffp-contract=off", "-fno-omit-frame-pointer"),
     *("-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
-    "-fno-sanitize-coverage=trace-cmp",  # This takes half of the time, without benefit for numbers.
+    "-fno-sanitize-coverage=trace-cmp",  # Traced comparisons take half of the time, without benefit here.
 )
 
 
@@ -71,7 +71,7 @@ def run_target(name: str, options: list[str]) -> bool:
                 _fuzz_kernel(words) if name == "kernel" else _fuzz_python(name, inputs, words)
             except BaseException:
                 traceback.print_exc()
-            # exit() of the C library calls the handler of the engine, which saves the failing input.
+            # exit() of the C library calls the handler of the fuzzer, which saves the failing input.
             ctypes.CDLL(None).exit(1)
         status = os.waitpid(process, 0)[1]
     done = [line for line in log.read_text(errors="replace").splitlines() if line.startswith("Done ")]

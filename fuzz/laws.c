@@ -1,7 +1,8 @@
-/* Fuzzing of the kernel's laws: records, forces, tangents, Gram sums and the curve, from any motion and coefficients.
+/* Fuzzing target for the laws of the kernel: records, forces, tangents, Gram matrices and the curve, computed from any
+ * motion and any coefficients.
  *
- * If the coefficients are in their ranges and the motion is finite, then the force is finite. For all other input only
- * the sanitizers must stay silent. kernel.c is included; implicit_run.c is compiled separately.
+ * If the coefficients are in their ranges and the motion is finite, then the force must be finite. For all other input,
+ * the sanitizers must find no fault. This file includes kernel.c; implicit_run.c is compiled separately.
  */
 #include "kernel.c"
 
@@ -23,7 +24,7 @@ static uint8_t next(bytes *b)
     return *b->at++;
 }
 
-/* Return a number from 0 to 1, both included. */
+/* Return a number from 0 to 1, including both ends, from the next two bytes. */
 static double fraction(bytes *b)
 {
     const unsigned high = next(b), low = next(b);
@@ -34,7 +35,7 @@ static double between(bytes *b, double low, double high) { return low + (high - 
 
 static double over_decades(bytes *b, double low, double high) { return exp(between(b, log(low), log(high))); }
 
-/* Return any double: eight raw bytes, a plain decimal, or a value at which the arithmetic changes. */
+/* Return an arbitrary double: eight raw bytes, a plain decimal number, or a value at which the arithmetic changes. */
 static double any(bytes *b)
 {
     static const double odd[] = {0.0, -0.0, 1.0, -1.0, 4.9e-324, 2.2e-308, 1e-30, 1e-9, 1e9, 2147483648.0, 9.3e18, 1e30,
@@ -65,7 +66,7 @@ typedef struct {
 #define KAPPA {-1 - 5e-10, 1 + 5e-10, 0}
 #define N {0.2 - 5e-10, 20 + 5e-10, 0}
 
-/* Return the range of a coefficient as in models/laws.py. */
+/* Return the valid range of a coefficient, the same as in models/laws.py. */
 static range range_of(int law, int k)
 {
     static const range common[MRD_COMMON] = {{0, 1e3, 0}, {0, 1e3, 0}, {-100, 100, 0}, {0, 5, 0}, {0, 20, 0},
@@ -144,7 +145,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         mrd_direction direction[MRD_DIRECTIONS];
         for (size_t k = 0; k < count; k++) direction[k] = (mrd_direction){(int)k, k % 2 ? seed : NULL, k % 4 == 1};
         mrd_workspace *workspace = api->workspace_open();
-        for (int round = 0; round < 2; round++) { /* The second run uses the curve that the first has cached. */
+        for (int round = 0; round < 2; round++) { /* The second run uses the curve that the first run has cached. */
             const mrd_status status = api->run(&model, &record, count, direction, force, columns, workspace);
             require(status == MRD_OK || status == MRD_NOT_TABULATED || status == MRD_SHAPE_VARIES, "the status", status);
             require(status == MRD_OK || wild_numbers, "sound coefficients are taken", status);

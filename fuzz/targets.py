@@ -1,7 +1,7 @@
 """The fuzzing targets in Python: text reader, model card and channel map.
 
-A target either returns a valid value or raises an error of the package that names the file. Everything else
-is a fault. A card that is accepted must be the same after it is written and read again.
+A target must either return a valid value, or raise an error of the package that names the file. Every other
+result is a fault. A card that is accepted must be unchanged after it is written and read again.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def require(condition: object, fault: str) -> None:
 
 @contextmanager
 def expecting_named_error(name: str) -> Iterator[None]:
-    """Suppress an error of the package if its message has a length and names the file."""
+    """Suppress an error of the package if its message is short enough and names the file."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:
@@ -87,7 +87,7 @@ def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
 
 
 def write(name: str, content: bytes) -> Path:
-    """Write a file into this process's temporary folder; return its path."""
+    """Write a file into the temporary folder of this process; return its path."""
     path = Path(_temporary_folder().name) / name
     path.write_bytes(content)
     return path
@@ -105,7 +105,7 @@ def check_table(table: Table) -> None:
 
 
 def take_text(content: bytes) -> None:
-    """Read delimited text; a first byte below 3 selects options that a channel map could give."""
+    """Read delimited text. A first byte below 3 selects one of three sets of reader options."""
     options = (FileOptions(), FileOptions(delimiter=";", decimal=","), FileOptions(delimiter="\t"))
     is_chosen = content[:1] != b"" and content[0] < len(options)
     path = write("input.csv", content[1:] if is_chosen else content)
@@ -174,7 +174,7 @@ def _edit_seeds(count: int) -> list[bytes]:
 
 
 def text_seeds() -> list[bytes]:
-    """Return short texts in the formats that test rigs write."""
+    """Return short example texts in the formats that test rigs write."""
     return [
         RUN_CSV,
         b"\x01time;x;force\n0;1,5;2\n0,1;2,5;3\n",
@@ -190,4 +190,4 @@ TARGETS: Mapping[str, tuple[Callable[[bytes], None], Callable[[], Sequence[bytes
     "card": (take_card, lambda: [*(json.dumps(d).encode() for d in card_documents()), *_edit_seeds(8)]),
     "channel-map": (take_channel_map, lambda: [CHANNEL_MAP.encode(), *_edit_seeds(1)]),
 }
-"""Name: the function that takes the bytes, and the function that returns the first inputs."""
+"""Targets by name: function that processes an input (bytes), and function that returns the first inputs."""

@@ -1,7 +1,7 @@
-/* A Cortex-M4F without an operating system: vectors, memory, floating-point unit, a timer's interrupt at 1 kHz.
+/* Board support of a Cortex-M4F without an operating system: vectors, memory, floating-point unit, 1 kHz timer.
  *
- * mps2-an386, as QEMU has it: a core at 25 MHz. Says in one line how many steps were taken, how many were late, and
- * what came out, then stops; a target goes on for ever.
+ * The board is the mps2-an386 of QEMU with a clock of 25 MHz. After 3000 steps, the program prints one line (number of
+ * steps, number of late steps, results) and stops. On a real target, the loop would continue.
  */
 #include "loop.h"
 
@@ -40,11 +40,11 @@ static void leave(uint32_t reason)
 
 static void fault(void) { leave(0x20023u); }
 
-/* Every millisecond. One that is still at work when the next is due is late: the timer has gone round. */
+/* Handle the timer interrupt every millisecond. A step is late if the timer expires again before the step ends. */
 static void tick(void)
 {
     if (running == 0u || steps >= STEPS) return;
-    (void)TICK_CONTROL; /* reading clears that it went round */
+    (void)TICK_CONTROL; /* Reading this register clears its flag that the timer has expired. */
     loop_step();
     if ((TICK_CONTROL & 0x10000u) != 0u) late++;
     steps++;
@@ -62,7 +62,7 @@ void reset(void)
     loop_begin();
     running = 1u;
     TICK_RELOAD = TICKS_A_STEP - 1u;
-    TICK_CONTROL = 7u; /* the processor's clock, with interrupt */
+    TICK_CONTROL = 7u; /* Start the timer with the processor clock and with its interrupt. */
     while (steps < STEPS) __asm__ volatile("wfi");
     TICK_CONTROL = 0u;
     loop_end(shown);
@@ -74,5 +74,5 @@ void reset(void)
 
 __attribute__((section(".vectors"), used)) static const struct {
     const void *stack;
-    void (*handler[15])(void); /* the last is that of the timer */
+    void (*handler[15])(void); /* The last handler belongs to the timer. */
 } vectors = {stack_top, {reset, fault, fault, fault, fault, fault, 0, 0, 0, 0, fault, fault, 0, fault, tick}};

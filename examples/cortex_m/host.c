@@ -1,4 +1,4 @@
-/* The same loop on this machine, as fast as it goes: what the board shows must be the same bits. */
+/* Run the same loop on this machine without a timer. The board must print the same bits. */
 #include <stdio.h>
 
 #include "loop.h"

@@ -1,15 +1,16 @@
-/* A controller at 1 kHz without a thermometer: parameters in RAM, controller, thermal model. No board support.
+/* Control loop at 1 kHz, independent of the board: controller with parameters in RAM, and thermal model instead of a
+ * thermometer.
  *
- * The damper is the exported model, moved by 8 mm at 1 Hz. On a real target its displacement is read and `current`
- * goes to the driver.
+ * The damper is the exported model, moved by 8 mm at 1 Hz. On a real target, a sensor measures the displacement, and
+ * `current` is sent to the driver.
  */
 #include "loop.h"
 
-#include <math.h> /* NAN, a constant: no library is needed */
+#include <math.h> /* only for the constant NAN, which needs no library */
 
 #include "damper_thermal.h"
 
-static mrd_track data; /* the controller's values in RAM, where they may be changed */
+static mrd_track data; /* copy of the controller data in RAM, where they can be changed */
 static damper_controller_state controller;
 static damper_model_state damper;
 static damper_thermal_state heat;
@@ -28,10 +29,10 @@ void loop_begin(void)
     sine = (mrd_real)0.0;
 }
 
-/* Once a millisecond. */
+/* Compute one step. The board calls this function every millisecond. */
 void loop_step(void)
 {
-    const mrd_real turn = (mrd_real)6.2831853e-3, c = cosine - turn * sine, s = sine + turn * c; /* 1 Hz */
+    const mrd_real turn = (mrd_real)6.2831853e-3, c = cosine - turn * sine, s = sine + turn * c; /* rotation for a sine of 1 Hz */
     const mrd_real displacement = (mrd_real)8e-3 * s, velocity = (mrd_real)50.265e-3 * c, nothing = (mrd_real)NAN;
     const damper_controller_input asked = {(mrd_real)600.0 * c, nothing, displacement, warm.fluid, nothing};
     const damper_model_input moved = {displacement, velocity, current, warm.fluid};
@@ -51,6 +52,6 @@ void loop_step(void)
 void loop_end(uint32_t shown[LOOP_SHOWN])
 {
     const mrd_real values[3] = {current, force, warm.fluid};
-    for (int i = 0; i < 3; i++) (void)memcpy(&shown[i], &values[i], sizeof shown[i]); /* of a float, all its bits */
+    for (int i = 0; i < 3; i++) (void)memcpy(&shown[i], &values[i], sizeof shown[i]); /* Copy the bits of the float. */
     shown[3] = flags;
 }

@@ -1,8 +1,8 @@
 """The damper of a card as the plant of a closed loop, for control with a perfect model.
 
-The command passes the actuation of the damper (delay and lags, or one lag). The kernel then steps the law
-sample by sample. A controller that is made from the same card has no model error on this plant. The result
-therefore contains only the effects of lag and noise. It does not validate a card.
+The actuation of the damper (delay and lags, or one lag) delays the command. The kernel then steps the law
+sample by sample. A controller that is made from the same card has no model error on this plant. The tracking
+error is therefore caused only by lag and noise. It does not validate a card.
 
 The plant starts with zero force and zero command. Extension is positive.
 """
@@ -30,8 +30,8 @@ class CardPlant:
 
     Parameters
     ----------
-    damper : from a card
-    highest : highest command [A or V]; the applied command is limited to 0 to this value
+    damper : damper of a card
+    highest : highest command [A or V]; the applied command is limited to the range from 0 to this value
     step_s : time step [s]
 
     Raises
@@ -83,7 +83,8 @@ class CardPlant:
         if self._before is not None:
             x, v, a, applied = map(np.concatenate, zip(self._before, (x, v, a, applied), strict=True))
         self._before = x[-1:].copy(), v[-1:].copy(), a[-1:].copy(), applied[-1:].copy()
-        # Treat each block as the last one, because later samples must not change forces already returned.
+        # Each block is treated as the last one, because later samples must not change forces already
+        # returned.
         batch = core.open_batch(self.step_s, (x, v, a), self._motion, patience=1, last=True)
         coefficients = self._coefficients(applied, temperature_degC)
         return core.carry(self._kernel, batch, coefficients, self._law, self._workspace)[batch.behind :]

@@ -1,7 +1,7 @@
-"""The configuration of a controller: frozen dataclasses with the parts and values of ``controller_config.h``.
+"""The configuration of a controller, as frozen dataclasses like the structs in ``controller_config.h``.
 
 The C extension reads the values by name, and an export prints them by name. Units are SI and kelvin. "A" is
-the unit of the command; if the command of the card is a voltage, read "V" instead.
+the unit of the command. If the command of the card is a voltage, the unit is "V" instead.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from enum import IntEnum
 class InverseMethod(IntEnum):
     """Method that computes the command from the wanted force."""
 
-    NONE = 0  # feedback only
-    BANK = 1  # five models at constant currents at the present instant; the preview must be 0
-    PREDICTIVE = 2  # model-predictive: several command changes over a horizon
+    NONE = 0  # The command is computed only by feedback.
+    BANK = 1  # interpolation between five models at constant currents, without preview
+    PREDICTIVE = 2  # model-predictive: several command changes in a prediction horizon
 
 
 class FeedbackKind(IntEnum):
@@ -29,7 +29,7 @@ class FeedbackKind(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axes:
-    """Sampling period, and ranges of current and temperature of the tables."""
+    """Sampling period, and the ranges of current and temperature in the tables."""
 
     period: float  # [s] sampling period
     largest: float  # [A] current of the last column of the tables; the first column is 0
@@ -53,9 +53,9 @@ class Law:
 class Gains:
     """Factors on the parts of the force: 1 for the identified damper, other values for an aged damper."""
 
-    yield_force: float = 1.0  # [-] of the yield force
-    viscous_force: float = 1.0  # [-] of the viscous force
-    friction_force: float = 1.0  # [-] of the friction force
+    yield_force: float = 1.0  # [-] factor on the yield force
+    viscous_force: float = 1.0  # [-] factor on the viscous force
+    friction_force: float = 1.0  # [-] factor on the friction force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +65,11 @@ class MotionFilter:
     gain_x: float  # [-] gain of the displacement
     gain_v: float  # [1/s] gain of the velocity
     gain_a: float  # [1/s2] gain of the acceleration
-    holds_readings: bool  # a reading is held for several periods, so a repeated reading is ignored
+    holds_readings: bool  # True: the sensor repeats each reading for several periods; repetitions are ignored
     frequency_filter_gain: (
-        float  # [-] weight of a new sample in the means of v^2 and a^2; 0: constant acceleration is assumed
+        float  # [-] weight of a new sample in the means of v^2 and a^2; 0: acceleration is assumed constant
     )
-    settle_samples: int  # periods until the filter has settled
+    settle_samples: int  # number of periods until the filter has settled
     omega_squared_max: float  # [1/s2] upper limit of the squared frequency, (mean a^2) / (mean v^2)
     velocity_noise_variance: float  # [m2/s2] variance of v caused by sensor noise
     acceleration_noise_variance: float  # [m2/s4] variance of a caused by sensor noise
@@ -99,13 +99,13 @@ class Actuation:
     second: float  # [-] fraction of the gap of the second lag that remains after a period
     rise_couple: float  # [-] fraction of the first gap that a period adds to the second gap, current rising
     fall_couple: float  # [-] like ``rise_couple``, current falling
-    second_ramp: float  # [-] delay of the second lag after a ramp of the first lag / change in the ramp
+    second_ramp: float  # [-] second gap at the end of a ramp of the first lag / change in the ramp
     freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
     hysteresis_width: float  # [A] half width of the magnetic hysteresis after the lags
-    hysteresis_weight: float  # [-] weight of the part of the field with ``hysteresis_width``, below 1
-    wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: none
-    wide_hysteresis_weight: float  # [-] weight of the part of the field with ``wide_hysteresis_width``
+    hysteresis_weight: float  # [-] fraction of the field with the hysteresis of ``hysteresis_width``, below 1
+    wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: disabled
+    wide_hysteresis_weight: float  # [-] fraction of the field with the wide hysteresis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class Inverse:
     """Method that computes the command from the wanted force, and the preview of the wanted force."""
 
     method: InverseMethod
-    preview: float  # [s] time from now to the second given value of the wanted force
+    preview: float  # [s] time from now to the future wanted force that the caller passes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,13 +125,13 @@ class Prediction:
     """
 
     steps: int  # number of steps of the horizon, which starts after the dead time
-    samples: int  # periods over which the computation of a prediction is spread, before it is applied
-    together: int  # periods that one integration step of the law covers during the dead time
+    samples: int  # number of periods that share the computation of one prediction
+    together: int  # number of periods in one integration step of the law during the dead time
     step: float  # [s] length of a step
     stretch: int  # factor on the step length from the fourth step on
     dead: float  # [s] time from now to the start of the horizon
     fade: float  # [-] error weight of a step divided by the error weight of the previous step
-    settled: float  # [-] fraction of the unfinished hysteresis that is assumed to be complete
+    settled: float  # [-] fraction of the remaining build-up of hysteresis that is assumed to be complete
     calm: float  # [N/A] cost of a command change of one ampere, expressed as a force error
     rise: float  # [-]
     fall: float  # [-]
@@ -144,7 +144,7 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feedback:
-    """Use of a measured force."""
+    """Feedback of a measured force: feedback law, gains and disturbance observer."""
 
     kind: FeedbackKind  # feedback law
     gain: float  # [A/N] gain of the force error

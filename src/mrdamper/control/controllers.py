@@ -1,16 +1,16 @@
-"""Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
+"""Force-tracking controllers made from a card: recommended, as in the reference paper, and baselines.
 
 Each controller is a small frozen object. All controllers and exports share one step function in C
 (``core/kernel/controller.c``). Only the configuration (``config``) differs:
 
-- ``recommended``: model-predictive control with the model of the card. The command is optimised over the
-  horizon in which it acts. After a reversal, the controller assumes that the hysteresis builds up faster than
-  in the model (``settings``: ``settled_ratio``). ``recommended-causal`` extrapolates the target.
-  ``recommended-observer`` adds a disturbance observer for a measured force.
+- ``recommended``: model-predictive control with the model of the card. The command minimises the expected
+  force error in the prediction horizon. After a reversal, the controller assumes that the hysteresis builds
+  up faster than in the model (``settings``: ``settled_ratio``). ``recommended-causal`` extrapolates the
+  target. ``recommended-observer`` adds a disturbance observer for a measured force.
 - ``predictive``: like ``recommended``, but with the hysteresis exactly as in the model of the card. For the
   laws ``chain`` and ``series-valve``, ``predictive`` and ``recommended`` are equal.
-- ``paper``: five models at constant currents compute the force at the present instant. The command follows
-  from linear interpolation between these forces. ``paper-unaware`` assumes 20 degC at all temperatures.
+- ``paper``: controller of the reference paper. Five models at constant currents compute the present force.
+  Linear interpolation between these forces gives the command. ``paper-unaware`` always assumes 20 degC.
 - ``pi`` and ``clipped-on-off``: baselines with a force sensor.
 
 The rules in ``tuning`` choose every value that the card does not contain.
@@ -59,7 +59,7 @@ class Safety:
     """Limits beyond which a reading is a fault, and the reaction to a fault. Units are SI and kelvin."""
 
     stroke_times: Positive = 10.0  # fault limits of displacement and velocity / largest value in the data
-    frozen_s: Positive = 0.02  # equal displacement readings for this time are a fault
+    frozen_s: Positive = 0.02  # Equal displacement readings for this time are a fault.
     coast_s: Positive = 0.12  # time for which a missing displacement is replaced by an extrapolated motion
     fall_back: NotNegative = 0.0  # command if the displacement is missing for longer than coast_s [A or V]
     back_s: Positive = 0.03  # The fall-back command ends after this time with displacement readings.
@@ -68,11 +68,11 @@ class Safety:
     slew_K_s: Positive = 20.0  # max rate of change of the temperature estimate; no damper warms faster
     jump_K: Positive = 10.0  # max difference between temperature reading and estimate
     smooth_s: Positive = 0.2  # time constant of the filter for the temperature readings
-    # Time for which the estimate is used without a valid reading; None: see ``thermometer``.
+    # Time for which the temperature estimate is used without a valid reading; None: see ``thermometer``.
     hold_s: Positive | None = None
     nominal_K: float | None = None  # temperature after hold_s; None: the middle of the model's range
-    # New readings after a jump are accepted when they have been steady for this time, and for longer than
-    # the readings before the jump were valid.
+    # Temperature readings after a jump are accepted when they have been steady for this time. They must also
+    # be steady for longer than the readings before the jump were valid.
     recover_s: Positive = 2.0
 
     def __post_init__(self) -> None:
@@ -142,7 +142,7 @@ class ForceController(Stepper):
 
     @property
     def preview_s(self) -> float:
-        """Return how far ahead the controller needs the target [s].
+        """Return the preview time of the target [s] that the controller needs.
 
         The value is 0 if the controller needs only the present target, or extrapolates the target.
         """
@@ -178,14 +178,14 @@ class ForceController(Stepper):
     def compiled(self) -> Tracker | None:
         """The kernel object for the closed loop in C.
 
-        None in single precision, or if a subclass defines its own step in Python.
+        The value is None in single precision, or if a subclass defines its own step in Python.
         """
         return self._native if type(self).step is ForceController.step and not self.single else None
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> ForceController:
-        """Return the controller for an aged or similar damper, whose force parts are multiplied by gains."""
+        """Return the controller for an aged or similar damper. Gains multiply parts of the model force."""
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
@@ -215,7 +215,7 @@ def check_name(name: str, law: str) -> None:
         )
 
 
-def controllers_for(  # noqa: PLR0913 - what a caller may know better than the rules
+def controllers_for(  # noqa: PLR0913 - values that a caller can know better than the rules
     source: ModelCard | Damper,
     *,
     period_s: float = 1e-3,
@@ -231,8 +231,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     """Return every controller of a card or damper, by name.
 
     All controllers use the temperature dependence of the card, except ``paper-unaware``, which uses the card
-    at 20 degC. For any other controller without temperature dependence, use a card that was fitted to runs at
-    one temperature, or to runs at all temperatures without a temperature model.
+    at 20 degC. To get any other controller without temperature dependence, use a card without a temperature
+    model. Fit such a card to runs at one temperature, or to all runs with the temperature model disabled.
 
     Parameters
     ----------
@@ -244,7 +244,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     jerk_density : jerk density of the motion for which the motion filter is designed [m/s^3 per root Hz]
     extra_delay_s : dead time of sensing, computing and driver in addition to the dead time of the card [s]
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a stuck thermometer; None: the paper's damper; ``NO_HEATING``: none
+    heating : heat balance that detects a stuck thermometer; None: the damper of the reference paper;
+        ``NO_HEATING``: no detection
     speed_m_s : maximum speed of the tables [m/s]
 
     Raises
@@ -347,7 +348,7 @@ def check_period(place: str, period_s: float) -> None:
 
 
 def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
-    """Raise ``InputError`` if a yield force does not have exactly one command."""
+    """Raise ``InputError`` unless the yield force rises with the command, so that the command is unique."""
     yields = tables.yield_force_table
     if float(np.ptp(yields, axis=1).min()) <= 1e-9 * float(yields.max()):
         raise InputError(
@@ -392,7 +393,7 @@ def _variants(
     period = base.axes.period
     method = config.Inverse(method=InverseMethod.PREDICTIVE, preview=tuning.horizon_end(prediction))
     recommended = replace(base, motion=harmonic, inverse=method, prediction=prediction)
-    # The paper's controller assumes that the current follows the command without lag or magnetic hysteresis.
+    # The controller of the paper assumes that the current follows the command without lag or hysteresis.
     paper = replace(
         base,
         actuation=tuning.sampled_actuation(Actuation(0.0, 0.0), period),
@@ -474,6 +475,6 @@ def _force_per_command(tables: DamperTables) -> float:
 
 
 def _claimed_error(card: ModelCard) -> float:
-    """Return the median RMS force error of the runs of a card [N]; 0 if the card contains no run errors."""
+    """Return the median over runs of the RMS force error in a card [N]; 0 if the card has no run errors."""
     runs = card.evidence.runs
     return float(statistics.median(run["rmse_N"] for run in runs)) if runs else 0.0

@@ -7,11 +7,11 @@ follows the prescribed motion. The loop does not depend on the physics of the pl
 and controller give bit-identical runs.
 
 Controllers made from cards run on virtual dampers in C (``core/binding/closed_loop.c``); one call computes
-several loops in parallel. All other controllers and plants run in Python, sample by sample. The results are
-bit-identical.
+several loops in parallel. All other controllers and plants run in Python, sample by sample. A loop has
+bit-identical results in C and in Python.
 
-Arrays at the time steps of the plant, shape (n,), contain the value at the end of each step h, at the times
-h, 2 h, ..., n h.
+Arrays at the time steps of the plant have the shape (n,). They contain the values at the ends of the steps,
+which are the times h, 2 h, ..., n h for the step h.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class LoopRun:
 
     @property
     def error(self) -> FloatArray:
-        """Return the tracking error [N]: force minus target."""
+        """Return the tracking error [N]: damper force minus target."""
         return self.force - self.course.target
 
 
@@ -189,7 +189,7 @@ class _Loop:
     controller: Controller
     scenario: Scenario
     settings: LoopSettings
-    wanted: FloatArray  # wanted force at each sample and a preview time later [N], shape (2, samples)
+    wanted: FloatArray  # wanted force [N] at each sample, and one preview later; shape (2, samples)
     sensed: _Sensed
     force: FloatArray  # [N] force of the damper
     given: FloatArray  # commands [A]: first the zero commands of the delay, then one command per sample
@@ -209,7 +209,7 @@ class _Loop:
 
 
 class _Prepared:
-    """Factory of loops on one motion. Inputs that several loops share are computed once."""
+    """Factory of loops with one motion. Inputs that several loops share are computed only once."""
 
     def __init__(self, step_s: float, course: ReferenceTrajectory) -> None:
         self._step, self._course = step_s, course
@@ -261,10 +261,10 @@ def _settings(controller: Controller, scenario: Scenario, every: int, step_s: fl
 
 
 def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> None:
-    """Compute the forces and commands of loops on one motion, in parallel in C if possible.
+    """Compute the forces and commands of loops with one motion, in parallel in C if possible.
 
     User-defined controllers and dampers run in Python. If the C code rejects a loop, Python repeats the loop
-    and raises the error with a message.
+    and raises an error with a message.
     """
     abreast: dict[tuple[int, int], list[_Loop]] = {}
     for loop in loops:
@@ -347,7 +347,7 @@ def _driver_current(current: float, settings: LoopSettings) -> float:
 class _Sensed:
     """Sensor readings at the samples, shape (n,).
 
-    The force itself is computed during the run. Therefore only noise and offset of its readings are stored.
+    The damper force is computed during the run. Therefore only noise and offset of its readings are stored.
     """
 
     displacement: FloatArray  # [m]
@@ -356,9 +356,9 @@ class _Sensed:
     frozen: FloatArray  # 1 if the force sensor is stuck and repeats its last value, otherwise 0
 
     def rows(self, wanted: FloatArray) -> FloatArray:
-        """Return the inputs of a compiled controller, shape (n, 5): the columns of ``wanted``, then readings.
+        """Return the inputs of a compiled controller, shape (n, 5).
 
-        The readings are displacement, temperature and force noise.
+        The columns are the two rows of ``wanted``, displacement, temperature and force noise.
         """
         columns = (*wanted, self.displacement, self.temperature, self.force_noise)
         return np.ascontiguousarray(np.transpose(columns))
@@ -417,7 +417,7 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
-    """Return one mask of samples for each dropout of a sensor in the run: True during the given fault."""
+    """Return one mask of samples for each dropout of a sensor that has the given fault: True during it."""
     spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
     found = [(time >= start) & (time < end) for start, end in spans]
     return [inside for inside in found if inside.any()]

@@ -61,7 +61,7 @@ class Controller(Protocol):
 
     @property
     def preview_s(self) -> float:
-        """Return how far ahead the controller needs the target [s]; 0 if it needs only the present target."""
+        """Return the preview time of the target [s]; 0 if the controller needs only the present target."""
         ...
 
     @property
@@ -114,7 +114,7 @@ class CompiledPlant(Plant, Protocol):
     def hold(self, temperature_degC: float, count: int) -> object:
         """Return ``count`` copies (at most 64) of the damper at one temperature for the closed loop in C.
 
-        The result is a capsule with the struct in ``core/binding/loop_plant.h``.
+        The result is a Python capsule that holds the struct of ``core/binding/loop_plant.h``.
         """
         ...
 
@@ -124,13 +124,13 @@ class LoopSettings(NamedTuple):
 
     every: int  # plant steps per sample
     late: int  # whole samples in the delay of a command
-    apart: int  # plant steps in the delay of a command, in addition to ``late``
+    apart: int  # plant steps in the delay of a command, in addition to the whole samples
     reads_force: bool
     force_gain: float
     force_offset_N: float
     highest_A: float
-    command_step_A: float  # resolution of the current driver; 0: exact
-    force_step_N: float  # resolution of the force sensor; 0: exact
+    command_step_A: float  # resolution of the current driver; 0: no rounding
+    force_step_N: float  # resolution of the force sensor; 0: no rounding
 
 
 @runtime_checkable

@@ -4,10 +4,10 @@ The model has the same tables, configuration and C code as the controllers (``co
 Use the model for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use the model for
 fitting, because its tables approximate the law; ``models.simulate`` integrates the law itself.
 
-The current of a row is constant during the sampling period that ends at this row. If the velocity is given,
-the model uses displacement and velocity unchanged. Otherwise the model estimates the velocity by the motion
-filter of the controllers. By default, this filter is designed for a displacement without noise. For a sensor
-with 10 um noise, pass ``displacement_noise_m=10e-6, jerk_density=1.0``.
+A row of input has the current of the sampling period that ends at this row. If the velocity is given, the
+model uses displacement and velocity unchanged. Otherwise the motion filter of the controllers estimates the
+velocity. By default, this filter is designed for a displacement without noise. For a sensor with 10 um noise,
+pass ``displacement_noise_m=10e-6, jerk_density=1.0``.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class RealtimeDamper(Stepper):
         return self._native.simulate(state, inputs)
 
 
-def realtime_model(  # noqa: PLR0913 - what a caller may know better than the rules
+def realtime_model(  # noqa: PLR0913 - values that a caller can know better than the rules
     source: ModelCard | Damper,
     *,
     period_s: float = 1e-3,
@@ -88,9 +88,11 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     ----------
     period_s : sampling period [s]
     largest : largest current [A or V]; None: from the actuation of the card, or else from the envelope
-    displacement_noise_m, jerk_density : parameters of the motion filter [m], [m/s^3 per root Hz]
+    displacement_noise_m, jerk_density : sensor noise [m] and jerk of the motion [m/s^3 per root Hz] for which
+        the motion filter is designed
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a stuck thermometer; None: the paper's damper; ``NO_HEATING``: none
+    heating : heat balance that detects a stuck thermometer; None: the reference paper's damper;
+        ``NO_HEATING``: none
     extrapolate_temperature : True: if the thermometer is stuck, the temperature is estimated from the
         supplied energy, as in a controller. False: the model sets a flag and uses the constant reading,
         because a simulation may have a constant temperature
@@ -105,8 +107,8 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     check_period("real-time model", period_s)
     damper = source.damper if isinstance(source, ModelCard) else source
     actuation = tuning.actuation_of(damper)
-    # Even for a motion on a road, the chain law is more accurate with the filter for harmonic motions (0.8
-    # instead of 1.1 % RMS error).
+    # The filter for harmonic motions makes the force of the chain law more accurate, even for a random motion
+    # on a road (RMS error of 0.8 instead of 1.1 %).
     is_harmonic = damper.law.name == "chain"
     motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
     tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)

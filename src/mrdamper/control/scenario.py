@@ -28,14 +28,14 @@ from mrdamper.schema import Option, check_ranges, read_record, unknown_name, wri
 Sensor = Literal["displacement", "temperature", "force"]
 Fault = Literal["missing", "frozen", "shifted"]
 
-_LONGEST_S = 3600.0  # Limits the memory of a run at the rate of the plant.
+_LONGEST_S = 3600.0  # max duration of a scenario, which limits the memory of a run
 
 
 class Target(Protocol):
     """A wanted force as a function of time."""
 
     def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
-        """Return the wanted force [N] at times [s], at which the motion has the given velocities [m/s]."""
+        """Return the wanted force [N] at times [s]; ``velocity`` is the velocity of the motion then [m/s]."""
         ...
 
 
@@ -49,7 +49,7 @@ class SineTarget:
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
     phase_deg: Annotated[float, Option(unit="deg")] = 0.0
-    """Phase lead to the velocity."""
+    """Phase lead of the target relative to the velocity."""
     offset_N: Annotated[float, Option(unit="N")] = 0.0
     """Constant force of a gas spring."""
 
@@ -110,12 +110,12 @@ class Dropout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensing:
-    """Sensor properties: white noise (standard deviation), resolution (0: exact), offsets, lost readings."""
+    """Sensor properties: standard deviation of white noise, resolution (0: exact), offsets, lost readings."""
 
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
     displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
     displacement_hold_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
-    """Hold time of a reading on a slow bus; 0 if there is none."""
+    """Time for which a slow bus repeats each reading; 0: each sample has a new reading."""
     displacement_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
@@ -135,13 +135,13 @@ class Disturbance:
     """Deviations of damper and current driver from the model; the controller does not measure them."""
 
     force_gain: Annotated[float, Option(least=0.0)] = 1.0
-    """Factor of the damper's force."""
+    """Factor on the damper's force."""
     force_offset_N: Annotated[float, Option(unit="N")] = 0.0
     """Constant force that the card does not contain."""
     command_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
     """Delay between sample and driver, rounded to steps of the plant."""
     command_step_A: Annotated[float, Option(unit="A", least=0.0)] = 0.0
-    """Step of the driver's converter; 0 if there is none."""
+    """Resolution of the driver's converter; 0: no rounding."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "disturbance")
@@ -153,10 +153,10 @@ class _Conditions:
 
     name: str = "sine-900N-1Hz"
     motion: str = "sine5mm1Hz"
-    """Name or text for ``motion_from_text``."""
+    """Motion, as a name or a text for ``motion_from_text``."""
     duration_s: Annotated[float, Option(unit="s", above=0.0, most=_LONGEST_S)] = 4.0
     unscored_s: Annotated[float, Option(unit="s", least=0.0)] = 1.0
-    """Time at the beginning without score."""
+    """Time at the beginning of the run that is not scored."""
     temperature_degC: Annotated[float, Option(unit="degC", least=-40.0, most=200.0)] = 20.0
     """Constant temperature of the damper."""
     highest_A: Annotated[float, Option(unit="A", above=0.0)] = 2.0
@@ -179,7 +179,7 @@ class _Conditions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ScenarioTable(_Conditions):
-    """Content of a scenario file: conditions, name of the scenario with the defaults, table of the target."""
+    """Content of a scenario file: conditions, scenario for missing values (``like``), table of the target."""
 
     like: str | None = None
     target: Mapping[str, Any] | None = None
@@ -187,7 +187,7 @@ class _ScenarioTable(_Conditions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(_Conditions):
-    """One test of a controller. Default: 900 N at 1 Hz on the 5 mm sine.
+    """One test of a controller. The default target is a sine of 900 N and 1 Hz; the motion is a 5 mm sine.
 
     Raises
     ------

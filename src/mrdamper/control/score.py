@@ -2,9 +2,9 @@
 
 A semi-active damper cannot push. Its attainable range is found by two simulations of the same motion at the
 actual temperature, one at zero current and one at the highest current. At each time t, lo(t) is the lower and
-hi(t) the higher of the two forces. A sample is feasible if lo + 20 N <= target <= hi - 20 N. The error always
-refers to the original target, because a target clipped to the range would depend on history and even the best
-current would have an error.
+hi(t) the higher of the two forces. A sample is feasible if the target is between lo and hi, with a margin of
+at most 20 N to both ends. The error always refers to the original target. A target that is clipped to the
+range would depend on history, and even the best current would have an error.
 
 All scores are computed at the time steps of the plant, without the unscored beginning of the scenario.
 """
@@ -63,7 +63,7 @@ class Score:
     coil_power_W: float | None  # mean of i^2 R
     chatter_A_per_s: float  # sum of the absolute current changes, divided by the duration
     rmse_feasible_percent: float | None = None  # rmse_feasible_N divided by the RMS of the target
-    within_5_percent_share: float = 0.0  # fraction of time with an error within 5 % of the target's peak
+    within_5_percent_share: float = 0.0  # fraction of time with an error below 5 % of the target's peak
 
 
 def attainable_range(
@@ -140,7 +140,7 @@ def _percent(value: float | None, of: float) -> float | None:
 
 
 def combine_worst(scores: Sequence[Score]) -> Score:
-    """Return the worst value of each score over several runs: minimum of fractions, else maximum."""
+    """Return the worst value of each score over several runs: the min of a fraction, the max of others."""
     if not scores:
         raise InputError(place="scores", found="there are no scores")
     found: dict[str, float | None] = {}

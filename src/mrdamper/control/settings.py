@@ -28,23 +28,23 @@ class ControlSettings:
     # Prediction horizon
     horizon_steps: int = 6
     horizon_ratio: float = 0.8  # completed fraction of the response at the end of the horizon
-    freewheel_ratio: float = 0.95  # the same fraction for a current that can only free-wheel down
+    freewheel_ratio: float = 0.95  # like horizon_ratio, for a current that can only free-wheel down
     freewheel_stretch: int = 3  # length of a late time step / length of an early one, for such a current
-    step_ratio_min: float = 0.25  # min time step / time constant of the motion filter
-    late_ratio_max: float = 0.5  # max rounding up of the dead time / time step
+    step_ratio_min: float = 0.25  # min time step of the horizon / time constant of the motion filter
+    late_ratio_max: float = 0.5  # max time added by rounding up the dead time / time step
     dead_time_stride: float = 2.25  # time step during the dead time / time step of the horizon
     spread_sample_count_max: int = 3  # max number of periods for the computation of one prediction
 
     # Prediction cost
     horizon_fade: float = 0.8  # weight of a time step / weight of the previous time step
     move_cost_ratio: float = 0.03  # cost of a change of the command / force change that it causes
-    move_cost_error_ratio: float = 12.0  # additional cost / force error of the card
-    move_cost_ratio_max: float = 0.25
-    implicit_move_cost_ratio_max: float = 0.6  # max for a law with an implicit step
-    # Fraction of the unfinished hysteresis that ``recommended`` assumes to be complete. After a reversal, the
-    # force of a Bouc-Wen law builds up too slowly if the current rises, because the state of the law is
-    # relative to the yield force. A value of 0 is correct for a damper that is identical to the card. On the
-    # virtual dampers of the rig, a value of 0 lets the force overshoot by up to 200 N after each reversal.
+    move_cost_error_ratio: float = 12.0  # additional cost of a change / force error of the card
+    move_cost_ratio_max: float = 0.25  # max cost of a change / force change that it causes
+    implicit_move_cost_ratio_max: float = 0.6  # the same maximum for a law with an implicit step
+    # Fraction of the remaining build-up of the hysteresis that ``recommended`` assumes to be complete. After
+    # a reversal, the force of a Bouc-Wen law builds up too slowly if the current rises, because the state of
+    # the law is relative to the yield force. A value of 0 is correct for a damper that is identical to the
+    # card. On the virtual dampers of the rig, 0 lets the force overshoot by up to 200 N after each reversal.
     settled_ratio: float = 0.4
 
     # Other parts of the controllers
@@ -59,15 +59,15 @@ class ControlSettings:
     # Tables of the coefficients
     current_count_max: int = 41  # includes all multiples of 1/8 of the largest current, for the model bank
     current_tolerance: float = 8e-4  # interpolation error / largest yield force
-    temperature_tolerance: float = 1e-4
-    temperature_count: int = 193  # temperatures at which coefficients are sampled: ends and middle of pieces
+    temperature_tolerance: float = 1e-4  # interpolation error in temperature / scale of the row
+    temperature_count: int = 193  # number of temperatures at which coefficients are sampled
     rank_tolerance: float = 1e-7
     # Typical values that scale the error of the rows for stiffness, mass and velocity
     typical_stroke_m: float = 0.05
     typical_acceleration_m_s2: float = 50.0
     low_speed_m_s: float = 0.01
     curve_error: float = 1e-4  # absolute tolerance of a hysteretic state, whose range is -1 to 1
-    speed_error: float = 1e-5  # absolute tolerance of a function of speed [m/s for the viscous one, else 1]
+    speed_error: float = 1e-5  # absolute tolerance of a function of speed [m/s if it is viscous, else 1]
     cell_bits_max: int = 6
 
     # Targets of a damper of any size
@@ -75,9 +75,9 @@ class ControlSettings:
     sizing_temperature_degC: float = 20.0
     motion_ratio_max: float = 0.8  # used stroke and speed / stroke and speed of the fitted runs
 
-    # Scores. A feasible target has this min distance from both ends of the attainable range.
+    # Scores. A feasible target has at least this distance from both ends of the attainable range.
     margin_N: float = 20.0
-    margin_ratio_max: float = 0.025  # max of the distance / peak of the target
+    margin_ratio_max: float = 0.025  # A larger distance / peak of the target is reduced to this.
 
 
 SETTINGS = ControlSettings()

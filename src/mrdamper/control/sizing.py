@@ -1,8 +1,8 @@
 """Targets for a damper of any size, as fractions of the damper's force at the largest current and 20 degC.
 
-The three targets of the virtual rig suit a damper of 1.7 kN and 12 mm. The targets of another damper have the
-same fraction of the damper's force, a suitable amplitude of the motion, and an offset that is the gas force
-at the temperature of the test.
+The three targets of the virtual rig suit a damper of 1.7 kN and 12 mm. For another damper, the amplitude of
+each target is the same fraction of the damper's force. The amplitude of the motion fits its stroke and speed.
+The offset of the target is the gas force at the temperature of the test.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PROBE_TIMES_S = np.linspace(0.0, 10.0, 5001)  # times at which the peaks of a mo
 
 
 def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> tuple[str, ...]:
-    """Return one motion per target that stays within ranges of displacement [m] and velocity [m/s].
+    """Return one motion per target, each within the ranges of displacement [m] and velocity [m/s].
 
     The result is empty unless both ranges extend to both sides of zero.
     """
@@ -74,7 +74,7 @@ def shift_to_temperature(plant: Plant, scenario: Scenario, temperature_degC: flo
 
 
 def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
-    """Return the scenario with another motion. In a velocity target, v0 is scaled with the peak speed."""
+    """Return the scenario with another motion. The v0 of a velocity target is scaled with the peak speed."""
     target = scenario.target
     if isinstance(target, VelocityTarget):
         times = np.linspace(0.0, scenario.duration_s, 2001)

@@ -18,14 +18,14 @@ from mrdamper.control.tables.card_tables import DamperTables
 
 
 class Flag(IntFlag):
-    """Faults and events of a step. ``FAULTS`` contains the flags of invalid readings."""
+    """Faults and events of a step."""
 
     NO_DISPLACEMENT = 1  # the displacement is NaN or beyond its limit
     FROZEN = 2  # the displacement is constant although the damper moved
     MOTION_UNKNOWN = 4  # the displacement is missing for too long: the fall-back command is used
-    NO_TEMPERATURE = 8  # the temperature is NaN or beyond its limits: the last valid one is used
-    TEMPERATURE_JUMP = 16  # the temperature changes too fast for a damper: the last valid one is used
-    NOMINAL_TEMPERATURE = 32  # the temperature is invalid for too long: the nominal one is used
+    NO_TEMPERATURE = 8  # the temperature is NaN or beyond its limits: the last valid value is used
+    TEMPERATURE_JUMP = 16  # the temperature changes too fast for a damper: the last valid value is used
+    NOMINAL_TEMPERATURE = 32  # the temperature is invalid for too long: the nominal temperature is used
     NO_TARGET = 64  # the target is NaN: zero is used
     NO_FORCE = 128  # the force reading is missing although the controller uses force feedback
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
@@ -35,13 +35,13 @@ class Flag(IntFlag):
     NO_CURRENT = (
         8192  # model: the current is NaN or far outside its range; the last valid one is used, later zero
     )
-    FROZEN_TEMPERATURE = 16384  # constant although the damper warms: estimated from the supplied energy
+    FROZEN_TEMPERATURE = 16384  # the temperature is constant although the supplied energy warms the damper
     NO_VELOCITY = 32768  # model: the velocity is beyond its limit and is estimated from the displacement
     INTERNAL_FAULT = 65536  # the state was not finite and was reset
 
 
 FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
-"""The flags of invalid readings."""
+"""Flags of invalid inputs, except a missing force reading (``NO_FORCE``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,8 @@ class StateEstimate:
     command: float  # last command [A or V]
     applied: float  # command after delay, lags and magnetic hysteresis [A or V]
     temperature: float  # [K]
-    yield_force: float  # part of the model's force at the applied command [N], like the three that follow
+    # The next four values are the parts of the model's force at the applied command [N].
+    yield_force: float
     viscous_force: float
     friction_force: float
     other_force: float
@@ -106,7 +107,7 @@ class Stepper:
         return self.config.axes.largest
 
     def start(self) -> bytes:
-        """Return the state before the first sample: no motion, no current."""
+        """Return the state before the first sample, without motion and current."""
         return self._native.start()
 
     def estimate(self, state: bytes) -> StateEstimate:

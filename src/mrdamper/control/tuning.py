@@ -1,6 +1,6 @@
 """Rules that compute controller parameters from the card's actuation, sampling period and sensor noise.
 
-No value is tuned to one damper. The module ``settings`` has the values. The rules:
+The constants of these rules are in the module ``settings``. None of them is tuned to one damper. The rules:
 
 *Motion filter.* A steady-state Kalman filter estimates position, velocity and acceleration from the
 displacement. Its motion model has white-noise jerk. A jerk density of 1 m/s^3 per root Hz gives a velocity
@@ -9,11 +9,11 @@ noise of 0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 *Prediction horizon.* The motion is assumed to be harmonic, so the jerk density of the filter is multiplied by
 ``harmonic_jerk_ratio``. The horizon begins at the end of the dead time and has ``horizon_steps`` time steps.
 It ends when the lags have completed ``horizon_ratio`` of their response to a sudden change of the command. No
-time step is shorter than ``step_ratio_min`` of the time constant of the motion filter. If the driver is
-one-quadrant (the current can only free-wheel down), the horizon lasts at least for ``freewheel_ratio`` of the
-fall from the largest command to zero. The time steps from the fourth on are then ``freewheel_stretch`` times
-as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more than
-``late_ratio_max`` of a time step.
+time step is shorter than ``step_ratio_min`` of the time constant of the motion filter. The current of a
+one-quadrant driver can only free-wheel down. In this case, the horizon lasts at least for ``freewheel_ratio``
+of the fall from the largest command to zero. The time steps from the fourth on are then ``freewheel_stretch``
+times as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more
+than ``late_ratio_max`` of a time step.
 
 *Prediction cost.* The force error of a time step has ``horizon_fade`` of the weight of the previous time
 step. A change of the command (*move*) costs ``move_cost_ratio`` of the force change that it causes. It also
@@ -22,8 +22,8 @@ swing between its limits. The cost is at most ``move_cost_ratio_max`` of the for
 ``implicit_move_cost_ratio_max`` for a law with an implicit step. After a reversal, ``recommended`` assumes
 that ``settled_ratio`` of the remaining build-up of the hysteresis is complete. ``predictive`` uses the
 hysteresis of the card unchanged. For a law with an implicit step, the computation is spread over at most
-``spread_sample_count_max`` periods, and the time steps during the dead time are ``dead_time_stride`` times as
-long as the time steps of the horizon.
+``spread_sample_count_max`` periods. The time steps during the dead time are then ``dead_time_stride`` times
+as long as the time steps of the horizon.
 
 *Feedback.* Proportional and integral gain follow from Skogestad's (SIMC) rule. The first lag of the actuation
 is the time constant of the process. The dead time, the second lag and the sampling period together are the
@@ -45,12 +45,12 @@ from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
-_CLOSE_STEPS = 3  # The first two moves of a prediction act in these time steps, which are never stretched.
+_CLOSE_STEPS = 3  # number of first time steps, never stretched, with the first two moves of a prediction
 _DELAY_LINE = 128  # number of past commands that the kernel stores: MRD_TRACK_DELAY_LINE
 
 
 def actuation_of(damper: Damper) -> Actuation:
-    """Return the actuation of the damper. A damper with only a command lag gets an actuation with one lag."""
+    """Return the actuation of the damper; if it has only a command lag, an actuation with this one lag."""
     if damper.actuation is not None:
         return damper.actuation
     return Actuation(damper.command_lag_s, damper.command_lag_s)
@@ -125,7 +125,7 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
             found=f"noise {noise} and density {density}",
             expected="two positive numbers",
         )
-    # If period and noise are the units, the problem depends on one dimensionless number, ``power``.
+    # The problem depends only on one number, ``power``, if period and noise are the units.
     power = (density / noise) ** 2 * period_s**5
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
@@ -184,7 +184,8 @@ def prediction_of(
         fallen = lags.response_time(SETTINGS.freewheel_ratio, actuation.largest_command or 1.0, 0.0)
         risen, stretch = max(risen, fallen), SETTINGS.freewheel_stretch
     parts = _parts(SETTINGS.horizon_steps, stretch)
-    known = 1.0 / (SETTINGS.motion_period_ratio_min * math.sqrt(motion.omega_squared_max))  # filter time [s]
+    # Time constant of the motion filter [s].
+    known = 1.0 / (SETTINGS.motion_period_ratio_min * math.sqrt(motion.omega_squared_max))
     step = max(risen / parts, SETTINGS.step_ratio_min * known, period_s)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     if dead - actuation.delay_s > SETTINGS.late_ratio_max * step:
@@ -249,7 +250,7 @@ def _freewheel_ratio(actuation: Actuation, time: float) -> float:
 
 
 def _ramp(lag: float, time: float) -> float:
-    """Return input minus output of a lag at the end of a ramp from rest, divided by the input change."""
+    """Return (input - output) / input change of a lag, at the end of a ramp of the input from rest."""
     return lag / time * (1.0 - _remaining(lag, time)) if lag > 0.0 and time > 0.0 else _remaining(lag, time)
 
 

@@ -1,8 +1,8 @@
-"""The compiled kernel behind NumPy: shapes and types are checked here, the arithmetic is in C.
+"""NumPy interface of the compiled kernel: this module checks shapes and types, the arithmetic is in C.
 
 The arithmetic is in ``kernel/`` (C99, compiled once per instruction set, with bitwise equal results).
-cffi calls the kernel and releases the GIL during a call. The numbers of the laws and the order of their
-coefficients are defined in ``models.laws``.
+cffi calls the kernel and releases the GIL during a call. ``models.laws`` defines the number of each law and
+the order of its coefficients.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ __all__ = [
 
 
 LONGEST_STEP = 2.5e-3
-"""Longest integration step [s] of the implicit laws; a longer sample interval is divided into steps."""
+"""Longest integration step [s] of the implicit laws. A longer sample interval is divided into steps."""
 
 STEPS_PER_SAMPLE_MAX = 1e6
 """Maximum number of integration steps of the implicit laws per sample."""
@@ -73,8 +73,7 @@ class Record:
     displacement, velocity, acceleration : [m], [m/s], [m/s^2], shape (n,)
     dead_band : reversals up to this size are ignored [m]
     longest_step : longest integration step of the implicit laws [s]
-    batch : patience, True for the last batch, and the state of the motion (see ``open_batch``); None for a
-        whole run
+    batch : arguments ``patience``, ``last`` and ``motion`` of ``open_batch``; None for a whole run
     """
 
     __slots__ = ("_arrays", "native")
@@ -122,7 +121,7 @@ class Record:
 
     @property
     def behind(self) -> int:
-        """Number of samples whose force was already computed with the previous batch: 0 or 1."""
+        """Number of samples whose force the previous batch has already returned: 0 or 1."""
         return self.native.behind  # type: ignore[no-any-return]
 
     @property
@@ -132,14 +131,14 @@ class Record:
 
     @property
     def pieces(self) -> tuple[tuple[int, float, int], ...]:
-        """Monotone pieces of the motion: first sample, displacement at the start [m], direction (1 or -1)."""
+        """First sample, displacement at the start [m] and direction (1 or -1) of each monotone piece."""
         r = self.native
         sides = (1 if side > 0.0 else -1 for side in ffi.unpack(r.side, r.pieces))
         return tuple(zip(ffi.unpack(r.first, r.pieces), ffi.unpack(r.turn, r.pieces), sides, strict=True))
 
 
 class Workspace:
-    """Memory for the last tabulated curve (see ``curve``). Only one thread at a time may use it."""
+    """Memory for the last tabulated curve (see ``curve``). Only one thread at a time may use a workspace."""
 
     __slots__ = ("native",)
 
@@ -151,7 +150,7 @@ class Workspace:
 
 
 def _check(status: int) -> None:
-    """Raise the exception that belongs to a status code of the kernel, unless the status is OK."""
+    """Raise the exception for a status code of the kernel; return if the status is OK."""
     if status == lib.MRD_OK:
         return
     if status == lib.MRD_NO_MEMORY:
@@ -251,7 +250,7 @@ def run(
     Raises
     ------
     ValueError
-        Wrong shapes, an unknown law, or kappa or n that vary over the run.
+        If shapes are wrong, the law is unknown, or kappa or n vary during the run.
     """
     samples, places = record.samples, _places(law, directions)
     count, model = len(places), _model(law, coefficients, record.native.known)
@@ -291,21 +290,21 @@ def open_batch(
 ) -> Record:
     """Return the record of the settled samples of a batch of a run.
 
-    A sample is settled if later samples cannot change the monotone piece that contains the sample. Later
-    batches settle the remaining samples.
+    A sample is settled if later samples cannot change the monotone piece that contains the sample. The
+    remaining samples are settled in later batches.
 
     Parameters
     ----------
-    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each. They contain the
-        last settled sample of the previous batch (except in the first batch; ``behind`` is then 0), the
-        samples that are not settled yet, and the new samples.
+    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each. They begin with
+        the last settled sample of the previous batch (the first batch has no such sample, and ``behind`` is
+        0). Then follow the samples that are not settled yet, and the new samples.
     motion : state of the motion, shape (MOTION_NUMBERS,), zero before the first batch; updated in place
     patience : maximum number of samples after an extreme that can remain unsettled
     last : True for the last batch, which settles all samples
     """
     if patience < 1:
         raise ValueError("patience must be 1 sample or more")
-    if not motion[_MOTION_PATH] >= 0.0:  # A motion may come from a file, and its path becomes an index.
+    if not motion[_MOTION_PATH] >= 0.0:  # A motion from a file can be damaged, and its path becomes an index.
         raise ValueError("motion: its path is not a travel since a turning point")
     return Record(step, *kinematics, dead_band, longest_step, batch=(patience, last, motion))
 
@@ -315,7 +314,8 @@ def carry(
 ) -> FloatArray:
     """Return the force [N] of a batch, shape (n,).
 
-    If ``batch.behind`` is 1, the first value is undefined: the previous batch has returned this sample.
+    If ``batch.behind`` is 1, the first value is undefined, because the previous batch has returned the force
+    of this sample.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ def causal(law: int, record: Record, coefficients: FloatArray) -> FloatArray:
 def gram(columns: FloatArray, start: int = 0) -> FloatArray:
     """Return the Gram matrix of the rows of ``columns``, shape (rows, rows).
 
-    Its elements are the inner products of two rows over the samples from ``start`` on.
+    An element is the inner product of two rows. Samples before ``start`` are ignored.
     """
     rows, samples = columns.shape
     if not 0 <= start <= samples:
@@ -469,13 +469,13 @@ def first_order_lag(
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag, and the derivative with respect to the time constant.
 
-    The result is exact for a command that is linear between samples. The initial state is settled, or given
-    by ``before``: output and derivative at the first sample.
+    The result is exact for a command that is linear between samples. ``before`` has the output and its
+    derivative at the first sample; None: the steady state.
 
     With ``fall``, the time constant is ``rise`` [s] while the absolute input exceeds the output, otherwise
-    ``fall`` [s]. The output then falls at most with the free-wheeling time constant ``wheel`` [s] (0: no
+    ``fall`` [s]. The output falls no faster than with the free-wheeling time constant ``wheel`` [s] (0: no
     free-wheeling). With ``saturation`` [A], the lag acts on the flux ``I / (1 + I / saturation)`` of the
-    current ``I`` (0: on the current).
+    current ``I``. Without it (0), the lag acts on the current.
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
     falls = rise if fall is None else fall
@@ -488,7 +488,7 @@ def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArr
     """Return the Bouc-Wen curve Y(tau), dY/dtau, dY/dkappa and dY/dn from the kernel's tables.
 
     Y is the hysteresis variable on a monotone piece of motion: dY/dtau = 1 - Y^n for Y >= 0 and
-    1 - kappa |Y|^n for Y < 0, with Y(0) = 0. tau is rho times the travel from the point with Y = 0.
+    1 - kappa |Y|^n for Y < 0, with Y(0) = 0. tau is rho times the travel since the point with Y = 0.
     """
     if not (-1.0 <= kappa <= 1.0 and 0.2 <= n <= 20.0):
         raise ValueError("the curve is tabulated for -1 <= kappa <= 1 and 0.2 <= n <= 20")
@@ -500,8 +500,9 @@ def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArr
 def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.intp]:
     """Return the samples at which a motion turns by more than the dead band [m], shape (m,).
 
-    A turning point is an extreme after which the displacement returns by more than the dead band. The first
-    of several equal extremes counts. The ends of the motion do not count. Maxima and minima alternate.
+    A turning point is a maximum or minimum after which the displacement returns by more than the dead band.
+    The first of several equal values counts. The ends of the motion do not count. Maxima and minima
+    alternate.
     """
     x, at = np.ascontiguousarray(displacement), np.empty(len(displacement))
     arrays = doubles(x, "displacement"), doubles(at, "turning points")

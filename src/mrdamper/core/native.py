@@ -1,4 +1,4 @@
-"""The compiled extensions, the instruction set level in use, and pointers to arrays."""
+"""Access to the compiled extensions, the instruction set level in use, and C pointers to NumPy arrays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["DOUBLE", "SINGLE", "Build", "doubles", "ffi", "level", "levels", "li
 
 
 class Build:
-    """An extension of one precision. ``api`` holds the C functions of the level in use."""
+    """The extension of one precision. ``api`` has the C functions of the instruction set level in use."""
 
     __slots__ = ("api", "ffi", "levels", "lib", "real", "state", "state_size")
 
@@ -72,7 +72,8 @@ def doubles(array: FloatArray, name: str, *, write: bool = False) -> Any:  # noq
     ValueError
         If the array is not contiguous, or if it is read-only but C writes to it.
     """
-    # ``is`` is twice as fast as ``==``, but False for an unpickled array, whose type is an equal copy.
+    # Comparison with ``is`` is twice as fast as ``==``. It fails for an unpickled array, whose type is a
+    # copy.
     dtype = array.dtype
     if dtype is not _FLOAT64 and dtype != _FLOAT64:
         raise TypeError(f"{name} must be contiguous float64")

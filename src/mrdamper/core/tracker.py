@@ -1,4 +1,4 @@
-"""Force-tracking controllers of the kernel and their closed loops; the state of a controller is bytes."""
+"""Force-tracking controllers of the kernel and their closed loops. The state of a controller is bytes."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ CHOICE_MAX = 2
 """Largest value of each enumeration in a configuration."""
 
 CURRENT_TOLERANCE_RATIO = 1e-9
-"""Rounding tolerance of the table currents at quarters of the largest current, relative to the largest."""
+"""Rounding tolerance of the table currents at 1/4, 1/2 and 3/4 of the largest current / largest current."""
 
 DELAY_MAX: int = lib.MRD_TRACK_DELAY_LINE
-"""Number of commands that can be on their way between controller and coil."""
+"""Maximum number of commands in the dead time between controller and coil."""
 
 STEPS_MAX: int = lib.MRD_TRACK_STEPS
 """Maximum number of steps of a prediction."""
@@ -61,14 +61,14 @@ class Tracker:
     current : currents of the tables [A], shape (currents,)
     factor : parabolas of temperature for each term, shape (pieces, terms, 3)
     column : terms as functions of the current, shape (currents, columns)
-    lookups : functions of a size, in the order of ``mrd_track``
+    lookups : tables of functions of one positive argument, in the order of ``mrd_track``
     single : compute in single precision
     series : tables of series valve and chain
 
     Raises
     ------
     ValueError
-        If configuration or tables are out of their range.
+        If a value of configuration or tables is out of its range.
     """
 
     __slots__ = ("_arrays", "_build", "native")
@@ -137,11 +137,11 @@ class Tracker:
         return self._steps(self._build.lib.mrd_track_run, "mrd_inputs[]", state, inputs)
 
     def simulate(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Return the last state, and the forces and flags of n steps of the model, for ``inputs`` (n, 4)."""
+        """Return the last state, and the forces and flags of n model steps; ``inputs`` has shape (n, 4)."""
         return self._steps(self._build.lib.mrd_model_run, "mrd_model_inputs[]", state, inputs)
 
     def read(self, state: bytes) -> tuple[Any, tuple[float, float, float, float]]:
-        """Return the C structure of a state, and the force parts [N]: yield, viscous, friction, rest."""
+        """Return the C structure of a state, and yield, viscous, friction and remaining force [N]."""
         at = self._open(state)[1]
         parts = self._build.ffi.new("mrd_real[4]")
         self._build.api.track_parts(self.native, at, parts)
@@ -176,7 +176,7 @@ class Tracker:
         return bytes(memory), out.astype(np.float64), flags.astype(np.int64)
 
     def _rounded(self, values: FloatArray) -> NDArray[np.floating[Any]]:
-        """Return contiguous values in the controller's precision; values beyond its range become infinite."""
+        """Return contiguous values in the controller's precision. Values beyond its range become infinite."""
         with np.errstate(over="ignore"):
             return np.ascontiguousarray(values, dtype=self._build.real)
 
@@ -274,14 +274,14 @@ def follow(
     ----------
     plant : capsule with one damper per loop (``binding/loop_plant.h``); the call changes the damper states
     displacement, velocity : motion at every plant step [m], [m/s], shape (steps,)
-    loops : for each loop a controller in double precision, its state, its settings, the sensor readings,
-        shape (samples, 5), 1 or 0 for a frozen force sensor, shape (samples,), and two output arrays: force
-        [N], shape (steps,), and commands, shape (delay + 1 + samples,)
+    loops : for each loop a controller in double precision, its state, its settings, and four arrays: sensor
+        readings, shape (samples, 5); 1 where the force sensor is frozen, else 0, shape (samples,); output
+        force [N], shape (steps,); output commands, shape (delay + 1 + samples,)
 
     Raises
     ------
     ValueError
-        If lengths do not fit.
+        If the lengths of the arrays do not agree.
     """
     native = ffi.cast("loop_plant *", _address_of(plant, b"mrdamper.loop_plant"))
     if not 0 < len(loops) == native.count <= lib.MRD_LOOPS_MAX:
@@ -313,7 +313,7 @@ def follow(
 
 
 def _members(struct: Any, kind: str) -> list[str]:  # noqa: ANN401 - a type of cffi
-    """Return the names of the members with a given type in a C structure, in their order."""
+    """Return the names of the members of a C structure that have a given type, in their order."""
     return [name for name, field in struct.fields if field.type.cname == kind]
 
 

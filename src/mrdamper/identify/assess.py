@@ -23,7 +23,7 @@ class Assessment:
 
     runs: tuple[RunError, ...]  # errors of training runs and held-out runs
     passivity_min: float  # result of ``passivity``; the model can generate energy if this value is negative
-    words: tuple[str, ...]  # remarks for the user
+    words: tuple[str, ...]  # remarks for the user, one sentence or two each
 
 
 def assess(fitted: FittedDamper) -> Assessment:
@@ -60,7 +60,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
         )
     work_min = np.inf
     for (amplitude, path), force in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
-        # The two end points of a closed cycle are equal. Only one of them is counted.
+        # The first and the last point of a closed cycle are the same point, so only one of them is counted.
         second = slice(len(path) // 2 + 1, None)
         work = float(force[second] @ path.velocity[second]) * path.step
         peak = 4.0 * amplitude * float(np.abs(force[second]).max())
@@ -69,7 +69,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
 
 
 def _correlation_remarks(result: SearchResult) -> list[str]:
-    """Return remarks on strongly correlated parameters of different coefficients, strongest first."""
+    """Return remarks on correlated parameters of different coefficients, strongest correlation first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
     owners = np.array([name.partition(".")[0] for name in names])

@@ -178,7 +178,7 @@ def row(error: RunError) -> dict[str, object]:
 
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
-    """Return all runs, prepared and with noise removed from constant commands.
+    """Return all runs after preparation. The noise of a constant command is removed.
 
     If runs are invalid, one InputError with all faults is raised.
     """

@@ -59,13 +59,13 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
 
 
 def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: FloatArray) -> ParameterLaw:
-    """Return the dependence with values in the valid range; the same object if nothing has to change."""
+    """Return the dependence with values in the valid range; the same object if it is already valid."""
     values = form.value(at, kelvin)
     floor = admissible.lower
     if values.min() < floor + 2e-6 * np.ptp(values):
         slope = form.gradient(at, kelvin)[0]
         if (slope > 0.0).all() and form.linear[0] and form.kind != "exponential":
-            # The coefficient can be lower between two currents of the grid. Hence the margin.
+            # The margin is needed because the coefficient can be lower between two currents of the grid.
             aim = floor + 2e-6 * float(np.ptp(values))
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
             # A factor near zero at one temperature would require large changes at the other temperatures.
@@ -101,7 +101,7 @@ def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> Par
 
 
 def _open_valve(gain: ParameterLaw, envelope: OperatingEnvelope) -> ParameterLaw:
-    """Return a position gain limited so that the valve force keeps its sign within the stroke."""
+    """Return the position gain, limited so that the valve force keeps its sign within the stroke."""
     gain_max = NUMERICS.position_change_max / max(abs(end) for end in envelope.displacement)
     if abs(gain.parameters[0]) <= gain_max or gain.kind != "constant":
         return gain

@@ -75,8 +75,9 @@ def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
 
     If there are several motions, whole motions are distributed among at most ``fold_count_max`` folds, so
     that each fold has slow and fast motions. If there are a single motion and at least four currents, all
-    runs at one current are held out together, except for the smallest and the largest current. Otherwise each
-    run is divided into this number of time blocks, and each fold holds out one block of every run.
+    runs at one current are held out together. The smallest and the largest current are never held out.
+    Otherwise each run is divided into ``fold_count_max`` time blocks, and each fold holds out one block of
+    every run.
     """
     groups = motion_groups(runs)
     if len(groups) == 1:

@@ -133,9 +133,9 @@ class FitProblem:
 class Estimate:
     """A fitted parameter and its uncertainty.
 
-    ``standard_error`` allows for residuals that are correlated within half a cycle. The value is NaN if the
-    parameter is at a bound. ``design_error_percent`` is the relative standard error that follows from the
-    runs if the residual is independent noise.
+    ``standard_error`` allows for residuals that are correlated within half a cycle. It is NaN if the
+    parameter is at a bound. ``design_error_percent`` is the relative standard error that the runs would give
+    if the residuals were independent noise.
     """
 
     name: str

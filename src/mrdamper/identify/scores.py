@@ -109,12 +109,12 @@ def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBa
 
 
 def command_threshold(commands: Iterable[float | None]) -> float:
-    """Return the limit [A or V] below which a command counts as zero: 3 % of the largest, at least 0.02."""
+    """Return the limit [A or V] below which a command counts as zero: 3 % of the maximum, at least 0.02."""
     return max(0.02, 0.03 * max((abs(c) for c in commands if c is not None), default=0.0))
 
 
 def summary(errors: Iterable[RunError]) -> dict[str, float]:
-    """Return the median and the maximum of ``nrmse_percent`` over runs, and the maximum above zero current.
+    """Return the median and the maximum of ``nrmse_percent``, and the maximum over runs with nonzero command.
 
     A value is NaN if there are no such runs.
     """

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Method = Literal["varpro", "genetic"]
-"""Search method: variable projection (``varpro``), or the genetic algorithm of the paper."""
+"""Search method: variable projection (``varpro``), or the genetic algorithm of the reference paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class FitSettings:
     start_count: int = 4  # number of descents, which start at the parameter sets with the smallest costs
     start_iterations_max: int = 12  # limit of each descent; the best descent continues until it converges
     iterations_max: int = 400  # A fit with more iterations has not converged.
-    same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative difference of costs are equal.
+    same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative cost difference count as equal.
 
 
 DEFAULT_SETTINGS = FitSettings()
@@ -85,7 +85,8 @@ class NumericalSettings:
     steps_per_sample: int = 4  # A sample with more integration steps counts as several samples of work.
     parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5
-    # Runs have the same motion if their standard deviations have a smaller ratio. A fold holds out a motion.
+    # Runs have the same motion if the ratio of their standard deviations (displacement and velocity) is
+    # smaller.
     fold_motion_ratio: float = 1.3
     # Limits in the fit of the actuation. Long runs are resampled, but not below 200 Hz, which is necessary to
     # resolve time constants of 5 ms.
@@ -114,8 +115,8 @@ class NumericalSettings:
     # Relative regularisation of the dual problem: conditions at neighbouring currents are nearly equal
     multiplier_regularisation: float = 1e-10
     resolved_cost_ratio: float = 1e-9  # If cost / cost of the guess is smaller, rounding errors dominate.
-    active_stiffness: float = 1e8  # relative stiffness of an active condition
-    sum_count_max: int = 1 << 21  # max number of sums of single runs in memory
+    active_stiffness: float = 1e8  # relative penalty that keeps an active condition active
+    sum_count_max: int = 1 << 21  # max number of Gram matrix elements of single runs in memory
     # OpenBLAS uses one thread up to this product size. Several threads would waste time in busy waiting.
     one_thread_size_max: int = 1 << 17
     invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]
@@ -124,8 +125,8 @@ class NumericalSettings:
     # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    perturbation_range_ratio: float = 0.1  # change on a linear scale for 1 e-fold / range of the bounds
-    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # coefficients taken from a second minimum
+    perturbation_range_ratio: float = 0.1  # linear-scale change for 1 e-fold / range of bounds
+    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # part of coefficients from a second minimum
     python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
 
     # Conditions and limits of coefficients

@@ -1,8 +1,8 @@
 """Temperature dependence of the coefficients, and the number of temperatures that a fit requires.
 
 Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT). Yield forces and friction
-are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper. If the runs have
-only one temperature, the temperature factors of a known fluid can be assumed instead of fitted.
+are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the reference paper. If the
+runs have only one temperature, the temperature factors of a known fluid can be assumed instead of fitted.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 Temperature = Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"]
 
+# Coefficients, grouped by the property whose temperature dependence they follow.
 _VISCOUS = (
     "viscosity",
     "thinning",
@@ -83,9 +84,9 @@ def select_temperature_kind(
 ) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
     """Return the runs to be fitted, the kind of temperature dependence, and a note if data are ignored.
 
-    A kind that is not "auto" is returned unchanged. The kind is "none" if the runs have only one temperature,
-    or if fewer than half of the runs have a temperature channel. If at least half of the runs have this
-    channel, the runs that lack it are ignored.
+    A ``kind`` other than "auto" is returned unchanged. "auto" becomes "none" if the runs have only one
+    temperature, or if fewer than half of the runs have a temperature channel. If at least half of the runs
+    have this channel, the runs that lack it are ignored.
     """
     runs = tuple(runs)
     measured = tuple(run for run in runs if run.trajectory.temperature is not None)

@@ -49,7 +49,10 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
 
 
 def command_levels(runs: Sequence[PreparedRun]) -> int:
-    """Return the number of constant commands in the runs that differ by more than 3 % of the largest."""
+    """Return the number of different constant commands of the runs.
+
+    Commands are equal if they differ by at most 3 % of the largest command.
+    """
     commands = np.array([c for run in runs if (c := run.run.constant_command) is not None])
     numbers = level_numbers(commands, 0.03 * np.abs(commands).max(initial=0.0))
     return int(numbers.max(initial=-1)) + 1
@@ -190,9 +193,9 @@ _CAMPAIGN_FORMS: dict[tuple[str, Form], Form] = {
 }
 """Dependences on current that replace the default ones if the runs have a temperature.
 
-They follow the reconstructed Eq. (12) of the paper: mainly the yield force depends on current. A viscosity
-that is quadratic in current has a smaller training error but a larger error at higher speeds, because it
-compensates for the shape of the loop.
+They follow the reconstructed Eq. (12) of the reference paper: mainly the yield force depends on current. A
+viscosity that is quadratic in current has a smaller training error but a larger error at higher speeds,
+because it compensates for the shape of the loop.
 """
 
 

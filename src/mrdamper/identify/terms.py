@@ -24,7 +24,7 @@ FOLLOW_TERM = "follow"
 """Name of the term that can be identified only from runs with changing current."""
 
 ACCELERATION_MIN_m_s2 = 100.0
-"""Upper bound of the moving mass: force divided by this acceleration.
+"""The upper bound of the moving mass is the typical force divided by this acceleration.
 
 A larger apparent mass is not physical. It is caused by a time lag of the force signal.
 """
@@ -119,7 +119,8 @@ class Archetype:
 
 _Free = FreeCoefficient
 
-# The factors c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 depend on the current (see the paper).
+# The factors c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 depend on the current (see the reference
+# paper).
 _PARALLEL = (
     _Free("viscosity", "polynomial", 0.0, 2.0),
     _Free("stiffness", "polynomial", 0.0, 1.0),

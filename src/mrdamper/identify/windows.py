@@ -303,8 +303,8 @@ def _cheapest_alike(
 ) -> int:
     """Return the unselected window near window ``k`` with the smallest simulation cost.
 
-    Only windows of the same run and time block are considered. The first window of a run needs no warm-up,
-    because the run starts at rest.
+    Only windows of the same run and time block are considered. The first window of a run is cheap because it
+    needs no warm-up: the run starts at rest.
     """
     near = [
         j

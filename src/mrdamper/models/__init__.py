@@ -1,1 +1,1 @@
-"""Models: laws, coefficients as functions of the command, the damper, simulation, the card."""
+"""Models: hysteresis laws, coefficients as functions of the command, damper, simulation and model card."""

@@ -3,10 +3,11 @@
 Driver and coil delay the current, eddy currents delay the field, and the fluid needs some time. The effect on
 the force is modelled as a delay and two first-order lags in series. The first lag has separate rise and fall
 times. The iron has magnetic hysteresis: half of the field follows the lagged command through a dead band, so
-that a falling command has a larger effect than a rising command. Alternatively, a fraction of 0.25 follows
-through a narrow dead band and a fraction of 0.15 through a wide dead band, so that a small change of the
-command causes a smaller loop. Lags and dead bands act on the flux, which saturates. The model is identified
-from runs with steps of the command (``identify.actuation``). Controllers use the model for their preview.
+that a falling command has a larger effect than a rising command. Alternatively, there are two dead bands: a
+fraction of 0.25 of the field follows through a narrow one and a fraction of 0.15 through a wide one. A small
+change of the command then causes a smaller loop. Lags and dead bands act on the flux, which saturates. The
+model is identified from runs with steps of the command (``identify.actuation``). Controllers use the model
+for their preview.
 """
 
 from __future__ import annotations
@@ -21,22 +22,23 @@ from mrdamper.errors import InputError
 from mrdamper.schema import NotNegative, check_ranges
 
 HYSTERESIS_WEIGHT = 0.5
-"""Weight of the field with magnetic hysteresis. Runs determine only the product of weight and half width."""
+"""Fraction of the field with hysteresis. Runs determine only the product of this fraction and half width."""
 
 TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
-"""Weights of the field with the narrow and the wide dead band, if a damper has both (decision 0007)."""
+"""Fractions of the field with the narrow and the wide dead band, if a damper has both (decision 0007)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
     """Parameters of an actuation: delay, first lag, second lag and hysteresis, and the coil data if known.
 
-    The first lag has the time constant ``rise_s`` while its input exceeds its output. ``hysteresis_width_A``
-    is the half width [A or V] of the dead band behind the lags. A rising command from zero is unchanged. A
-    falling command acts like a command that is larger by up to this value (twice the half width in half of
-    the field). A driver with one quadrant cannot pull the current down: the first lag then falls at most with
-    the time constant ``freewheel_time_s``. With ``saturation`` the dead band has a constant width in flux,
-    and a large free-wheeling current falls faster.
+    The first lag has the time constant ``rise_s`` while its input exceeds its output, otherwise ``fall_s``.
+    ``hysteresis_width_A`` is the half width [A or V] of the dead band behind the lags. A command that rises
+    from zero is unchanged. A falling command acts like a command that is larger by up to the half width. The
+    dead band is two half widths wide but acts only on half of the field. A driver with one quadrant
+    cannot force the current down: the output of the first lag then falls no faster than with the time
+    constant ``freewheel_time_s``. With ``saturation`` the dead band has a constant width in flux, and a large
+    free-wheeling current falls faster.
     """
 
     rise_s: NotNegative
@@ -46,7 +48,7 @@ class Actuation:
     resistance_20_ohm: NotNegative | None = None  # coil at 20 degC
     largest_command: NotNegative | None = None  # maximum of the driver [A or V]
     hysteresis_width_A: NotNegative = 0.0  # half width of the dead band [A or V]
-    freewheel_time_s: NotNegative = 0.0  # free-wheeling time constant; 0: the driver pulls the current down
+    freewheel_time_s: NotNegative = 0.0  # free-wheeling time constant; 0: the driver forces the current down
     saturation: NotNegative = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
     wide_hysteresis_width_A: NotNegative = 0.0  # half width of the wide dead band [A or V]; 0: disabled
 
@@ -54,7 +56,7 @@ class Actuation:
         check_ranges(self, "actuation")
 
     def flux(self, size: FloatArray) -> FloatArray:
-        r"""Return the flux in units of a small command [A or V], shape (n,).
+        r"""Return the flux, scaled to equal the command if the command is small [A or V], shape (n,).
 
         .. math:: \varphi = I / (1 + I / I_s)
         """
@@ -66,13 +68,13 @@ class Actuation:
 
     @property
     def hysteresis_weights(self) -> tuple[float, float]:
-        """Return the weights of the field with the narrow and the wide dead band."""
+        """Return the fractions of the field with the narrow and the wide dead band."""
         return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
     def apply(self, command: FloatArray, step: float) -> FloatArray:
         """Return the effective command of the law [A or V] for samples with a step [s], shape (n,).
 
-        The initial state is settled. The command is linear between its samples.
+        The initial state is the steady state at the first sample. The command is linear between its samples.
         """
         return Applied(self, step).on(command)
 
@@ -99,7 +101,7 @@ class Actuation:
 
 
 class Applied:
-    """Effective command, computed batch by batch. The initial state is settled at the first sample."""
+    """Effective command, computed batch by batch, starting from the steady state at the first sample."""
 
     def __init__(self, actuation: Actuation, step: float) -> None:
         self._actuation = actuation
@@ -161,7 +163,7 @@ class Applied:
     def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
         """Return the flux behind a dead band: a value between the flux and the flux plus the width.
 
-        Each sample clips the value of the previous sample. Two clips in succession are equal to one clip.
+        Each sample clips the value of the previous sample to this range. Two successive clips equal one clip.
         Therefore all samples follow from a parallel prefix scan in log2(n) passes (Hillis & Steele, Commun.
         ACM 29 (1986) 1170-1183).
         """

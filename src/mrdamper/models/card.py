@@ -1,8 +1,8 @@
 """The model card: the result of an identification as one JSON file without code.
 
-A card holds the damper (law, dependence of each coefficient, parameters with units and standard errors), its
-operating envelope, the preparation of its data, and the evidence (errors of each run). docs/card.md describes
-the file key by key. ``card_schema`` reads, checks and writes it.
+A card contains the damper: law, dependence of each coefficient, parameters with units and standard errors. It
+also contains the operating envelope, the preparation of the data, and the errors of each run. docs/card.md
+describes the file key by key. ``card_schema`` reads, checks and writes it.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ModelCard(Picture):
-    """A damper with its evidence.
+    """A damper with the evidence for its parameters: runs, errors and method of the identification.
 
     Inside the envelope the coefficients must be within the limits of the law. Outside, they are clipped to
-    these limits. ``python_law`` is ``file.py:Class`` if the law was written by the user; ``force_band`` is
-    the expected error of new runs, None if it was not estimated; ``file`` is the path that the card was read
-    from, empty for a card made in memory.
+    these limits. ``python_law`` is ``file.py:Class`` if the user wrote the law. ``force_band`` is the
+    expected error of new runs, or None if it was not estimated. ``file`` is the path of the card, or empty if
+    the card was not read from a file.
     """
 
     _picture = "mrdamper.report.figures.characteristics:card_figure"
@@ -78,7 +78,7 @@ class ModelCard(Picture):
     damper: Damper
     envelope: OperatingEnvelope
     evidence: Evidence
-    # Keys are names such as yield_force.gain.
+    # The keys are names of parameters such as yield_force.gain.
     standard_errors: Mapping[str, float | None] = field(default_factory=dict)
     preparation: Mapping[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
@@ -110,7 +110,7 @@ class ModelCard(Picture):
                 expected="both, or none for a law of the kernel",
             )
         replace(self.damper, limited=False).check(self.envelope)
-        # A coefficient can exceed its limits between the commands of the runs and outside their temperatures.
+        # A coefficient can exceed its limits at commands and temperatures that no run has.
         object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
@@ -177,7 +177,7 @@ def _is_finite(value: object) -> bool:
 
 
 def _require_unicode(text: str, place: str) -> None:
-    """Raise InputError if a text has a lone surrogate, because UTF-8 cannot store it."""
+    """Raise InputError if a text has a lone surrogate character, which UTF-8 cannot store."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError as fault:
@@ -186,7 +186,7 @@ def _require_unicode(text: str, place: str) -> None:
         ) from fault
 
 
-def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
+def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - any JSON value
     """Return a read-only copy of a JSON value, with sorted keys unless ``ordered``.
 
     Raise InputError if the value is not JSON.

@@ -1,7 +1,8 @@
 """Posterior samples of the parameters of a card, from which jobs compute intervals of predictions.
 
 The posterior samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card
-itself contains the best fit. A hash of law and parameters in the file assigns the samples to their card.
+itself contains the best fit. The file also contains a hash of the law and the parameters of the card, which
+shows to which card the samples belong.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ DRAWS_FILE = "posterior.npz"
 """Name of the file with the posterior samples, in the folder of the card."""
 
 INTERVAL_PROBABILITY = 0.9
-"""Probability of every interval from posterior samples: 5th to 95th percentile."""
+"""Probability of every interval from posterior samples. The ends are the 5th and the 95th percentile."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +64,7 @@ def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
-    """Return at most ``most`` dampers from the posterior samples of a card, () if ``most`` is 0.
+    """Return at most ``most`` dampers from the posterior samples of a card; empty if ``most`` is 0.
 
     Raises
     ------

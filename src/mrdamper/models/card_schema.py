@@ -1,8 +1,8 @@
-"""The file of a model card: its records, reading, checking and writing.
+"""Read, check and write the file of a model card.
 
 A card contains no code. Each coefficient states the name of its form (``FORMS``) and the name of its
 temperature factor (``temperature.FACTORS``). The file contains a hash of its content, so that an edited card
-is rejected. There is one schema version. The same card gives the same bytes.
+is rejected. There is one schema version. The same card is always written as the same bytes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SCHEMA_VERSION = 4
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
     {form.kind: form for form in (Constant, Polynomial, Hill, Saturation, Exponential, Bipolynomial)}
 )
-"""Name in a card -> form of the dependence on command and temperature."""
+"""Forms of the dependence of a coefficient on command and temperature, by their name in a card."""
 
 _HASH_KEY = "content_sha256"
 _KEYS_OUTSIDE_HASH = {_HASH_KEY, "notes"}
@@ -73,7 +73,7 @@ class ParameterRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientRecord:
-    """One coefficient: kind of its parameter law, parameters by name, fixed settings."""
+    """One coefficient: kind of its dependence on command, parameters by name, constants of the dependence."""
 
     kind: _FormName
     temperature: TemperatureRecord | None = None
@@ -84,7 +84,7 @@ class CoefficientRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class SplitRecord:
-    """The errors of the training or the held-out runs."""
+    """Number and errors of the training runs or of the held-out runs."""
 
     runs: int
     median_nrmse_percent: float | None
@@ -93,7 +93,7 @@ class SplitRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceRecord:
-    """``card.Evidence`` with the errors of its two splits."""
+    """``card.Evidence`` with the errors of the training runs and of the held-out runs."""
 
     method: str
     seed: int | None
@@ -205,7 +205,7 @@ def _coefficient_of(card: ModelCard, name: str) -> CoefficientRecord:
 def record_of_law(
     law: ParameterLaw, unit: str, command_unit: str, errors: Sequence[float | None] | None = None
 ) -> CoefficientRecord:
-    """Return a coefficient [unit] as a record with the known standard errors."""
+    """Return the record of a coefficient in ``unit``, with the standard errors if they are known."""
     known = [None] * len(law.parameters) if errors is None else errors
     rows = zip(law.parameter_names, law.parameters, law.units(unit, command_unit), known, strict=True)
     temperature = None
@@ -224,8 +224,8 @@ def _error_record(evidence: Evidence, split: str) -> SplitRecord:
     return SplitRecord(**evidence.errors(split))  # type: ignore[arg-type]  # by the names of its fields
 
 
-def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - whatever JSON holds
-    """Return JSON text: short tables and rows of numbers on one line, the rest one entry per line."""
+def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - any JSON value
+    """Return JSON text. Short tables and rows of numbers use one line, longer ones use one line per entry."""
     line = json.dumps(value, ensure_ascii=False, allow_nan=False)
     parts = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
     nested = isinstance(value, dict) or any(isinstance(part, dict) for part in parts)
@@ -253,7 +253,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     Raises
     ------
     InputError
-        The message lists all problems of the file and their locations.
+        If the file is not a valid card. The message lists all problems and their locations.
     """
     card_size_max_bytes = 1 << 26  # A card has about 10 kB. A larger file is not a card.
     text = read_text(path, "card", card_size_max_bytes)

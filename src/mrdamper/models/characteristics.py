@@ -28,7 +28,7 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 Value = TypeVar("Value")
 
 PERIOD_COUNT = 3
-"""Periods of a cycle that are simulated from rest; the last period is evaluated."""
+"""Number of periods of a sine that are simulated from rest; only the last period is evaluated."""
 
 TEMPERATURE_STEP_K = 20.0
 FORCE_RATIO_MIN = 1e-9  # A smaller ratio of forces is a rounding error.
@@ -36,7 +36,7 @@ FORCE_RATIO_MIN = 1e-9  # A smaller ratio of forces is a rounding error.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyCycle:
-    """One period of a sine after the transient, from mid-stroke in extension, both ends included."""
+    """One period of a sine after the transient, including both ends. It starts at mid-stroke in extension."""
 
     motion: Sine
     velocity: FloatArray  # [m/s], shape (n,)
@@ -101,7 +101,7 @@ class PeakVelocityCurve:
 
     @property
     def damping(self) -> FloatArray:
-        """Half the difference of extension and retraction [N], which is free of the gas force."""
+        """Half the difference of the forces in extension and retraction [N], which excludes the gas force."""
         return 0.5 * (self.extension - self.retraction)
 
 
@@ -154,8 +154,8 @@ class Scope:
 class Response:
     """Times to 63 % and 90 % of the change after a step of the command [s].
 
-    The force is simulated at constant velocity. The times of the force are None if the force does not depend
-    on the command.
+    The force is simulated at constant velocity. If the force does not depend on the command, ``force_t63``
+    and ``force_t90`` are None.
     """
 
     start: float  # [A or V]
@@ -175,7 +175,7 @@ class Characterisation:
     extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
     retraction: FloatArray  # [N]
     energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
-    responses: tuple[Response, ...]  # to a rising and a falling step; empty if the damper has no lag
+    responses: tuple[Response, ...]  # responses to a rising and a falling step; empty if there is no lag
 
     @property
     def damping(self) -> FloatArray:
@@ -184,7 +184,7 @@ class Characterisation:
 
     @property
     def gas_N(self) -> FloatArray:
-        """Gas force: mean of extension and retraction at the lowest speed [N], without the axis speed."""
+        """Gas force [N], by temperature and command: mean of extension and retraction at the lowest speed."""
         return 0.5 * (self.extension + self.retraction)[..., 0]
 
     @property
@@ -213,9 +213,9 @@ def default_scope(
 
     Parameters
     ----------
-    commands : [A or V]; None: five values over the envelope
-    temperatures : [K]; None: up to three values over the envelope, or from the temperature of the tests
-        upwards if the tests have only one
+    commands : [A or V]; None: five values from end to end of the envelope
+    temperatures : [K]; None: up to three values inside the envelope. If all tests had one temperature, the
+        values start there and rise to the end of the temperature range of the damper
     motion : motion for the energy; None: a sine with the amplitude of the peak-velocity pick and the highest
         of the speeds
     """
@@ -271,8 +271,8 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
     """Return the responses to steps from the weakest to the strongest command and back.
 
     The result is empty if the damper has no lag. The force at constant velocity follows the effective command
-    without delay. Therefore, the force has reached a fraction of its change when the effective command
-    reaches the command with this static force.
+    without delay. Therefore the force reaches a fraction of its change when the effective command reaches the
+    command that has this force in the steady state.
     """
     response_fractions = (0.63, 0.90)
     static_command_count = 21  # Number of commands between which the static force is interpolated.

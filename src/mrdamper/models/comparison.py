@@ -37,7 +37,7 @@ class ParameterPair:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(JobResult):
-    """Two cards with their characteristics; differences are second minus first."""
+    """Two cards with their characteristics. Differences are the second damper minus the first damper."""
 
     _job = "compare"
     cards: tuple[ModelCard, ModelCard]
@@ -46,7 +46,7 @@ class Comparison(JobResult):
     scope: Scope
     found: tuple[Characterisation, Characterisation]
     parameters: tuple[ParameterPair, ...]  # empty if the laws differ
-    own_error_N: float | None  # combined RMS error of both models: root sum of squares
+    own_error_N: float | None  # root sum of squares of the RMS errors of both models
     notes: tuple[str, ...]
 
     @property
@@ -111,7 +111,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
     Raises
     ------
     InputError
-        Commands in different units, or no common envelope.
+        If the commands have different units, or the envelopes have no common part.
     """
     cards = (first, second)
     names = names or _names(first.file, second.file)
@@ -164,9 +164,10 @@ def _intersection(what: str, first: Range, second: Range) -> Range:
 def _common_temperature(
     cards: tuple[ModelCard, ModelCard], names: tuple[str, str]
 ) -> tuple[Range | None, list[str]]:
-    """Return the temperatures [K] of the comparison, and a note if only one damper depends on temperature.
+    """Return the temperature range [K] of the comparison, and notes about temperature for the user.
 
-    A damper without temperature dependence is valid at the temperature of its runs, 20 degC if unknown.
+    If only one damper depends on temperature, the range is the mean temperature of the other damper's runs
+    (20 degC if unknown). The result is None if neither damper depends on temperature.
     """
     ranges = [_temperatures_of(card) for card in cards]
     known = [each for each in ranges if each is not None]
@@ -189,7 +190,7 @@ def _common_temperature(
 
 
 def _temperatures_of(card: ModelCard) -> Range | None:
-    """Return the temperature range [K] of the runs, or of the assumed factors if this range is one value."""
+    """Return the temperature range [K] of the runs; if it is one value, the range of the assumed factors."""
     tested, assumed = card.envelope.temperature, card.damper.temperature_range
     single = tested is None or tested[1] - tested[0] < TEMPERATURE_TOLERANCE_K
     if single and card.damper.temperature_dependent and assumed is not None:
@@ -198,7 +199,7 @@ def _temperatures_of(card: ModelCard) -> Range | None:
 
 
 def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
-    """Return the parameters of two dampers that were fitted or that differ; () if the laws differ."""
+    """Return the parameters that were fitted or that differ in two dampers; empty if the laws differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()

@@ -1,8 +1,8 @@
 """A damper: a hysteresis law with each coefficient as a function of command and temperature.
 
-The damper is a value without runs or solver. Its parameters have flat names, ``coefficient.parameter``
-(``yield_force.gain``), in the order of the law. A fit changes them with ``with_parameters``. ``simulate``
-computes the force by the kernel.
+A damper object contains neither runs nor a solver. Its parameters have flat names, ``coefficient.parameter``
+(for example ``yield_force.gain``), in the order of the law. A fit changes them with ``with_parameters``. The
+module ``simulate`` computes the force by the kernel.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ LAG = "command_lag_s"
 
 Range = tuple[float, float]
 
-COMMAND_COUNT = 201  # Commands in the envelope at which the conditions of the law are checked.
-TEMPERATURE_COUNT = 9  # Temperatures of the check, if the damper depends on temperature.
-ROUNDING_RATIO = 1e-6  # A coefficient may pass its limit by this fraction because of rounding.
+COMMAND_COUNT = 201  # number of commands in the envelope at which the conditions of the law are checked
+TEMPERATURE_COUNT = 9  # number of temperatures in this check, if the damper depends on temperature
+ROUNDING_RATIO = 1e-6  # A coefficient may exceed its limit by this fraction because of rounding.
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +58,11 @@ class OperatingEnvelope:
             object.__setattr__(self, name, pair)
 
     def commands(self) -> FloatArray:
-        """Return the commands [A or V] for checks in the envelope."""
+        """Return the commands [A or V] at which conditions are checked, evenly spaced in the envelope."""
         return np.linspace(*self.command, COMMAND_COUNT)
 
     def temperatures(self) -> FloatArray | None:
-        """Return the temperatures [K] for checks in the envelope; None: unknown."""
+        """Return the temperatures [K] at which conditions are checked; None: unknown temperature."""
         return None if self.temperature is None else np.linspace(*self.temperature, TEMPERATURE_COUNT)
 
 
@@ -72,8 +72,8 @@ class Damper:
 
     Missing coefficients are constant at their default. The effective command follows the command with a
     first-order lag of ``command_lag_s`` (0: no lag), or as described by ``actuation``. Outside
-    ``temperature_range`` [K], coefficients keep the value at the end of the range (None: no range). With
-    ``limited``, coefficients outside the range of the law are clipped instead of rejected.
+    ``temperature_range`` [K], coefficients keep the value at the end of the range (None: no range). If
+    ``limited`` is True, coefficients outside the range of the law are clipped instead of rejected.
 
     Raises
     ------
@@ -200,7 +200,7 @@ class Damper:
         return found
 
     def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
-        """Return the violations of the law's conditions at commands and temperatures, one sentence each."""
+        """Return one sentence for each condition of the law that is violated at a command and temperature."""
         at, kelvin = self._grid(commands, temperatures)
         found = []
         for name, form in self.coefficients.items():
@@ -221,7 +221,7 @@ class Damper:
         return tuple(found)
 
     def problems(self, envelope: OperatingEnvelope) -> tuple[str, ...]:
-        """Return the reasons why the law is not well posed inside the envelope, one sentence each."""
+        """Return one sentence for each reason why the law is not well posed inside the envelope."""
         commands, temperatures = envelope.commands(), envelope.temperatures()
         if self.temperature_dependent and temperatures is not None:
             commands, temperatures = (g.ravel() for g in np.meshgrid(commands, temperatures))
@@ -280,7 +280,7 @@ class Damper:
         return at, np.broadcast_to(self.clip_temperature(kelvin), at.shape)
 
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
-        """Return the violations of 1 + position_gain x > 0, one sentence each.
+        """Return one sentence for each violation of the condition 1 + position_gain x > 0.
 
         If the condition is violated, the force of the valve changes its sign.
         """

@@ -1,11 +1,12 @@
 """Parameter laws: a coefficient as a function of the command (current or voltage) and temperature.
 
 A parameter law is a named form with parameters. The card stores ``kind`` and ``parameters``.
-``identify.problem`` decides which parameters a fit may change. ``damper`` checks the values against the
-limits of the law.
+``identify.templates`` decides which parameters a fit may change. ``damper`` checks the values against the
+limits of the hysteresis law.
 
 Every form computes its value and the derivatives with respect to parameters and command by closed-form
-expressions, and states in which parameters the value is linear. Most forms depend only on the command.
+expressions. Every form also lists the parameters with a linear effect on the value. Most forms depend only on
+the command.
 ``TemperatureDependent`` multiplies a form of the command by a temperature factor. ``Bipolynomial`` is a
 polynomial in command and temperature. The default temperature is 20 degC.
 """
@@ -31,8 +32,8 @@ class ParameterLaw(Protocol):
     """A coefficient as a function of command and temperature [K], with named parameters.
 
     ``linear[k]`` is True if the value is linear in parameter ``k`` for fixed values of all other parameters.
-    ``settings`` are constants of the form that are not fitted (a reference current). Command and temperature
-    may be arrays of equal shape; temperature None is 20 degC.
+    ``settings`` are constants of the form that are never fitted, for example a reference current. Command and
+    temperature may be arrays of equal shape. Without temperature (None), the temperature is 20 degC.
     """
 
     @property
@@ -182,9 +183,9 @@ class Hill:
 
     with u = command / ``reference`` (absolute), h = ``half_command`` / ``reference``, q the exponent.
 
-    The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1 (``slope`` then returns
-    infinity with the sign of the gain; the value remains finite). At zero it is the slope towards positive
-    commands.
+    The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1. For q < 1, ``slope``
+    returns infinity with the sign of the gain, but the value remains finite. The slope at zero command is the
+    slope towards positive commands.
     """
 
     base: float  # value at zero command [coefficient unit]
@@ -273,9 +274,9 @@ class Saturation(Hill):
 
     .. math:: s = (1 + h^{qr})^{1/r}\,u^q / (u^{qr} + h^{qr})^{1/r}
 
-    The rise is a power of the command well below ``half_command`` and constant well above. The ``sharpness``
-    r sets the transition between the two; r = 1 is the Hill form. Without r, the saturation at large commands
-    would determine the curve at small commands.
+    Well below ``half_command``, the rise is a power of the command. Well above, the rise is constant. The
+    ``sharpness`` r defines the transition between these ranges; r = 1 is the Hill form. Without r, the
+    saturation at large commands would also determine the curve at small commands.
     """
 
     sharpness: float = 1.0  # r [-]
@@ -331,7 +332,7 @@ class Exponential:
         return value, (growth, command * value)
 
     def _growth(self, command: ArrayLike) -> FloatArray:
-        with np.errstate(over="ignore"):  # Damper.violations reports infinity
+        with np.errstate(over="ignore"):  # ``Damper.violations`` reports an infinite value.
             return np.asarray(np.exp(self.rate * _array(command)))
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
@@ -433,7 +434,7 @@ class TemperatureDependent:
     """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
 
     The value is linear in the linear parameters of the form. ``assumed`` is True if the factor comes from
-    fluid data, not from runs of this damper.
+    fluid data. It is False if the factor was fitted to runs of this damper.
     """
 
     form: CommandForm
@@ -495,7 +496,7 @@ class TemperatureDependent:
 def _linear_batch(
     form: ParameterLaw, parameters: FloatArray, command: FloatArray, temperature: FloatArray
 ) -> tuple[FloatArray, Sequence[FloatArray]]:
-    """Return value and gradient for many sets of parameters of a linear form."""
+    """Return value and gradient of a form that is linear in all parameters, for many sets of parameters."""
     basis = form.gradient(command, temperature)
     return parameters.T @ basis, list(basis)
 
@@ -516,7 +517,7 @@ def _hill_rise(
 
     If ``sharpness`` is None, r is 1. Logarithms avoid overflow and keep the limits for large exponents.
     """
-    with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
+    with np.errstate(divide="ignore"):  # log 0 = -inf is the correct limit.
         log_u = np.log(np.abs(command))
     log_h = np.log(half)
     if sharpness is not None:

@@ -1,10 +1,10 @@
 """Prediction band of the force of a card: expected error of the force in a new motion.
 
-The band is a conformal prediction band. The model was fitted once for each motion, without this motion. The
-band is just wide enough to contain the stated fraction of the errors on the held-out motions. The band is
-wider for a motion that is farther from the fitted motions than these are from one another, and for a run with
-changing current. The band assumes only that a new motion is similar to the held-out motions. Outside the
-envelope of the card the band is too narrow.
+The band is a conformal prediction band. Cross-validation fits the model several times, each time without some
+of the motions. The band is just wide enough to contain the stated fraction of the errors on these held-out
+motions. The band is wider for a run with changing current, and for a motion that is farther from the fitted
+motions than these are from one another. The band assumes only that a new motion is similar to the held-out
+motions. Outside the envelope of the card the band is too narrow.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class ForceBand:
 
     .. math:: h = factor\, c \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share\, rms F)^2 + base^2}
 
-    d is the distance of the motion of the run to the nearest of ``motions``, and ``usual_distance`` is the
-    mean distance of the held-out motions. Without ``motions``, the distance has no influence. c is
+    d is the distance of the motion of the run to the nearest of ``motions``. ``usual_distance`` is the mean
+    distance of the held-out motions to the fitted motions. Without ``motions``, d has no influence. c is
     ``changing_current_ratio`` for a run with changing current, otherwise 1.
 
     ``expected_nrmse_percent`` is the expected median error of new runs inside the envelope, and
@@ -60,7 +60,7 @@ class ForceBand:
     """
 
     share: Annotated[float, Option(above=0.0, below=1.0)]
-    """Fraction of the samples in the band."""
+    """Fraction of the samples of a new motion that the band is expected to contain."""
     factor: _Positive
     run_share: _Positive
     base_N: _Positive
@@ -77,7 +77,7 @@ class ForceBand:
         check_ranges(self, "force_band")
 
     def widened(self, motion: Trajectory) -> float:
-        """Return the factor by which the band of a run is wider than the band of a typical motion."""
+        """Return the width of the band of a run, divided by the width for a typical motion."""
         factor = self.changing_current_ratio if np.ptp(motion.command) > 0.0 else 1.0
         if not self.motions or not (np.ptp(motion.displacement) > 0.0 and np.ptp(motion.velocity) > 0.0):
             return factor
@@ -94,5 +94,5 @@ class ForceBand:
 
 
 def width_unit(force: FloatArray, run_share: float, base_N: float) -> FloatArray:
-    """Return the half width [N] of a band with factor one, shape (n,)."""
+    """Return the half width [N] of a band whose factor is 1, for model forces of shape (n,)."""
     return np.sqrt(force**2 + (run_share * rms(force)) ** 2 + base_N**2)

@@ -1,7 +1,8 @@
 """Hysteresis laws: coefficients of each law, their meaning, and the conditions for a well-posed law.
 
-The arithmetic is in ``core/kernel`` (C99). This module is the table of its coefficients. ``dependence``
-describes how they depend on the command. ``identify.problem`` defines their range in a fit.
+The arithmetic of the laws is in ``core/kernel`` (C99). This module is the table of their coefficients.
+``dependence`` describes how the coefficients depend on the command. ``identify.terms`` defines the range of a
+coefficient in a fit.
 
 Sign convention: extension positive, a force that resists extension is positive. Every law is
 
@@ -27,15 +28,15 @@ from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
 VISCOUS_SPEED = 0.1
-"""Speed [m/s] at which ``viscosity`` is viscous force divided by speed; ``MRD_VISCOUS_SPEED`` in C."""
+"""Speed [m/s] at which ``viscosity`` equals viscous force / speed. The name in C is ``MRD_VISCOUS_SPEED``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
     """One coefficient of a law, and the range in which the law is well posed.
 
-    ``linear`` is True if the force is linear in the coefficient; a fit then uses linear least squares for it.
-    ``default`` None means that the coefficient is required.
+    ``linear`` is True if the force is linear in the coefficient. A fit then computes it by linear least
+    squares. A coefficient without ``default`` (None) is required.
     """
 
     name: str
@@ -49,7 +50,7 @@ class Coefficient:
 
 @runtime_checkable
 class PythonLaw(Protocol):
-    """A user-defined law in Python with one internal state: ``rate`` is its derivative, ``force`` the output.
+    """A user-defined law in Python with one internal state, its time derivative ``rate``, and ``force``.
 
     The slow, adaptive reference integrator simulates the law in every job except export. ``values`` maps
     coefficient names to their values at the present command.
@@ -95,7 +96,7 @@ class HysteresisLaw:
         return self.coefficients[self.names.index(name)]
 
     def violations(self, values: Mapping[str, FloatArray | float]) -> tuple[str, ...]:
-        """Return the coefficients outside the admissible range, one sentence each (empty: well posed)."""
+        """Return one sentence for each coefficient outside its range; empty if the law is well posed."""
         found = []
         for name, value in values.items():
             coefficient = self[name]
@@ -131,9 +132,9 @@ COMMON: tuple[Coefficient, ...] = (
     ),
     Coefficient("viscous_exponent", "-", "power of velocity in the viscous force", False, 0.05, 2.0, 1.0),
 )
-"""Terms of every kernel law, in the order of the kernel."""
+"""Coefficients that every law of the kernel has, in the order of the kernel."""
 
-# Spring and preload of the series valve are inside the chain, so that the force is not linear in them.
+# Spring and preload are inside the chain of the series valve, so that the force is not linear in them.
 _IN_CHAIN: tuple[Coefficient, ...] = tuple(
     replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
 )
@@ -145,13 +146,16 @@ _COMPLIANCE: tuple[Coefficient, ...] = (
     Coefficient("leak_damping", "N (s/m)^mB", "dashpot across the free play", False, 0.0, 1e12),
     Coefficient("leak_exponent", "-", "power of velocity in that dashpot", False, 0.2, 2.0, 1.0),
 )
-"""The elastic element of the laws in series: free play, a spring behind it, a dashpot across both."""
+"""Coefficients of the elastic element of the laws in series.
+
+The element is free play in series with a spring, and a dashpot in parallel with both.
+"""
 
 
 def _term(
     name: str, unit: str, description: str, default: float, lower: float = 0.0, upper: float = math.inf
 ) -> Coefficient:
-    """Return a coefficient of a term of the chain, which is disabled at its default."""
+    """Return a coefficient of a term of the chain. The default value of the coefficient disables the term."""
     return Coefficient(name, unit, description, False, lower, upper, default)
 
 

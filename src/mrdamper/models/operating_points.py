@@ -2,7 +2,7 @@
 
 A fit evaluates coefficients and their gradients at the same commands and temperatures thousands of times.
 This module analyses the damper once. Each evaluation then needs only arithmetic on arrays, without a new
-``Damper``. The law is not simulated here.
+``Damper``. This module does not simulate the force.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""User-defined laws in Python: how they are loaded and integrated.
+"""Load and integrate user-defined laws in Python.
 
 SciPy's adaptive LSODA integrates the equations along the cubic Hermite interpolant of the trajectory. The
 integration restarts at each reversal, and the step never exceeds the sampling period. This is slow but
-general. The dead band of the trajectory is not used: every reversal counts. This module does not depend on
-the kernel's laws.
+general. The kernel ignores reversals within the dead band of the trajectory, but this integrator uses every
+reversal. This module does not depend on the kernel's laws.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from mrdamper.quantities import REFERENCE_K
 Values = Mapping[str, float]
 State = Sequence[float]
 Rate = Callable[[State, float, float, Values], State]  # states, displacement, velocity, coefficients
-Force = Callable[[State, float, float, float, Values], float]  # as Rate, with acceleration after velocity
+Force = Callable[[State, float, float, float, Values], float]  # like Rate, plus acceleration after velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Equations:
     """The equations of a law with any number of internal states, which start at zero.
 
-    ``rate`` is None for a law without memory. ``scale`` returns the typical sizes of the states from the
-    coefficients at the first sample; the tolerance of the integrator refers to them.
+    ``rate`` is None for a law without memory. ``scale`` returns the typical sizes of the states, computed
+    from the coefficients at the first sample. The tolerance of the integrator is relative to these sizes.
     """
 
     rate: Rate | None
@@ -47,14 +47,14 @@ class Equations:
 def integrate(
     damper: Damper, trajectory: Trajectory, equations: Equations | None = None, *, tolerance: float = 1e-10
 ) -> FloatArray:
-    """Return the damper force [N] at the samples, shape (n,).
+    """Return the damper force [N] at the samples of a trajectory, shape (n,).
 
-    The effective command starts at the value of the first sample. Errors of the state are about ``tolerance``
-    times its scale. A smaller tolerance takes more time.
+    The effective command starts at the value of the first sample. Errors of a state are about ``tolerance``
+    times the typical size of the state. A smaller tolerance takes more time.
 
     Parameters
     ----------
-    equations : equations of the law; None: a law in Python
+    equations : equations of the law; None: the equations of the user-defined law of the damper
 
     Raises
     ------
@@ -119,7 +119,7 @@ def _equations_of(law: HysteresisLaw) -> Equations:
 class _Path:
     """Motion and coefficients between the samples.
 
-    The motion is the cubic Hermite interpolant of (x, v). The command is linear between samples, with lag.
+    The motion is the cubic Hermite interpolant of (x, v). The command is linear between samples and lagged.
     """
 
     def __init__(self, damper: Damper, trajectory: Trajectory) -> None:
@@ -127,7 +127,7 @@ class _Path:
         self.cubics: list[list[float]] = hermite(trajectory).tolist()
         self._damper, self._names = damper, damper.law.names
         command, self._lag = trajectory.command, damper.command_lag_s
-        if damper.actuation is not None:  # computed at the samples, linear between them
+        if damper.actuation is not None:  # The effective command is linear between the samples.
             command = damper.actuation.apply(command, trajectory.step)
         self._command: list[float] = command.tolist()
         kelvin = trajectory.temperature if damper.temperature_dependent else None
@@ -169,20 +169,20 @@ class _Path:
 
 def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
     """Return the states at the samples, shape (n, states); the integration restarts at each reversal."""
-    call_count_max = 20_000  # Calls of a law's rate for one sample; typical are some tens.
+    call_count_max = 20_000  # max calls of a law's rate for one sample; a typical number is some tens
     from scipy.integrate import solve_ivp
 
     last = path.count - 1
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in turns_of(cubic)]
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
-    local = tolerance / 30  # The errors of many steps accumulate.
+    local = tolerance / 30  # The tolerance of a step is smaller because the errors of many steps accumulate.
     samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
     z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
         left = iter(range(int(call_count_max * (end - start + 1.0))))
 
         def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
-            if next(left, None) is None:  # LSODA itself would continue forever
+            if next(left, None) is None:  # LSODA has no limit of its own and would continue forever.
                 raise ConvergenceError(
                     place=f"law {damper.law.name!r}",
                     found=f"no progress at sample {time:.3f}, where its state is {at[0]:g}",
@@ -221,7 +221,7 @@ def hermite(trajectory: Trajectory) -> FloatArray:
 
 
 def turns_of(cubic: Sequence[float]) -> list[float]:
-    """Return the points inside 0..1 at which the slope of the cubic changes sign."""
+    """Return the points between 0 and 1 at which the slope of the cubic changes its sign."""
     c, b, a = cubic[1], 2 * cubic[2], 3 * cubic[3]
     discriminant = b * b - 4 * a * c
     if discriminant <= 0.0:
@@ -287,7 +287,7 @@ def load_python_law(reference: str) -> HysteresisLaw:
         spec.loader.exec_module(module)
         made = getattr(module, name, None)
         law = made() if made is not None else None
-    except Exception as fault:  # any exception of the user's file is invalid input
+    except Exception as fault:  # Any exception in the user's file counts as invalid input.
         raise InputError(
             place=f"law {reference!r}", found=f"{type(fault).__name__}: {fault}; correct {path}"
         ) from fault

@@ -26,8 +26,8 @@ class Drive:
     """A trajectory that is prepared for many simulations: record of the kernel, command and temperature.
 
     ``constant`` is the command if the command is constant during the run, else None. ``temperature`` [K] is
-    the temperature if it is known and constant, else None. ``temperature_varies`` is True if it is not
-    constant.
+    the temperature if it is known and constant, else None. ``temperature_varies`` is True if the temperature
+    is not constant.
     """
 
     trajectory: Trajectory
@@ -85,7 +85,7 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
     Raises
     ------
     InputError
-        For the same reasons as ``simulate``.
+        If ``simulate`` raises this error for one of the trajectories.
     """
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
@@ -109,7 +109,7 @@ def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatAr
     pairs = zip(coefficients, drives, strict=True)
     pushes = any(_reversed_valve(damper, row, drive.trajectory.displacement) for row, drive in pairs)
     if pushes or damper.law.violations(dict(zip(damper.law.names, found, strict=True))):
-        return [simulate(damper, drive) for drive in drives]  # ``simulate`` raises the error
+        return [simulate(damper, drive) for drive in drives]  # ``simulate`` raises the InputError.
     return core.forces(damper.law.kernel or 0, [drive.record for drive in drives], coefficients)
 
 

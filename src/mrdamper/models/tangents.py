@@ -1,6 +1,6 @@
 """Tangents: derivatives of the force of a damper with respect to its parameters, for one or many runs.
 
-Kernel laws compute their tangents. A law in Python uses central differences.
+The kernel computes the tangents of its laws. The tangents of a law in Python are central differences.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from mrdamper.models.simulate import (
 class Sensitivity:
     """Force and tangent columns along a run: d force / d parameter = combine @ columns.
 
-    ``columns``, shape (d, n), are the derivatives with respect to coefficients from the kernel. ``combine``,
-    shape (parameters, d), converts them to derivatives with respect to parameters. The two matrices are not
-    multiplied because Gram matrices of few columns are computed faster.
+    The kernel computes ``columns``, shape (d, n), which are derivatives with respect to coefficients.
+    ``combine``, shape (parameters, d), converts them to derivatives with respect to parameters. The two
+    matrices are not multiplied because Gram matrices of few columns are computed faster.
     """
 
     force: FloatArray
@@ -109,7 +109,7 @@ class Tangents:
         moved: list[tuple[int, int, FloatArray]] = []  # (parameter, index of its coefficient, derivative)
         for row, (name, member) in enumerate(self._members):
             if name == LAG:
-                # A Hill form with an exponent below 1 has an infinite slope at zero current. It is omitted.
+                # The infinite slope of a Hill form with an exponent below 1 at zero current is omitted.
                 moved += [
                     (row, place, np.nan_to_num(form.slope(command, temperature), posinf=0.0) * by_lag)
                     for place, form in enumerate(damper.coefficients.values())
@@ -126,7 +126,7 @@ class Tangents:
         self._varying_coefficients = damper.coefficients_at(command, temperature)
 
     def evaluate_run(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and tangents of one run; ``store``, shape (.., n), is memory for the columns."""
+        """Return force and tangents of one run. ``store``, shape (.., n), is memory for the columns."""
         damper, drive = self._damper, self._drives[run]
         if damper.law.kernel is None:
             return _by_differences(damper, drive, self._parameters)
@@ -155,7 +155,7 @@ class Tangents:
 def _by_differences(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:
     """Return force and tangents of a law in Python by central differences.
 
-    The internal states do not depend on the coefficients in which the force is linear. They are therefore
+    Coefficients with a linear effect on the force do not change the internal states. The states are therefore
     integrated only once for the derivatives with respect to all these coefficients.
     """
     # A law in Python is integrated less accurately in fits than in simulations. The relative step of the

@@ -1,10 +1,11 @@
 """Temperature factors: a quantity divided by its value at 20 degC, as a function of temperature.
 
-Every factor is 1 at 293.15 K. A coefficient of a damper (``dependence.TemperatureDependent``), or viscosity
-and yield stress of a fluid (``fluid``), is its value at 20 degC times a factor. Temperature is in kelvin.
+Every factor is 1 at 293.15 K. A coefficient of a damper (``dependence.TemperatureDependent``) is its value at
+20 degC times a factor. The same is true for viscosity and yield stress of a fluid (``fluid``). Temperature is
+in kelvin.
 
-The caller reports a factor outside its range (a linear factor below zero, a VFT law at its pole) with the
-name of the coefficient.
+A factor can be outside its valid range, for example a linear factor below zero or a VFT factor at its pole.
+The caller reports this with the name of the coefficient.
 """
 
 from __future__ import annotations
@@ -191,7 +192,7 @@ class Vft(_Factor):
 
 @dataclass(frozen=True, slots=True)
 class PolynomialFactor:
-    """factor = 1 + t1 (T - 293.15) + t2 (T - 293.15)^2 + ...: empirical form of the paper."""
+    """factor = 1 + t1 (T - 293.15) + t2 (T - 293.15)^2 + ...: empirical form of the reference paper."""
 
     parameters: tuple[float, ...]
 
@@ -234,7 +235,7 @@ class PolynomialFactor:
 FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
     {factor.kind: factor for factor in (Linear, Arrhenius, Reynolds, Vft, PolynomialFactor)}
 )
-"""Name in a card or fluid file -> temperature factor."""
+"""Temperature factors, by their name in a card or fluid file."""
 
 
 def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:
@@ -287,5 +288,5 @@ def _inverse(temperature: ArrayLike, pole: float | FloatArray) -> FloatArray:
 
 
 def _exp(exponent: FloatArray) -> FloatArray:
-    with np.errstate(over="ignore"):  # the caller reports infinity
+    with np.errstate(over="ignore"):  # The caller reports an infinite value.
         return np.asarray(np.exp(exponent))

@@ -1,1 +1,1 @@
-"""Heating and heat sinks: geometry, correlations, thermal models, temperature rise."""
+"""Heating and heat sinks of a damper: geometry, correlations, thermal models, temperature rise."""

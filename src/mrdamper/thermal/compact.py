@@ -7,16 +7,16 @@ conduction inside the damper with the heat capacities C and the conductances k. 
 temperature, so that the model conserves heat. p and c distribute the two heat sources to the states. The
 states span the dominant subspace of the Gramian for heat sources, surfaces and outputs. For this symmetric
 system, the method is balanced truncation by Galerkin projection. The model is passive for all heat-transfer
-coefficients. The truncated part is replaced by its steady response to the sources (``feedthrough``).
+coefficients. The steady response of the truncated part to the sources is added as ``feedthrough``.
 
 Each kind of surface k has one heat-transfer coefficient h_k, which is evaluated at the mean temperature of
 the surface. S_k and s_k are integrals over the surface. Convection is tabulated versus ambient temperature,
 air speed and temperature difference. Radiation and mounting are formulas.
 
-The simulation in Python has the implicit time step of ``thermal.c`` (core/kernel), which runs in exported
-code. An export compares the two implementations. The gains of the sensors are the gains of a steady-state
-Kalman filter at a typical temperature. The filter estimates the states and the *missing heat*, which is the
-heat flow that the model does not contain. The missing heat is modelled as a random walk.
+The simulation in Python has the same implicit time step as ``thermal.c`` (core/kernel), which runs in
+exported code. An export compares the two implementations. A steady-state Kalman filter at a typical
+temperature corrects the model by sensor readings. The filter estimates the states and the *missing heat*,
+which is the heat flow that the model does not contain. The missing heat is modelled as a random walk.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from mrdamper.thermal.settings import SETTINGS
 
 PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
 POINT_COUNT = 3
-"""Number of candidate points for the hottest point of each part."""
+"""Number of candidates for the hottest point of each part."""
 UPDATE_S = 0.5
 """Duration of one time step [s]."""
 
@@ -92,9 +92,10 @@ class CompactModel:
     fluid: FloatArray  # weights of the states in the mean fluid temperature, shape (n,)
     coil: FloatArray  # weights of the states in the mean coil temperature, shape (n,)
     spots: FloatArray  # weights at three candidate hot spots of gap, coil and seals, shape (3, 3, n)
-    fluid_feedthrough: FloatArray  # feedthrough from mechanical power and coil heat [K/W], shape (2,)
-    coil_feedthrough: FloatArray  # same for the coil, shape (2,)
-    spots_feedthrough: FloatArray  # same for the candidate hot spots, shape (3, 3, 2)
+    # Feedthrough from mechanical power and coil heat to fluid, coil and candidate hot spots [K/W].
+    fluid_feedthrough: FloatArray  # shape (2,)
+    coil_feedthrough: FloatArray  # shape (2,)
+    spots_feedthrough: FloatArray  # shape (3, 3, 2)
     limits: FloatArray  # limits of gap, coil and seals [K], shape (3,)
     resistance: float  # coil resistance at 20 degC [ohm]
     air_speed: float  # default air speed [m/s]
@@ -168,7 +169,7 @@ def compact_model(drawing: DamperDrawing) -> CompactModel:
 
 
 def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
-    """Return the reduced model, and two versions of its heat equation: in still air and in wind."""
+    """Return the reduced model, and its heat equation for each air speed of the basis."""
     full = build_field(drawing)
     around = [replace(drawing.surroundings, air_speed=speed) for speed in SETTINGS.basis_air_speeds_m_s]
     coolings = [cooling_in(full, each) for each in around]
@@ -312,7 +313,7 @@ def simulate_compact(
 
 
 def typical_power(model: CompactModel) -> float:
-    """Return the typical power of a damper [W]: without losses, it causes 100 K in half an hour."""
+    """Return the typical power of a damper [W]. Without losses, it heats the damper by 100 K in 30 min."""
     return float(model.capacity[0]) * SETTINGS.typical_power_rise_K / SETTINGS.typical_power_time_s
 
 
@@ -320,8 +321,8 @@ def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
     """Return the Kalman gains of two sensors for n states and the missing heat, shape (2, n + 1).
 
     A gain is the correction per kelvin of difference between reading and model: [K/K] for the states and
-    [W/K] for the missing heat. Row 0 is for the fluid thermometer, and row 1 for the coil temperature that
-    follows from the coil resistance. Each row is computed for the case that the other sensor is missing.
+    [W/K] for the missing heat. Row 0 is for the fluid thermometer. Row 1 is for the coil temperature, which
+    is computed from the coil resistance. Each row is computed for the case that the other sensor is missing.
     """
     n, power = model.states, typical_power(model)
     matrix = np.diag(model.capacity / step + model.conductance)

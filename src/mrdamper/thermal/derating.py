@@ -1,10 +1,11 @@
 """Derating: compute the largest current, stroke or duty ratio at which no part exceeds its temperature limit.
 
-The map has the axes ambient temperature, air speed and duration. A single reduced model is used for the whole
-map, because only heat-transfer coefficients and ambient temperature differ between the points of the map. The
-basis of the model contains the responses at the corners of the map. For each point of the map, some fractions
-of the requested quantity are simulated. The temperatures of the hottest points are interpolated by piecewise
-cubic Hermite interpolation. The result is the fraction at which the first part reaches its limit.
+The result is a map with the axes ambient temperature, air speed and duration. A single reduced model is used
+for the whole map, because only heat-transfer coefficients and ambient temperature differ between the points
+of the map. The basis of the model contains the responses at the corners of the map. For each point of the
+map, some fractions of the reduced quantity are simulated. Piecewise cubic Hermite interpolation gives the
+temperatures of the hottest points at all other fractions. The result is the fraction at which the first part
+reaches its limit.
 
 The 90 % interval follows from the uncertainty of geometry and card (``ModelUncertainty``). For every air
 speed and duration, the temperature rise is multiplied by the factors for the two ends of its interval. The
@@ -82,7 +83,7 @@ def derate_damper(
 ) -> Derating:
     """Return the permissible fraction of the current, the stroke or the duty ratio of a load cycle.
 
-    Several segments are replaced by a single segment with the mean power.
+    The segments of the load cycle are replaced by a single segment with their mean power.
 
     Raises
     ------
@@ -143,7 +144,7 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return a reduced model for the whole map, with a basis of the responses at its corners."""
+    """Return a reduced model for the whole map, whose basis contains the responses at the corners."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
@@ -186,7 +187,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the two ends of the 90 % interval of the rise divided by the rise, shape (durations, 2)."""
+    """Return the ends of the 90 % interval of the temperature rise / the rise, shape (durations, 2)."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, SETTINGS.map_steady_time_s)

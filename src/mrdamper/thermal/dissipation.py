@@ -2,8 +2,8 @@
 
 Force-displacement loops are simulated at some temperatures, and the mean power over whole cycles is computed.
 Between these temperatures, power and peak force are interpolated by monotone piecewise cubic Hermite
-interpolation (Fritsch and Carlson). The thermal simulation then needs no simulation of the damper. Averaging
-is valid because the fluid temperature changes by less than 0.1 K in a cycle.
+interpolation (Fritsch and Carlson). The thermal simulation then needs no simulation of the damper. The mean
+power is sufficient because the fluid temperature changes by less than 0.1 K in a cycle.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Geometry of a damper for heating: lengths, materials, fluid, coil, mounting, surroundings.
 
 Users write the geometry as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are
-in metres and kelvin. The damper is axisymmetric: a tube with a flat cap at each end, a piston in the middle
-of the bore with a coil in its outer surface, a rod, and annular fins around the middle of the body.
+in metres and kelvin. The damper is axisymmetric. It consists of a tube with a flat cap at each end, a piston
+in the middle of the bore, and a rod. The piston has a coil in its outer surface. Annular fins can surround
+the middle of the body.
 ``network`` and ``finite_element`` compute the heat flow. ``surfaces`` computes the heat-transfer
 coefficients.
 """
@@ -34,7 +35,7 @@ AIR_MAX_M_S = 50.0
 """Maximum air speed across the axis [m/s]."""
 
 DISC_GAP = 0.010
-"""Minimum gap between the fins of a vertical damper [m]. The correlation for single discs requires it."""
+"""Minimum gap between the fins of a vertical damper [m]. Closer fins do not behave like single discs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class Body:
     length: Annotated[float, length_option("length_mm")]
     """Length including the caps."""
     wall: Annotated[float, length_option("wall_mm")]
-    """Thickness of the tube."""
+    """Wall thickness of the tube."""
     cap: Annotated[float, length_option("cap_mm", "the thickness of the wall")] = 0.0
     """Thickness of each cap; 0 selects the thickness of the wall."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
@@ -75,7 +76,7 @@ class Piston:
     diameter: Annotated[float, length_option("diameter_mm")]
     """Diameter of the piston."""
     length: Annotated[float, length_option("length_mm")]
-    """Axial length."""
+    """Axial length of the piston."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
 
 
@@ -89,7 +90,7 @@ class Rod:
     """The rod leaves the body at both ends."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = _STEEL
     mount: Annotated[float, Option(key="mount_W_K", unit="W/K", least=0.0)] = 0.0
-    """Conductance from each outer end of the rod to its mounting at ambient temperature."""
+    """Conductance from each outer end of the rod to its mounting, which has ambient temperature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +98,9 @@ class Coil:
     """The winding, which is a ring in the middle of the outer surface of the piston; lengths in metres."""
 
     resistance: Annotated[float, Option(key="resistance_ohm", unit="ohm", least=0.0)]
-    """Resistance at 20 degC."""
+    """Coil resistance at 20 degC."""
     length: Annotated[float, length_option("length_mm")]
-    """Axial length."""
+    """Axial length of the winding."""
     depth: Annotated[float, length_option("depth_mm", "0.4 of the gap between rod and piston surface")] = 0.0
     """Radial depth below the surface of the piston; 0 selects the default."""
     amperes_per_volt: Annotated[float | None, Option(key="A_per_V", unit="A/V", above=0.0)] = None
@@ -166,7 +167,7 @@ class Surroundings:
     emissivity: Annotated[float, Option(least=0.0, most=1.0)] = 0.3
     """Emissivity of the bare body."""
     mount: Annotated[float, Option(key="mount_W_K", unit="W/K", least=0.0)] = 0.0
-    """Conductance of both ends to the mountings at ambient temperature."""
+    """Conductance of both ends of the body to the mountings, which have ambient temperature."""
     altitude: Annotated[float, Option(key="altitude_m", unit="m", least=-500.0, most=9000.0)] = 0.0
     """Altitude above sea level, which determines the density of air."""
 
@@ -187,7 +188,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """Geometry of a damper for heating. The constructor raises InputError for parts that do not fit."""
+    """Geometry of a damper for heating. The constructor raises InputError if the parts do not fit."""
 
     name: str = "drawing"
     body: Body
@@ -201,7 +202,7 @@ class DamperDrawing:
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
     stroke: Stroke = PAPER_STROKE  # mean stroke of the piston, which stirs the fluid
-    heat_capacity: PolynomialHeatCapacity | None = None  # polynomials; None: constant heat capacities
+    heat_capacity: PolynomialHeatCapacity | None = None  # None: heat capacities do not depend on temperature
     text: str = field(default="", repr=False, compare=False)  # text of the geometry file
 
     def __post_init__(self) -> None:
@@ -215,9 +216,10 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Return the factor on the geometric heat capacity without fins [-].
+        """Return the factor on the heat capacity without fins that follows from the geometry [-].
 
-        The factor includes the calibration and, if it is stated, the heat capacity of the whole damper.
+        The factor includes the calibration. If the geometry file states the heat capacity of the whole
+        damper, the factor also converts to this value.
         """
         measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
         share = 1.0 if measured is None else measured.mean / self._geometric_capacity
@@ -242,7 +244,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return the heat capacity of a part versus temperature, divided by its mean; None: constant."""
+        """Return the heat capacity of a part versus temperature / its mean; None if it is constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -270,7 +272,7 @@ class DamperDrawing:
 
     @property
     def fluid_heat(self) -> FluidHeat:
-        """Return the effective conductivities of the moving fluid, and the conductance gap to chamber.
+        """Return the effective conductivities of the moving fluid, and the conductance from gap to chamber.
 
         Values that the geometry file does not state are computed from the stroke.
         """
@@ -295,8 +297,8 @@ class DamperDrawing:
     def exchange_conductivity(self) -> float:
         """Return the axial conductivity times area [W m/K] that has the same effect as the pumped fluid.
 
-        The length of this conductor is the distance between the middles of gap and chamber. Dividing the
-        result by the area of an annulus gives an effective axial conductivity.
+        A conductor with this value would extend from the middle of the gap to the middle of a chamber. The
+        result divided by the area of an annulus is the effective axial conductivity of this annulus.
         """
         return 0.5 * self.fluid_heat.exchange * (self.piston.length + self.chamber_length)
 
@@ -304,8 +306,8 @@ class DamperDrawing:
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
     """Return the thermal properties of a fluid of ``models.fluid``; ``given`` overrides its properties.
 
-    If the fluid states no conductivity, it is computed by the formula of Maxwell for well-conducting spheres
-    in an oil with 0.14 W/(m K).
+    A missing conductivity is computed by the formula of Maxwell for well-conducting spheres in an oil with
+    0.14 W/(m K).
     """
     share = fluid.particle_fraction
     stated: dict[str, float | None] = {

@@ -38,13 +38,13 @@ class FluidTable:
     """The table [fluid] of a geometry file: a fluid preset with optional changes."""
 
     preset: Annotated[str, Option(offers="fluids")]
-    """Name of a fluid, or its file."""
+    """Name of a fluid preset, or path of a fluid file."""
     density: Annotated[float | None, Option(key="density_kg_m3", unit="kg/m^3", above=0.0)] = None
     heat_capacity: Annotated[float | None, Option(key="heat_capacity_J_kg_K", unit="J/(kg K)", above=0.0)] = (
         None
     )
     conductivity: Annotated[float | None, Option(key="conductivity_W_m_K", unit="W/(m K)", above=0.0)] = None
-    """Conductivity at rest."""
+    """Conductivity of the fluid at rest."""
     stirring: Annotated[float | None, Option(above=0.0)] = None
     """Ratio of the effective conductivity to the conductivity at rest."""
     exchange: Annotated[float | None, Option(key="exchange_W_K", unit="W/K", least=0.0)] = None
@@ -103,7 +103,7 @@ def read_sink(path: str | Path) -> HeatSink:
 
 
 def text_of(path: str | Path) -> str:
-    """Return the text of a geometry file or preset; raise ``InputError`` if it cannot be read."""
+    """Return the text of a geometry file or preset; raise ``InputError`` if the file is not readable."""
     if str(path) in DRAWINGS:
         found = resources.files("mrdamper.thermal").joinpath("drawings", f"{path}.toml")
         return found.read_text(encoding="utf-8")
@@ -163,7 +163,7 @@ def calibrated_text(
     *,
     sink: HeatSink | None = None,
 ) -> str:
-    """Return the TOML text of a geometry with changed values.
+    """Return the TOML text of a geometry file with some changed values.
 
     Parameters
     ----------

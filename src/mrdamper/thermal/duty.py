@@ -1,7 +1,7 @@
 """Load cycles: motion and current of a damper versus time, as segments with a mean power.
 
-The text ``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration. A CSV table
-can have the columns:
+The text ``sine:15mm:1Hz:2A:1800s`` is a motion of the module ``excitation`` with a command and a duration. A
+CSV table has one of these two sets of columns:
 
     time_s, amplitude_mm, frequency_Hz, current_A       each row is a sine that lasts until the next row
     time_s, displacement_mm, current_A                  the measured motion, with a uniform time step
@@ -31,7 +31,7 @@ from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.stirring import Stroke
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
-"""The load cycle of the paper: 15 mm, 1 Hz, 2 A for 30 minutes."""
+"""The load cycle of the reference paper: 15 mm, 1 Hz, 2 A for 30 minutes."""
 
 _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
 
@@ -40,8 +40,8 @@ _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV
 class Segment:
     """A part of a load cycle with constant mean power.
 
-    ``path`` is a part of the motion that represents the segment (None: at rest). The mean power is computed
-    from sample ``counted_from`` on.
+    ``path`` is a part of the motion that represents the segment (None: at rest). The samples before
+    ``counted_from`` do not count in the mean power.
     """
 
     duration: float  # [s]
@@ -131,10 +131,10 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
 
 
 def stroke_of(duty: Duty) -> Stroke:
-    """Return the equivalent sine stroke, which moves as much fluid per time as a load cycle including rests.
+    """Return the equivalent sine stroke, which moves as much fluid per time as a load cycle with its rests.
 
-    Each segment is replaced by a sine with the same root mean squares of displacement and velocity. The mean
-    amplitude is weighted by the travelled path.
+    Each segment is replaced by a sine with the same root mean squares of displacement and velocity. The
+    amplitude is the mean of these sines, weighted by their travelled paths.
     """
     path, gone = 0.0, 0.0
     for each in duty.segments:
@@ -153,8 +153,8 @@ def stroke_of(duty: Duty) -> Stroke:
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:
     """Return a segment with a motion at a constant command [A or V] for a duration [s].
 
-    The power of a periodic motion is computed from its third period with at least 1000 samples. The power of
-    any other motion is computed from its first two minutes, without the first 5 %.
+    The power of a periodic motion is computed from its third period, which has at least 1000 samples. The
+    power of any other motion is computed from its first two minutes, without the first 5 % of them.
     """
     period = getattr(motion, "period", None)
     if period is None:
@@ -189,7 +189,7 @@ def _is_command(text: str) -> bool:
 def _number(text: str, role: str) -> float:
     """Return the value of a text with number and unit, converted to the SI unit of the quantity ``role``."""
     digits = len(text) - len(text.lstrip("0123456789.+-eE"))
-    # A letter e after the digits can be part of an exponent or of the unit. Therefore several cuts are tried.
+    # A letter e after the digits can belong to an exponent or to the unit. Therefore several cuts are tried.
     for cut in range(digits, 0, -1):
         try:
             value = float(text[:cut])
@@ -233,7 +233,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
 
 
 def _columns(table: Table, place: str) -> dict[str, FloatArray]:
-    """Return the columns of a load cycle in SI units, by quantity (including amplitude and frequency)."""
+    """Return the columns of a load cycle in SI units, by the name of the quantity."""
     found: dict[str, FloatArray] = {}
     for name, values in table.columns.items():
         word, _, unit = name.strip().partition("_")

@@ -25,7 +25,7 @@ Coefficients = tuple[float, ...] | None
 
 @dataclass(frozen=True, slots=True)
 class CapacityCurve:
-    """A polynomial in temperature, which is constant outside the range from ``low`` to ``high``."""
+    """A heat capacity as a polynomial in temperature. It is constant outside ``low`` to ``high``."""
 
     low: float  # [K]
     high: float  # [K]

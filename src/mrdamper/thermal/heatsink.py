@@ -1,8 +1,8 @@
 """A heat sink: equal annular fins at equal distances on the body of a damper; geometry, mass and radiation.
 
 The properties in this module do not depend on temperature. ``surfaces`` computes the heat transfer. "Width"
-is the radial width of a fin. The paper states an "outer diameter of 23 mm" for damper and fin. This can only
-mean the radius of the body and the width of the fin.
+is the radial width of a fin. The reference paper states an "outer diameter of 23 mm" for damper and fin. This
+can only mean the radius of the body and the width of the fin.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Manufacture:
     """Manufacturing limits of a heat sink, and fouling that narrows its fin gaps; lengths in metres."""
 
     least_thickness: Annotated[float, length_option("least_thickness_mm")] = 1e-3
-    """Smallest thickness of a fin."""
+    """Smallest thickness of a fin that can be manufactured."""
     least_gap: Annotated[float, length_option("least_gap_mm")] = 3e-3
     """Smallest gap between two fins."""
     tolerance: Annotated[float, Option(key="tolerance_mm", unit="mm", least=0.0)] = 0.0
@@ -59,13 +59,13 @@ class HeatSink:
     thickness: Annotated[float, length_option("thickness_mm")]
     """Thickness of a fin."""
     pitch: Annotated[float, length_option("pitch_mm")]
-    """Distance from fin to fin."""
+    """Distance between the centres of two adjacent fins."""
     material: Annotated[Material, Option(among=lambda: MATERIALS)] = MATERIALS["aluminium-alloy"]
     """Material of the fins."""
     emissivity: Annotated[float, Option(least=0.0, most=1.0)] = 0.3
     """Emissivity of the fins."""
     film_multiplier: Annotated[float, Option(above=0.0)] = 1.0
-    """Factor of the convection of the fins; 1 for the correlation."""
+    """Factor on the convection of the fins; 1 is the value of the correlation."""
     contact: Annotated[float, Option(key="contact_m2K_W", unit="m^2 K/W", least=0.0)] = 0.0
     """Thermal resistance between body and fins."""
 

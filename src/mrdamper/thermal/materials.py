@@ -86,7 +86,7 @@ state 20 K more for NBR and 20 K less for PU."""
 
 
 def find_material(name: str, place: str = "") -> Material:
-    """Return the material with a name; raise InputError with a similar name if the name is unknown."""
+    """Return the material with a name. The InputError about an unknown name suggests a similar name."""
     if name not in MATERIALS:
         raise unknown_name(f"there is no material {name!r}", name, MATERIALS, place)
     return MATERIALS[name]

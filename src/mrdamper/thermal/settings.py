@@ -11,17 +11,19 @@ class ThermalSettings:
 
     # Geometry and materials
     coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
-    carrier_conductivity_W_mK: float = 0.14  # default of the carrier oil
+    carrier_conductivity_W_mK: float = 0.14  # default conductivity of the carrier oil
     mixed_fraction: float = 0.5  # fraction of the displaced fluid that mixes with a chamber before it returns
 
     # Load cycles and their power
     motion_time_s: float = 120.0  # simulated time of a non-periodic motion, for the mean power
     measured_motion_time_s: float = 20.0  # duration of each segment into which a measured motion is divided
-    step_deviation_ratio_max: float = 1e-3  # deviation of a time step from the mean step
-    duration_max_s: float = 1e6
-    loss_temperature_range_K: tuple[float, float] = (273.15, 423.15)  # The range of the card also limits it.
+    step_deviation_ratio_max: float = 1e-3  # max deviation of a time step from the mean step / mean step
+    duration_max_s: float = 1e6  # max duration of a load cycle
+    # Temperatures at which the force loops are simulated. The range of the card also limits them.
+    loss_temperature_range_K: tuple[float, float] = (273.15, 423.15)
     loss_temperature_count: int = 11
-    piston_pressure_max_Pa: float = 50e6  # If higher, card and geometry probably belong to different dampers.
+    # A higher pressure on the piston indicates that card and geometry belong to different dampers.
+    piston_pressure_max_Pa: float = 50e6
 
     # Map of the permissible load
     map_model_order: int = 24  # number of unknowns of the reduced model
@@ -71,25 +73,25 @@ class ThermalSettings:
     spike_neighbours: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)  # positions relative to the sample
 
     # Calibration with a heating curve
-    calibration_step_max_s: float = 20.0
-    # If a factor reaches a bound, the heating curve does not belong to the load.
+    calibration_step_max_s: float = 20.0  # max time step of the simulations
+    # If a factor reaches a bound of this range, the heating curve does not belong to the load cycle.
     calibration_factor_range: tuple[float, float] = (0.05, 20.0)
     start_range_K: float = 50.0  # max distance of the initial temperature from the first readings
-    reading_noise_min_K: float = 0.02
+    reading_noise_min_K: float = 0.02  # A smaller estimated noise is replaced by this value.
     reading_noise_max_K: float = 2.0
-    residual_ratio_max: float = 0.03  # residual / temperature range of the curve
-    neighbour_correlation_max: float = 0.999
+    residual_ratio_max: float = 0.03  # max residual / temperature range of the curve
+    neighbour_correlation_max: float = 0.999  # upper limit of the correlation of adjacent residuals
     reference_excess_K: float = 40.0  # temperature above ambient at which heat losses are compared
     trial_margin_K: float = 100.0  # A trial simulation stops this far below the end of the loss tables.
 
     # Interval of a predicted heating curve
     interval_deviations: float = 1.645  # half width of a normal 90 % interval / standard deviation
-    stop_excess_K: float = 50.0  # A simulation stops this far above all limits; later values are not needed.
+    stop_excess_K: float = 50.0  # A simulation stops this far above the limits and above the predicted curve.
     run_margin_K: float = 20.0  # A simulation stops this far below the end of the loss tables.
-    misfit_ratio: float = 0.004  # standard deviation of the error of a calibrated network / rise
+    misfit_ratio: float = 0.004  # standard deviation of the error of a calibrated network / temperature rise
 
     # Design of fins
-    sink_step_max_s: float = 120.0  # The error is 10 mK after half an hour, equal for all heat sinks.
+    sink_step_max_s: float = 120.0  # max time step; its error is 10 mK after half an hour for all heat sinks
     sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # tried width / largest width
     fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # tried thickness / smallest thickness
     sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # tried pitch / largest pitch
@@ -98,7 +100,7 @@ class ThermalSettings:
     # Half widths of 90 % intervals
     gap_exponent_error: float = 0.12  # exponent of the gap in the heat-transfer coefficient of fins
     body_film_error: float = 0.15  # relative error of the heat-transfer coefficient of the body
-    sink_power_error: float = 0.165  # relative error of the power, 1.645 standard deviations of 10 %
+    sink_power_error: float = 0.165  # relative error of the power: 1.645 standard deviations of 10 % each
 
 
 SETTINGS = ThermalSettings()

@@ -1,8 +1,8 @@
 r"""Heat transfer by the moving fluid: effective conductivities in gap and chambers, and transport by pumping.
 
-The three equations use the amplitude A and the frequency f of the stroke, the piston area A_p (without the
-rod), the gap width g and the gap area A_g, the lengths L_p of the piston and L_c of a chamber, and the
-conductivity k and the volumetric heat capacity rho c of the fluid.
+The stroke has the amplitude A and the frequency f. The piston has the area A_p (without the rod) and the
+length L_p. The gap has the width g and the area A_g, and a chamber has the length L_c. The fluid has the
+conductivity k and the volumetric heat capacity rho c.
 
 .. math::
     k_g / k &= Nu / 12, \quad Nu = 7.55 + \frac{0.024 x^{-1.14}}{1 + 0.0358 Pr^{0.17} x^{-0.64}},
@@ -16,8 +16,8 @@ developing laminar flow (Stephan's Nusselt number for parallel plates). The seco
 conductivity k_c in a chamber of width w. It describes fluid at the wall that is renewed with every stroke
 (penetration theory). The third equation gives the thermal conductance G between the gap and a chamber. The
 fraction m of the displaced volume mixes before it returns. G approaches zero for strokes that are too short
-to empty the gap. The equations are estimates that were not measured. The uncertain range is 0.25 to 1 for m,
-and 1 to 4 for the factor 2 in h. It has an effect only for short strokes.
+to empty the gap. The equations are estimates that were not measured. Uncertain are m (0.25 to 1) and the
+factor 2 in h (1 to 4). This uncertainty has an effect only for short strokes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Stroke:
 
 
 PAPER_STROKE = Stroke(0.015, 1.0)
-"""Stroke of the load cycle in the paper, which is the default of a geometry."""
+"""Stroke of the load cycle of the reference paper, which is the default of a geometry."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.settings import SETTINGS
 
 Model = Literal["reduced", "network", "lumped"]
-"""Thermal model: reduced-order finite elements, three axial zones, or one node (Eq. (8) of the paper)."""
+"""Thermal model: reduced-order finite elements, three axial zones, or one node (reference paper, Eq. (8))."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +59,7 @@ class Rise:
     force_loss_percent: (
         float | None
     )  # loss of peak force at the end, compared with 20 degC; None: at rest, or unknown
-    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil, seals [K]; in a network the mean of a node
+    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil, seals [K]; a network has the mean of a node
     limits: tuple[LimitReached, ...]  # limits of fluid, coil and seals
     model: Model
     correlations: Mapping[str, str]  # names of the heat-transfer correlations by surface
@@ -79,7 +79,7 @@ class Rise:
 
     @property
     def first_limit(self) -> LimitReached:
-        """Return the limit that is reached first; otherwise the limit with the smallest margin."""
+        """Return the limit that is reached first; if there is none, the one with the smallest margin."""
         return min(
             self.limits,
             key=lambda each: (
@@ -136,7 +136,7 @@ def simulate_rise(
     ----------
     works : mean power and peak force versus temperature (``works_of``), for each segment of the load cycle
     model : ``reduced`` (reduced-order finite-element model with 22 unknowns), ``network`` (three axial zones,
-            no hot spots), ``lumped`` (Eq. (8) of the paper)
+            no hot spots), ``lumped`` (Eq. (8) of the reference paper)
     start_K : uniform temperature at the start; None: ambient
     stop_at_limit : True: end the simulation when the mean fluid temperature reaches its limit; False:
             continue, and report the limit in a note

@@ -48,16 +48,16 @@ TABULATED = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen", "bing
 """Laws whose force is a sum of rows and whose curve shape does not depend on the current."""
 
 STEPPED = ("series-valve", "chain")
-"""Laws that are integrated by an implicit step. Their tables are ``SeriesTables``."""
+"""Laws that the kernel integrates by an implicit step. Their tables are ``SeriesTables``."""
 
 CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
 """Names of the lookup tables that are functions of speed, in the kernel's order."""
 
-LEVEL_ROW_COUNT = 6  # Only the first six rows can be levels, which do not depend on current.
+LEVEL_ROW_COUNT = 6  # Only the first six rows can be levels (terms that do not depend on current).
 _GROUPS = (0, 6, 7, 8, 9)  # Index in ROWS at which each row group of the kernel begins.
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
-TERM_COUNT_MAX = 48  # MRD_TRACK_TERMS of the kernel
+TERM_COUNT_MAX = 48  # the same value as MRD_TRACK_TERMS in the kernel
 _SHAPES = (
     "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
     "yield_velocity",
@@ -121,7 +121,7 @@ class DamperTables:
 
     @property
     def quarters(self) -> tuple[int, ...]:
-        """Return where 0, 1/4, 1/2, 3/4 and 1 times the largest current are in ``currents``.
+        """Return the indices of 0, 1/4, 1/2, 3/4 and 1 times the largest current in ``currents``.
 
         The model bank evaluates its models at these currents.
         """
@@ -258,12 +258,12 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return the scale to which the error of each row is relative.
+    """Return the scale of each row. Tolerances are relative to these scales.
 
-    The scale of a force is the largest yield force, or the force at a low speed if this is larger, because a
-    passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke and an
-    acceleration that few dampers exceed. The scale of a viscosity or of an inverse yield displacement is the
-    maximum of the row.
+    The scale of a force is the largest yield force, or the force at a low speed if this is larger. The reason
+    is that a passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke
+    and an acceleration that few dampers exceed. The scale of a viscosity or of an inverse yield displacement
+    is the maximum of the row.
     """
     own = np.abs(rows).max(axis=(1, 2))
     passive = own[0] + own[3] * SETTINGS.low_speed_m_s + own[4] + own[5]
@@ -283,7 +283,7 @@ def _current_fractions(
 ) -> FloatArray:
     """Return grid points, as fractions of the largest current, for linear interpolation within a tolerance.
 
-    The grid contains the multiples of 1/8. Between them, each interval is as long as the tolerance permits.
+    The grid contains the multiples of 1/8. The intervals between them are as long as the tolerance permits.
     If the grid has too many points, the tolerance is doubled.
     """
     count = rows.shape[2] - 1
@@ -301,7 +301,7 @@ def _current_fractions(
     while knots[-1] < count:
         low, high = knots[-1], (knots[-1] // (count // 8) + 1) * (count // 8)
         far = low + 1
-        while far < high:  # Bisection: the error grows with the length of the line.
+        while far < high:  # Bisection is valid because the error grows with the length of the line.
             middle = (far + high + 1) // 2
             if is_near(low, middle):
                 far = middle
@@ -314,7 +314,7 @@ def _current_fractions(
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
-    """Decompose the rows into terms; return rows, factors and columns of the terms, and the piece count.
+    """Decompose the rows into terms; return row, factor and column of each term, and the piece count.
 
     Each row is a matrix whose axes are temperature and current. It is decomposed by cross approximation: the
     first term is the rank-one matrix that equals the row at the temperature and at the current of the row's

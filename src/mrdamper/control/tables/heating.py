@@ -1,8 +1,8 @@
 """Heat balance of the damper, which detects a stuck thermometer (constant reading).
 
 A constant reading is rejected if the energy supplied to the damper should have warmed it by more than
-``frozen_K``. The model is one body, Eq. (8) of the paper: C dT/dt = F v + R i^2 - G (T - T_a). It serves only
-to detect this fault. The package ``thermal`` predicts temperatures.
+``frozen_K``. The model is one body, Eq. (8) of the reference paper: C dT/dt = F v + R i^2 - G (T - T_a). It
+serves only to detect this fault. The package ``thermal`` predicts temperatures.
 
 The reading of a damper in thermal equilibrium is constant for hours. To prevent false alarms, the expected
 warming is computed with the largest possible loss: ``loss_ratio_max`` times the nominal loss, to the coldest
@@ -24,7 +24,7 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
 
-_RISE_K = 60.0  # Rise above ambient at which the loss of a geometry is computed.
+_RISE_K = 60.0  # temperature rise above ambient at which the heat loss of a geometry is computed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,14 +62,14 @@ class Heating:
 
     @classmethod
     def paper(cls) -> Heating:
-        """Return the heat balance of the paper's damper with its fins, which is the default."""
+        """Return the default heat balance: the damper of the reference paper with its fins."""
         return _paper()
 
     def config(self, command_unit: str, *, extrapolate: bool) -> HeatBalance:
         """Return the heat balance for the kernel, which detects a stuck temperature reading.
 
-        The kernel sets a flag. If ``extrapolate`` is True, it also estimates the temperature from the
-        supplied energy.
+        The kernel then sets a flag. If ``extrapolate`` is True, the kernel also estimates the temperature
+        from the supplied energy.
         """
         amperes = 1.0 if command_unit == "A" else self.amperes_per_volt or 0.0
         return HeatBalance(

@@ -1,8 +1,8 @@
 """Binned lookup tables: the universal curve of the hysteresis, and the functions of speed.
 
 A table is piecewise cubic. The cell width doubles with every octave of the argument because the functions
-bend most strongly near zero. Each table has the smallest number of cells for which the error at all test
-points is at most ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
+bend most strongly near zero. Each table has as few cells as its error limit permits. The limit applies to all
+test points and is ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
 ``track_tables.h`` reads the tables.
 """
 
@@ -67,8 +67,8 @@ def tabulate_lookup(
 ) -> LookupTable:
     """Return the table of a function from 0 to ``end`` by piecewise cubic Hermite interpolation.
 
-    Below ``fine``, all cells have the same width. If ``rising`` is True, the slope at the ends of each cell
-    is limited to three times the secant slope, which keeps the table monotone (Fritsch & Carlson).
+    Below ``fine``, all cells have the same width. If ``rising`` is True, the table is kept monotone (Fritsch
+    & Carlson): the slope at the ends of each cell is limited to three times the secant slope.
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
@@ -108,7 +108,7 @@ def fit_lookup(
             made = tabulate_lookup(value, slope, fine, end, bits=bits, rising=rising)
             if best is not None and len(made.cell) >= len(best.cell):
                 break
-            # Most tables already fail at one test point per cell.
+            # One test point per cell rejects most tables, so it is compared first.
             if all(
                 _error(made, value, weight, end, places) <= error
                 for places in (TEST_POINTS[3:4], TEST_POINTS)
@@ -136,17 +136,17 @@ def _error(table: LookupTable, value: _Function, weight: _Function, end: float, 
 class CurveTables:
     """Tables of the two branches, loading and unloading, of the universal hysteresis curve w(travel).
 
-    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch. The
-    maps convert the position (travel) on one branch to the position on the other branch, both as absolute
-    values.
+    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch. Each
+    map converts the position (travel) on one branch to the position on the other branch. Both positions are
+    absolute values.
     """
 
-    unloaded: float  # unloading travel from w = -1 to 0
-    loading: LookupTable  # |w| against travel
-    unloading: LookupTable
-    unload_map: LookupTable  # position on the unloading branch against position on the loading branch
+    unloaded: float  # travel of the unloading branch from w = -1 to 0
+    loading: LookupTable  # |w| versus travel on the loading branch
+    unloading: LookupTable  # |w| versus travel on the unloading branch
+    unload_map: LookupTable  # position on the unloading branch versus position on the loading branch
     reload_map: LookupTable  # inverse of ``unload_map`` for the first half of the travel
-    reload_map_rest: LookupTable  # inverse for the second half, as a function of the remaining travel
+    reload_map_rest: LookupTable  # inverse of ``unload_map`` for the second half, versus the remaining travel
 
 
 def no_curve() -> CurveTables:
@@ -167,8 +167,8 @@ class _Branches:
     loading: FloatArray  # samples of the loading branch
     unloading: FloatArray  # samples of the unloading branch
     unloading_travel: FloatArray  # travel of the samples of the unloading branch, which ends at w = -1
-    loaded: float  # end of the loading branch
-    unloaded: float  # end of the unloading branch
+    loaded: float  # travel at the end of the loading branch
+    unloaded: float  # travel at the end of the unloading branch
 
     def to_loading(self, u: FloatArray) -> FloatArray:
         return np.interp(u, self.loading, self.travel)
@@ -261,10 +261,10 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
 class SpeedTables:
     """Functions of the speed [m/s] that multiply forces."""
 
-    viscous: LookupTable  # the viscosity [m/s]
-    sliding: LookupTable
-    breakaway: LookupTable
-    saturation: LookupTable  # yield force that saturates with speed, or has no memory
+    viscous: LookupTable  # factor on the viscosity [m/s]
+    sliding: LookupTable  # factor on the kinetic friction
+    breakaway: LookupTable  # factor on the breakaway friction
+    saturation: LookupTable  # factor on a yield force that saturates with speed or has no memory
 
 
 def no_functions_of_speed() -> SpeedTables:
@@ -281,7 +281,7 @@ def functions_of_speed(
 
     Parameters
     ----------
-    present : rows that the law has, of viscous, sliding and breakaway
+    present : names of the rows of the law; only viscous, sliding and breakaway are used
     shape : values of the law's exponent and velocities, by coefficient name
     saturating : True if a yield force saturates with speed
     memoryless : True if the yield force follows the sign of the velocity

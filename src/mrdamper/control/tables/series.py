@@ -1,8 +1,8 @@
 """Tables of series valve and chain for ``core/kernel/track_series.h`` and ``track_chain.h``.
 
 There are four kinds of tables: the yield force on an even grid of commands and temperatures, the other
-coefficients versus temperature, powers of speed, and the functions tanh u and exp(-u^2), which are the same
-for all dampers.
+coefficients versus temperature, powers of speed, and the functions tanh u and exp(-u^2). The last two are
+the same for all dampers.
 
 In the series valve, only the yield force can depend on the command. In the chain, shear thinning, bristles
 and memory can also depend on the command (``PLANES``). The exponents are constant. All other coefficients can
@@ -51,8 +51,8 @@ _INVERTED = (
 )  # fmt: skip
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
 _GAS_EXPONENT = -1.3  # exponent of the gas volume, the same value as in chain.c
-SPEED_MIN_M_S = 2.0**-20  # Lower speeds: a straight line through zero replaces the power function.
-OCTAVE_COUNT = 23  # Octaves above the minimum speed, up to 8 m/s.
+SPEED_MIN_M_S = 2.0**-20  # A straight line through zero replaces the power function at lower speeds.
+OCTAVE_COUNT = 23  # number of octaves from the minimum speed to 8 m/s
 _TEMPERATURE_STEP_K = {"series-valve": 5.0, "chain": 10.0}
 CELL_BITS = 3
 
@@ -162,7 +162,7 @@ def tabulate_series(
     rows = {name: values[name][:, 0].copy() for name in ((*CHAIN, *OF_CHAIN) if is_chain else CHAIN)}
     moved = {name: values[name] for name in planes}
     factors: dict[str, float | FloatArray] = {"viscosity": VISCOUS_SPEED ** (1.0 - viscous)}
-    if is_chain:  # The forces of thinning and dashpot are defined at 1 m/s, where every power is 1.
+    if is_chain:  # The tables define the forces of thinning and dashpot at 1 m/s, where every power is 1.
         speed = values["reference_speed"]
         factors |= {"thinning": speed[:, 0] ** -thinning, "leak_damping": speed[:, 0] ** (1.0 - leak)}
         moved |= {"thinning_force": values["thinning_force"] * speed[:, :1] ** -thinning}

@@ -1,13 +1,13 @@
-/* The sampled closed loops of control/loop.py in one call: controllers of the kernel, each on a damper in C.
+/* Simulate sampled closed loops in one call. Each loop has a controller of the kernel and a damper in C.
  *
- * The arithmetic, its order and its rounding are those of the loop in Python, which serves every other controller and
- * damper. Tests compare the two bit for bit.
+ * The arithmetic, its order and its rounding are the same as in control/loop.py, which simulates all other controllers
+ * and dampers. Tests compare the results of both bit for bit.
  */
 #include <math.h>
 
 #include "interface.h"
 
-/* Return a multiple of a converter's step, halves to the even one, never a negative zero. */
+/* Return the value rounded to a multiple of a converter's step, halves to even. The result is never a negative zero. */
 static double to_step(double value, double step) { return step * rint(value / step) + 0.0; }
 
 static double driven(const mrd_loop *loop, double current)

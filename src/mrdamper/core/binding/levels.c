@@ -1,4 +1,4 @@
-/* The builds of the kernel for the instruction sets of x86-64, and the choice among them. */
+/* Select the build of the kernel for an instruction set level of x86-64. */
 #include "interface.h"
 
 const mrd_api *mrd_api_baseline(void);

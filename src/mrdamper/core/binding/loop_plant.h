@@ -1,4 +1,4 @@
-/* Dampers of another extension for closed loops: content of a capsule between both extensions. */
+/* Dampers of another extension for closed loops. A Python capsule passes this structure between the extensions. */
 #ifndef MRD_LOOP_PLANT_H
 #define MRD_LOOP_PLANT_H
 
@@ -8,7 +8,7 @@
 
 typedef struct loop_plant loop_plant;
 struct loop_plant {
-    size_t count; /* number of equal dampers on one motion with individual currents */
+    size_t count; /* number of equal dampers that have one motion and individual currents */
     /* Advance all dampers by `steps` samples of displacement [m] and velocity [m/s] at constant currents [A]. Write
      * the force [N] of each damper. Return 0 if a sample is rejected. The function needs no GIL, and runs in one
      * thread at a time. */

@@ -1,4 +1,4 @@
-/* The controller in single precision: the files that a target gets, as one translation unit. */
+/* The controller in single precision. The same files run on a target. */
 #define MRD_TRACK_API static
 #include "controller.c"
 

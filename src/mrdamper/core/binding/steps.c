@@ -1,4 +1,4 @@
-/* Checks of a controller and many of its steps; compiled once per precision. */
+/* Check the tables of a controller, and compute many steps in one call. This file is compiled once per precision. */
 #include "interface.h"
 
 static int lookups_are_sound(const mrd_lookup *lookups, size_t count)

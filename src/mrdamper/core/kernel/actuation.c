@@ -1,13 +1,13 @@
-/* Dynamics between a command and the field: first-order lags with separate rise and fall times.
+/* Dynamics between a command and the field: a first-order lag with separate rise and fall times.
  *
- * The time constant is `rise` while the absolute input exceeds the output, otherwise `fall`. If a driver cannot pull
- * the current down, the output falls at most with the free-wheeling time constant `wheel` (0: no free-wheeling). With
- * `saturation` I_s, the lag acts on the flux phi = I / (1 + I / I_s), so that a saturated current falls faster:
- * wheel phi' = -I (0: no saturation).
+ * The time constant is `rise` while the absolute input exceeds the output, otherwise `fall`. If a driver cannot force
+ * the current down, the output falls no faster than with the free-wheeling time constant `wheel` (0: no free-wheeling).
+ * With `saturation` I_s (0: no saturation), the lag acts on the flux phi = I / (1 + I / I_s), so that a saturated
+ * current falls faster: wheel phi' = -I.
  */
 
-/* Return the flux of a free-wheeling current after one step, by a method of order two. *slope is its derivative by
- * the initial flux. */
+/* Return the flux of a free-wheeling current after one step, by a method of order two. *slope is the derivative of this
+ * flux with respect to the initial flux. */
 static double flux_left(double flux, double step, double wheel, double saturation, double *slope)
 {
     const double bend = saturation > 0.0 ? 1.0 / saturation : 0.0, share = step / wheel, rate = 1.0 / (1.0 - bend * flux);
@@ -18,9 +18,9 @@ static double flux_left(double flux, double step, double wheel, double saturatio
     return flux * left;
 }
 
-/* Compute the response to a command that is linear between samples, and its derivative by the active time constant.
- * The derivative is exact if rise and fall are equal. The initial state is settled, or it is `before`: output and
- * derivative at sample 0. */
+/* Compute the response to a command that is linear between samples, and its derivative with respect to the active time
+ * constant. The derivative is exact if rise and fall are equal. `before` has the output and its derivative at sample 0;
+ * NULL: the steady state. */
 static void first_order_lag(size_t n, double step, double rise, double fall, double wheel, double saturation,
                             const double *command, double *applied, double *by_lag, const double *before)
 {
@@ -35,7 +35,7 @@ static void first_order_lag(size_t n, double step, double rise, double fall, dou
         const double lag = lags[rising], decay = decays[rising];
         const double slope = (command[i] - command[i - 1]) / step;
         if (lag > 0.0) {
-            /* Exact for a ramp c0 + s t: response c - s lag + (a0 - c0 + s lag) decay. */
+            /* This is the exact response to a ramp c = c0 + s t: c - s lag + (a0 - c0 + s lag) decay. */
             const double gap = applied[i - 1] - command[i - 1] + slope * lag;
             applied[i] = command[i] - slope * lag + gap * decay;
             by_lag[i] = -slope + (by_lag[i - 1] + slope) * decay + gap * decay * step / (lag * lag);

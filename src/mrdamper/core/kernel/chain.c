@@ -23,21 +23,21 @@
  * change of the level. The levels of the three pre-yield bristles are phi G Y (1 + as sgn y) times 1/2, 1/4, 1/4
  * (with the relative stiffness 1, e^spread, e^-spread). The level of the friction bristle is the friction force
  * times 1 + excess exp(-(y/fade)^2), and the level of the memory bristle is the memory force. If the current
- * changes Y, the fraction `follow` of the bristle force changes at once; the rest is built up by travel.
+ * changes Y, the fraction `follow` of the bristle force changes immediately. Travel builds up the rest.
  *
- * A step is backward Euler in y. The exponential of a bristle is replaced by a rational function with two terms. G
- * and the Stribeck level have their values before the step, the gas force is linearised, and z solves a quadratic
- * equation. The residual increases with y.
+ * A step is backward Euler in y. A rational function with two terms replaces the exponential of a bristle. G and the
+ * Stribeck level have their values before the step, the gas force is linearised, and z solves a quadratic equation.
+ * The residual increases with y.
  *
  * The coefficients of a disabled term are zero, so that few masks are needed. A term that is disabled in all lanes is
  * skipped.
  */
 
-#define CHAIN_STEP_RATIO 0.68 /* Longest step relative to that of other laws: backward Euler needs shorter steps. */
+#define CHAIN_STEP_RATIO 0.68 /* longest step / longest step of other laws; backward Euler needs shorter steps */
 #define CHAIN_FLOOR 0.02  /* minimum of G, and of the gas volume divided by its volume at q = 0 */
 #define GAS_EXPONENT 1.3
 #define CORNER 0.05 /* rounding of the corner of C */
-#define CHAIN_LEAST 1e-100 /* minimum level of a bristle [N]; below it the rate would overflow */
+#define CHAIN_LEAST 1e-100 /* minimum level of a bristle [N]; the rate of a smaller level would overflow */
 
 enum { PRE_YIELD = 3, FRICTION_BRISTLE = 3, MEMORY_BRISTLE = 4, BRISTLES = 5 };
 
@@ -51,7 +51,7 @@ typedef struct {
     pack_mask plastic, cavity_on, bypass_on, gas_on;
     int some_plastic, some_cavity, some_bypass, some_gas, thins, knee, fades, bristle_on[BRISTLES];
     pack q, y;                /* valve travel and velocity */
-    pack lag, change;         /* v - y after the last step and its change, for the next start value */
+    pack lag, change;         /* v - y after the last step, and its change in this step, for the next start value */
     pack play, cavity;        /* displacement behind the free play, cavity z */
     pack bristle[BRISTLES];
     pack followed[2];         /* yield and memory force at the last step */
@@ -62,9 +62,9 @@ typedef struct {
 typedef struct {
     pack h, v, e;             /* step, velocity behind the free play, elastic travel at y = z = 0 */
     pack per_h;               /* inverse of the step, 0 if there is no cavity */
-    pack charge, charge_slope, charge_curvature; /* H and its derivatives by z */
+    pack charge, charge_slope, charge_curvature; /* H, dH/dz, d2H/dz2 */
     pack gain, gain_slope;
-    pack rest, rest_slope;    /* force of offset, spring and gas at y = 0, and its derivative by travel */
+    pack rest, rest_slope;    /* force of offset, spring and gas at y = 0, and d force / d travel */
     pack gas_curvature, gas_unit, gas_per;
     pack viscoplastic, thinning; /* factors of these terms, without their functions of y */
     pack fade;
@@ -75,23 +75,23 @@ typedef struct {
 /* Terms of the equation at one y. */
 typedef struct {
     pack y, force, slope, force_slope;
-    pack u, u_slope;          /* u and its derivative by |y| */
-    pack t, t_slope, sharper; /* t (rise of the yield force), its derivative by u, and C - tanh u */
+    pack u, u_slope;          /* u, du/d|y| */
+    pack t, t_slope, sharper; /* t (rise of the yield force), dt/du, C - tanh u */
     pack power, log_size;     /* thinning power, ln |y/v0| */
     compliance_point k;
-    pack cavity, length, cavity_slope, by_cavity; /* z, l + z, dz/dy, derivative of the equation of z by z */
+    pack cavity, length, cavity_slope, by_cavity; /* z, l + z, dz/dy, d/dz of the equation of z */
     pack bristle[BRISTLES], bristle_slope[BRISTLES], kept[BRISTLES];
 } chain_point;
 
-/* Partial derivatives by each coefficient for fixed y and fixed states before the step. Entries that a step does not
- * write are zero. */
+/* Partial derivatives with respect to each coefficient, for fixed y and fixed states before the step. Entries that a
+ * step does not write are zero. */
 typedef struct {
     pack valve[CH_COUNT], compliance[CH_COUNT], bristle[BRISTLES][CH_COUNT];
     pack by_travel, bristle_by_travel[BRISTLES], friction_by_speed;
-    pack charge[CH_COUNT], charge_slope[CH_COUNT]; /* of H and of its derivative by z */
+    pack charge[CH_COUNT], charge_slope[CH_COUNT]; /* partial derivatives of H and of dH/dz */
 } chain_partials;
 
-/* Derivatives of the state by each direction. */
+/* Derivatives of the state along each direction. */
 typedef struct {
     pack q[WAYS_MAX], y[WAYS_MAX], play[WAYS_MAX], cavity[WAYS_MAX], bristle[BRISTLES][WAYS_MAX];
 } chain_tangents;
@@ -140,7 +140,7 @@ static void chain_set(chain_state *l)
     }
 }
 
-/* Set up the step of length h to the velocity v behind the free play. */
+/* Compute the constants of a step of length h. At its end, the velocity behind the free play is v. */
 static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain_step *s)
 {
     const pack *c = l->c, q = l->q, floor = pack_of(CHAIN_FLOOR), none = pack_of(0.0);
@@ -217,7 +217,7 @@ IN_LANES void chain_yield(const chain_state *l, pack size, pack side, chain_poin
     p->t_slope = only(l->plastic, p->t_slope);
 }
 
-/* Solve for the cavity at the force of the valve: F + H + H' (z - z_before) = C l / (l + z) is quadratic in l + z. */
+/* Compute the cavity z from the force of the valve: F + H + H' (z - z_before) = C l / (l + z), quadratic in l + z. */
 IN_LANES void chain_cavity(const chain_state *l, const chain_step *s, chain_point *p)
 {
     const pack bubble = l->c[CH_BUBBLE], gas = l->c[CH_CAVITY] * bubble, slope = s->charge_slope;
@@ -274,7 +274,7 @@ IN_LANES pack chain_residual(const chain_state *l, const chain_step *s, pack y, 
     return force - elastic;
 }
 
-/* Solve the step. */
+/* Solve the equation of the step for y. */
 static void chain_solve(const chain_state *l, const chain_step *s, pack guess, chain_point *p)
 {
     lane_search find;
@@ -299,7 +299,7 @@ static void chain_solve(const chain_state *l, const chain_step *s, pack guess, c
         if (l->bristle_on[j]) p->bristle[j] += p->bristle_slope[j] * dy;
 }
 
-/* Compute the partial derivatives of a bristle by the coefficients of its level and its stiffness. */
+/* Compute the partial derivatives of a bristle force with respect to the coefficients of its level and stiffness. */
 IN_LANES void chain_bristle_partials(const chain_state *l, const chain_step *s, const chain_point *p, int j, chain_partials *d)
 {
     const pack *c = l->c, *per = l->per, none = pack_of(0.0);
@@ -334,7 +334,7 @@ IN_LANES void chain_bristle_partials(const chain_state *l, const chain_step *s, 
     }
 }
 
-/* Compute the partial derivatives of the force of the valve without bristles. */
+/* Compute the partial derivatives of the valve force without bristles. */
 static void chain_valve_partials(const chain_state *l, const chain_step *s, const chain_point *p, chain_partials *d)
 {
     const pack *c = l->c, *per = l->per, q = l->q, none = pack_of(0.0);
@@ -372,7 +372,7 @@ static void chain_valve_partials(const chain_state *l, const chain_step *s, cons
                              * (q + ahead * (1.0 - (GAS_EXPONENT + 1.0) * q * per[CH_GAS_LENGTH] / room)));
 }
 
-/* Compute the partial derivatives at the solution. `l` is the state before the step. */
+/* Compute the partial derivatives at the solution of a step. `l` is the state before the step. */
 static void chain_partials_at(const chain_state *l, const chain_step *s, const chain_point *p, chain_partials *d)
 {
     const pack *c = l->c, *per = l->per;
@@ -403,7 +403,7 @@ IN_LANES pack chain_cavity_moved(const chain_state *l, const chain_step *s, cons
     return only(l->cavity_on, (gas - p->length * sum) / p->by_cavity - bubble);
 }
 
-/* Update the derivatives of the state after a solved step. `column` receives the derivatives of the force unless it is
+/* Update the derivatives of the state after a solved step. `column` receives the derivatives of the force; it can be
  * NULL. */
 static void chain_differentiate(const chain_state *l, const chain_step *s, const chain_point *p, const chain_partials *d,
                                 const lane_samples *t, double fraction, chain_tangents *by, double *const *column)
@@ -432,7 +432,7 @@ static void chain_differentiate(const chain_state *l, const chain_step *s, const
     }
 }
 
-/* Change the bristle forces by the fraction that follows a change of their level at once. */
+/* Change the bristle forces by the fraction that follows a change of their level immediately. */
 static void chain_follow(chain_lanes *l, const lane_samples *t, double before, double fraction)
 {
     const int of[2] = {CH_YIELD, CH_MEMORY}, from[2] = {0, MEMORY_BRISTLE}, to[2] = {PRE_YIELD, BRISTLES};
@@ -456,7 +456,7 @@ static void chain_follow(chain_lanes *l, const lane_samples *t, double before, d
     }
 }
 
-/* Take a step of length h to (x, v) at a fraction of the interval; h = 0 computes the force of the first sample. */
+/* Take a step of length h to (x, v) at a fraction of the sample interval. With h = 0, compute the first sample. */
 static void chain_advance(chain_lanes *l, const lane_samples *t, pack h, double fraction, int first, pack x, pack v,
                           double *force, double *const *column)
 {

@@ -1,4 +1,4 @@
-/* A model's coefficients, and the seeds of a direction: at a sample, and in the mean over a sample interval. */
+/* Coefficients of a model and seeds of a direction: value at a sample, and mean over a sample interval. */
 
 static inline double coefficient_at(const mrd_model *m, int k, size_t i)
 {
@@ -14,7 +14,7 @@ static inline int varies(const mrd_model *m, int k, size_t n)
     return 0;
 }
 
-/* Mean over the sample interval that ends at sample i. At the ends of a row, it is the first or last value. */
+/* Return the mean over the sample interval that ends at sample i; at the ends of a row, the first or last value. */
 static inline double interval_mean(const double *row, size_t stride, size_t i, size_t n)
 {
     if (i == 0 || i >= n) return row[stride * (i ? n - 1 : 0)];

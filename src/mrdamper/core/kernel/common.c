@@ -1,10 +1,10 @@
 /* Terms common to all laws: viscous force, spring, offset, inertia, Stribeck friction.
  *
  * Three functions of velocity are expensive: a power, an exponential, and a hyperbolic tangent. They are computed once
- * for a record and used by the force and all its partial derivatives.
+ * for a record. The force and all its partial derivatives use the same values.
  */
 
-/* Return true for laws in which spring and offset are inside the series connection. */
+/* Return true for laws with spring and offset inside their series connection. */
 static inline int has_own_spring(mrd_law law) { return law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW; }
 
 static inline double tanh_of(double u)
@@ -51,9 +51,9 @@ static inline double common_force(const mrd_model *m, const mrd_record *r, size_
     return f;
 }
 
-/* Common terms of force and partial derivatives along a record; unused rows are NULL. */
+/* Values along a record that the force and its partial derivatives share. Unused rows are NULL. */
 typedef struct {
-    const double *power; /* viscous speed */
+    const double *power; /* v |v / v0|^(exponent - 1) */
     double *fade, *side; /* Stribeck factor and sign of the friction */
     double *store;
 } common_rows;
@@ -114,7 +114,7 @@ static void common_add(const mrd_model *m, const mrd_record *r, const common_row
     else common_add_of(m, r, rows, 0, force);
 }
 
-/* Compute the partial derivative by a common coefficient along a record, times the seed of the direction. */
+/* Compute the derivative of the force along a direction of a common coefficient, for every sample of a record. */
 static void common_column(const mrd_model *m, const mrd_record *r, const common_rows *rows, const mrd_direction *d,
                           double *restrict column)
 {

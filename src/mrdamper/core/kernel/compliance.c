@@ -1,13 +1,14 @@
-/* The compliance of the implicit laws: free play with a spring behind it, and a dashpot, at the elastic travel e:
+/* The compliance of the implicit laws: free play in series with a spring, and a dashpot in parallel with both. The
+ * force at the elastic travel e is
  *
  *     S(e) + cB |e'/v0|^(mB-1) e',   S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)]
  */
 
-#define LEAK_SPEED_RATIO_MIN 1e-6 /* The power of the dashpot is a straight line below this fraction of v0. */
+#define LEAK_SPEED_RATIO_MIN 1e-6 /* At smaller speeds / v0, a straight line replaces the power of the dashpot. */
 
 typedef struct {
     pack spring, gap, corner, leak, exponent, per_speed;
-    int bent; /* 1 if the exponent of a lane is not one */
+    int bent; /* 1 if the exponent of at least one lane is not 1 */
 } compliance;
 
 typedef struct {
@@ -27,14 +28,14 @@ IN_LANES pack_mask is_bent(const compliance *c, pack rate)
     return is_less(pack_of(LEAK_SPEED_RATIO_MIN), size_of(rate) * c->per_speed);
 }
 
-/* Return the force of the dashpot divided by leak and rate. Compute the logarithm of the speed. */
+/* Return the force of the dashpot divided by leak and rate. *log_speed receives the logarithm of the speed. */
 IN_LANES pack leak_power(const compliance *c, pack rate, pack *log_speed)
 {
     *log_speed = log_of(greater_of(size_of(rate) * c->per_speed, pack_of(LEAK_SPEED_RATIO_MIN)));
     return c->bent ? exp_of((c->exponent - 1.0) * *log_speed) : pack_of(1.0);
 }
 
-/* Compute the force at the travel and rate of a point, and its slopes. */
+/* Return the force at the travel and rate of a point, and store its slopes in the point. */
 IN_LANES pack compliance_force(const compliance *c, compliance_point *p)
 {
     const pack u = p->e - c->gap, v = p->e + c->gap, rr = c->corner * c->corner;
@@ -49,7 +50,7 @@ IN_LANES pack compliance_force(const compliance *c, compliance_point *p)
     return 0.5 * c->spring * (2.0 * p->e + su - sv) + power * p->rate;
 }
 
-/* Compute the partial derivatives of the force by spring, gap, corner, leak and exponent, in this order. */
+/* Compute the derivatives of the force with respect to spring, gap, corner, leak and exponent, in this order. */
 IN_LANES void compliance_partials(const compliance *c, const compliance_point *p, pack *by)
 {
     const pack u = p->e - c->gap, v = p->e + c->gap, rr = c->corner * c->corner;

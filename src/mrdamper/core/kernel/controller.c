@@ -1,7 +1,8 @@
 /* One step of a force-tracking controller.
  *
- * The step updates motion, temperature and applied current. The command is found by a prediction with the model of the
- * card (track_predict.h), or by the paper's bank of models at constant currents, or by force feedback alone.
+ * The step updates the estimated motion, temperature and applied current. Then it computes the command by one of three
+ * methods: prediction with the model of the card (track_predict.h), bank of models at constant currents (reference
+ * paper), or only force feedback.
  */
 #include "controller.h"
 
@@ -16,8 +17,9 @@ MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
     s->direction = R(1.0);
 }
 
-/* Return the current at which a bank of models at constant currents has the wanted force now: the lowest of several
- * solutions, or the nearest current if there is none. `off` is the force of the levels less the wanted one. */
+/* Return the current at which interpolation in a bank of models gives the wanted force now. If there are several
+ * solutions, return the lowest one; without a solution, return the current of the model with the nearest force. `off`
+ * is the force of the levels minus the wanted force. */
 static mrd_real solve_bank(const mrd_track *c, const mrd_track_state *s, const moment *m, const mrd_real *weight,
                            mrd_real off, bool *found)
 {
@@ -49,7 +51,7 @@ static mrd_real solve_bank(const mrd_track *c, const mrd_track_state *s, const m
     return current;
 }
 
-/* Return the command at which a bank of models has the wanted force now. The command is known and has no lag. */
+/* Return the command at which a bank of models has the wanted force now. The models assume a current without lag. */
 static mrd_real command_of_bank(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
@@ -63,7 +65,7 @@ static mrd_real command_of_bank(const mrd_track *c, mrd_track_state *s, axis_poi
     return current;
 }
 
-/* Return the command with force feedback in the direction of motion; `forward` is the command without it. */
+/* Return the command with force feedback in the direction of motion. `forward` is the command without feedback. */
 static mrd_real apply_feedback(const mrd_track *c, mrd_track_state *s, bool measured, mrd_real wanted, mrd_real force,
                          mrd_real forward)
 {

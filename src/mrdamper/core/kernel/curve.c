@@ -9,11 +9,12 @@
  * One curve Y(tau) through Y(0) = 0 therefore describes a whole record. Both branches satisfy
  * u' = 1 - k u^n, u(0) = 0, with u = |w|, k = 1 or kappa, and |tau| instead of tau. They are tabulated
  * as cubics on cells whose width doubles with every octave of |tau| + offset: narrow cells where u^n
- * bends, wide cells where the curve is flat. The floating-point bits contain the index of the cell.
+ * bends, wide cells where the curve is flat. The floating-point bits of |tau| + offset contain the index
+ * of the cell.
  *
- * The knots are computed by Taylor series, without a pow per knot. The derivatives by n and by kappa are
- * tabulated at the same knots by the derivative of the same series. Therefore, the tangents are the exact
- * derivatives of the tabulated curve.
+ * The knots are computed by Taylor series, without a call of pow for each knot. The derivatives with
+ * respect to n and kappa are computed at the same knots by the derivative of the same series. Therefore,
+ * the tangents are the exact derivatives of the tabulated curve.
  */
 #include <math.h>
 #include <string.h>
@@ -21,7 +22,7 @@
 #define ORDER 6      /* order of the Taylor step between knots */
 #define SERIES 6     /* number of terms of the series in tau^n near zero */
 
-/* Data of one cell of a table with tangents. */
+/* Parts of the data of one cell in a table with tangents. */
 enum { BY_NOTHING, BY_TAU, BY_N, BY_KAPPA, POINT };
 
 typedef struct {
@@ -33,7 +34,7 @@ typedef struct {
     int shift;          /* 52 - log2(cells per octave) */
     size_t cells;
     double cell[4 * MRD_CELLS];
-    double *all;        /* cubic and derivatives by tau, n and k, power by power; a cell in two cache lines */
+    double *all;        /* cubics of u, du/dtau, du/dn, du/dk, ordered by power; a cell fills two cache lines */
     double room[4 * POINT * MRD_CELLS + 8];
 } branch;
 
@@ -83,7 +84,7 @@ static inline void cubics_at(const branch *b, size_t n, const double *restrict t
 
 #define BLOCK 256
 
-/* Evaluate the cubics of a branch and their derivatives at n <= BLOCK arguments, POINT numbers each. */
+/* Evaluate the cubics of a branch and their derivatives at n <= BLOCK arguments; write POINT numbers per argument. */
 static inline void points_at(const branch *b, size_t n, const double *restrict t, double *restrict out)
 {
     const uint64_t base = b->base;
@@ -103,7 +104,7 @@ static inline void points_at(const branch *b, size_t n, const double *restrict t
     }
 }
 
-/* Return the derivative of the cubic by tau. */
+/* Return du/dtau from the cubic. */
 static inline double slope_at(const double *restrict cell, uint64_t base, int shift, double t)
 {
     const uint64_t bits = bits_of(t);
@@ -122,20 +123,20 @@ static void hermite(double *c, double f0, double d0, double f1, double d1, doubl
     c[3] = (d0 + d1) * width - 2.0 * rise;
 }
 
-/* Compute a monotone cubic for a curve that rises. Slopes are limited to three times the chord (Fritsch & Carlson), so
- * that the cubic stays between its knots. The curve then never falls and never exceeds 1. */
+/* Compute a monotone cubic for a curve that rises. Slopes are limited to three times the slope of the chord (Fritsch &
+ * Carlson), so that the cubic stays between its knots. The curve then never falls and never exceeds 1. */
 static void hermite_rising(double *c, double f0, double d0, double f1, double d1, double width)
 {
     const double steepest = 3.0 * (f1 > f0 ? f1 - f0 : 0.0) / width;
     hermite(c, f0, d0 < steepest ? d0 : steepest, f1, d1 < steepest ? d1 : steepest, width);
 }
 
-/* A knot of the table: u, p = u^n, and their derivatives by n and by k. */
+/* A knot of the table: u, p = u^n, du/dn, dp/dn, du/dk, dp/dk. */
 typedef struct {
     double u, p, un, pn, uk, pk;
 } knot;
 
-/* The knot at tau by the series u = tau sum b_j q^j, q = k tau^n, p = tau^n sum c_j q^j. */
+/* Return the knot at a small tau by the series u = tau sum b_j q^j, q = k tau^n, p = tau^n sum c_j q^j. */
 static knot knot_near_zero(double tau, double k, double n, int tangents)
 {
     double b[SERIES + 1], c[SERIES], bn[SERIES + 1], cn[SERIES];
@@ -240,7 +241,7 @@ static void cell_with_tangents(double *all, const double *cell, const double *by
 
 static void branch_build(branch *b, double k, double n, int tangents, int to_one)
 {
-    /* The number of cells per octave and the first octave limit the error of every cubic to 5e-7. */
+    /* These numbers of cells per octave, and the first octave, limit the error of every cubic to 5e-7. */
     const int rise_bits = n <= 1.5 ? 4 : n < 6.0 ? 5 : n < 12.0 ? 6 : 7;
     const int bits = rise_bits + (to_one ? (n >= 12.0 ? 1 : n > 3.5 ? 2 : n > 2.0 ? 1 : 0) : 0);
     const double per_octave = (double)(1 << bits);
@@ -285,7 +286,7 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
     b->last = cubic_at(b->cell, b->base, b->shift, b->top);
 }
 
-/* Return true if the curve parameters are valid, with a tolerance for rounding of a logarithm. */
+/* Return true if kappa and n are in the tabulated range, with a tolerance for the rounding of a logarithm. */
 static int is_tabulated(double kappa, double n)
 {
     return fabs(kappa) <= 1.0 + 1e-9 && n >= 0.2 - 1e-9 && n <= 20.0 + 1e-9;
@@ -300,7 +301,7 @@ static void curve_build(curve *c, double kappa, double n, int tangents)
     branch_build(&c->fall, kappa, n, tangents, 1);
 }
 
-/* Return |tau| for u on one branch. Bisection of the knots finds the cell, Newton's method the position in it. */
+/* Return |tau| for u on one branch. Bisection of the knots finds the cell. Newton's method finds the position in it. */
 static double branch_inverse(const branch *b, double u)
 {
     size_t low = 0;
@@ -357,15 +358,15 @@ static curve_point curve_at(const curve *c, double tau)
     return branch_point(c, rising, fabs(tau) + (rising ? c->rise.offset : c->fall.offset));
 }
 
-/* Return the point of the curve at start + travel. The order of operations is the same as for many samples in
- * hysteresis.c, so that the results are bitwise equal. */
+/* Return the point of the curve at start + travel. The order of operations is the same as in hysteresis.c, where many
+ * samples are computed, so that the results are bitwise equal. */
 static curve_point curve_along(const curve *c, double start, double travel)
 {
     const int rising = start + travel >= 0.0;
     return branch_point(c, rising, rising ? c->rise.offset + start + travel : c->fall.offset - start - travel);
 }
 
-/* Return tau for w in the coordinates of the motion. */
+/* Return tau for w, which is positive in the direction of motion. */
 static double curve_inverse(const curve *c, double w)
 {
     return w >= 0.0 ? branch_inverse(&c->rise, w) : -branch_inverse(&c->fall, -w);

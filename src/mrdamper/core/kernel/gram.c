@@ -1,4 +1,4 @@
-/* Gram sums of many candidates on many runs, for each step of a least-squares fit. */
+/* Compute the Gram matrices of many candidates on many runs. A least-squares fit needs them in each step. */
 
 /* Products are summed in eight lanes, sample i in lane i % 8. The sums are therefore bitwise equal for every width
  * of a pack. The sums of a tile (rows times rows) stay in registers, and a block of samples stays in the
@@ -6,7 +6,7 @@
 #define TILE_I (PACK == 8 ? 4 : 2)
 #define TILE_J 4
 
-/* Add the products of samples 8 k of n / 8 eights to the lanes of a tile. */
+/* Add the products of n samples (a multiple of 8) to the lanes of a tile. */
 static void gram_tile(size_t n, const double *const *a, const double *const *b, double *const lanes[TILE_I][TILE_J])
 {
     for (size_t part = 0; part < 8; part += PACK) {
@@ -26,7 +26,7 @@ static void gram_tile(size_t n, const double *const *a, const double *const *b, 
     }
 }
 
-/* Add the products of samples [from, to), one by one. */
+/* Add the products of the samples from `from` to `to` - 1, one by one. */
 static void gram_few(size_t rows, const double *const *row, size_t from, size_t to, double *lanes)
 {
     for (size_t i = 0; i < rows; i++)
@@ -62,7 +62,7 @@ static void gram_add(size_t rows, const double *const *row, size_t from, size_t 
     gram_few(rows, row, end, to, lanes);
 }
 
-/* Compute the Gram matrix from the sums of the lanes. */
+/* Compute the Gram matrix: add up the eight lanes of each element. */
 static void gram_close(size_t rows, const double *lanes, double *out)
 {
     for (size_t i = 0; i < rows; i++) {
@@ -89,7 +89,7 @@ static mrd_status gram(size_t rows, size_t n, const double *columns, size_t from
     return status;
 }
 
-/* Memory and indices that all candidates and runs share. The rows of a Gram matrix are tangents and the residual. */
+/* Memory and indices for all candidates and runs. The rows of a Gram matrix are the tangents, then the residual. */
 typedef struct {
     size_t places, rows;
     const int *by;
@@ -97,7 +97,7 @@ typedef struct {
     double *lanes;         /* [rows][rows][8] */
 } gram_room;
 
-/* Return the channel of the run that equals the tangent by a coefficient, or NULL if there is no such channel. */
+/* Return the channel of the run that equals the tangent of a coefficient, or NULL if there is no such channel. */
 static const double *channel_of(const mrd_model *m, const mrd_record *r, int coefficient, const double *one)
 {
     if (coefficient == C_MASS) return r->a;
@@ -106,8 +106,8 @@ static const double *channel_of(const mrd_model *m, const mrd_record *r, int coe
     return coefficient == C_OFFSET && !has_own_spring(m->law) ? one : NULL;
 }
 
-/* Collect the directions that must be computed, and return their number. row[i] is set to the location of the
- * tangent. */
+/* Collect the directions whose tangents must be computed, and return their number. row[i] is set to the location of
+ * tangent i. */
 static size_t directions_of(const gram_room *g, const mrd_model *m, const mrd_record *r, mrd_direction *direction,
                             const double **row)
 {
@@ -157,7 +157,7 @@ static mrd_model model_of(const gram_task *t, size_t job)
     return m;
 }
 
-/* Return the destination of the residuals of a job, or NULL. */
+/* Return the destination of the residuals of a job, or NULL if residuals are not needed. */
 static double *residual_of(const gram_task *t, size_t job)
 {
     size_t at = 0, all = 0;
@@ -186,9 +186,10 @@ static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
     return status;
 }
 
-/* Write the sums of products to out[candidate][run][row][row]. Rows are the tangents by the coefficients `by`, then measured
- * minus computed force, both from sample from[run] on. Coefficients [candidate][run][coefficient] are constant during each
- * run. `residuals` is NULL or receives the last row as [candidate][samples of all runs in turn]. */
+/* Write the Gram matrices to out[candidate][run][row][row]. The rows are the tangents of the coefficients `by`, then
+ * the residual (measured minus computed force). Samples before from[run] are ignored. The coefficients
+ * [candidate][run][coefficient] are constant during each run. `residuals`, if not NULL, receives the residuals as
+ * [candidate][samples of all runs in turn]. */
 static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *records, const double *const *measured,
                             const size_t *from, size_t candidates, const double *coefficients, size_t places,
                             const int *by, double *out, double *residuals)

@@ -1,6 +1,6 @@
-/* Gram matrices of a stepped law, for LANES jobs (a candidate on a run) at a time. Rows are interleaved: sample i
- * of lane k is at index LANES i + k. One pass over a block of samples therefore adds up the products of every lane.
- * Runs of one block may differ in length; missing samples of a lane are zero. */
+/* Gram matrices of a stepped law, for LANES jobs at a time. A job is a candidate on a run, and a lane computes one job.
+ * Rows are interleaved: sample i of lane k is at index LANES i + k. One pass over a block of samples therefore adds up
+ * the products of every lane. The runs of a block may differ in length; missing samples of a lane are zero. */
 
 #define STEPS (BLOCK / LANES) /* samples of a block */
 
@@ -9,12 +9,12 @@ typedef struct {
     size_t job, run;
     mrd_model model;
     const mrd_record *record;
-    const double *row[MRD_DIRECTIONS + 1]; /* tangents that are known without stepping the law, else NULL */
+    const double *row[MRD_DIRECTIONS + 1]; /* tangents that do not require steps of the law; NULL for the others */
     double *left; /* measured force minus the force of the common terms */
     double *residual; /* destination of measured minus computed force, or NULL */
 } lane_job;
 
-/* Sort key of a job: jobs with the same number of substeps are computed together, the longest first. */
+/* Sort key of a job. Jobs with the same number of substeps are computed together, longest job first. */
 typedef struct {
     size_t substeps, n, job;
 } job_order;
@@ -27,8 +27,8 @@ static int compare_jobs(const void *one, const void *other)
     return a->job < b->job ? -1 : a->job > b->job;
 }
 
-/* Compute the tangents that are not stepped, and the measured force minus the common terms, in store
- * [rows + 1][longest]. */
+/* Compute the tangents that do not require steps of the law, and the measured force minus the common terms. Write them
+ * to store[rows + 1][longest]. */
 static mrd_status lane_open(lane_job *lane, const gram_room *g, const gram_task *t, size_t job, size_t longest, double *store)
 {
     lane->job = job;
@@ -70,8 +70,8 @@ static void gather(const double *const *source, const lane_job *lane, size_t beg
     }
 }
 
-/* Step the law over a block. Write the force to `force` and the tangents to column[d], interleaved. Packs without a job
- * are skipped. */
+/* Step the law through a block of samples. Write the interleaved forces to `force` and the interleaved tangents to
+ * column[d]. Packs without a job are skipped. */
 static void step_block(mrd_law law, law_lanes *state, lane_samples *t, const lane_job *lane, size_t jobs, size_t begin,
                        size_t end, double *force, double *const *column)
 {

@@ -1,7 +1,7 @@
 /* The Bouc-Wen family along a record: exact solution from turning point to turning point.
  *
- * All samples between two reversals are independent: w = Y(tau_start + rho travel). Only one inverse of the curve per
- * reversal depends on the previous piece.
+ * The samples between two reversals do not depend on one another: w = Y(tau_start + rho travel). Only the start of a
+ * piece depends on the previous piece. It needs one inversion of the curve.
  */
 
 /* Prefetch the n numbers of an array one block after sample `from`, if they exist. The next block is then loaded from
@@ -18,10 +18,11 @@
 #define FETCH_AHEAD(array, from, n, known) ((void)0)
 #endif
 
-/* Ranges of the samples of a monotone piece by their part of the curve. The travel never decreases, so that the samples
- * on the fall branch (tau < 0) are first, then the rise branch, then the samples beyond the table with constant w. */
+/* Ranges of the samples of a monotone piece by their part of the curve. The travel never decreases. Therefore the first
+ * samples are on the fall branch (tau < 0), the next samples on the rise branch, and the last samples beyond the table,
+ * where w is constant. */
 typedef struct {
-    size_t fall, rise; /* ends of the first two ranges */
+    size_t fall, rise; /* end of the range on the fall branch, end of the range on the rise branch */
 } spans;
 
 static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)
@@ -43,7 +44,7 @@ static spans spans_of(const curve *c, const mrd_record *r, size_t p, size_t from
     return out;
 }
 
-/* Compute the table argument t = offset + rate travel of n samples from sample i on, limited to the table. */
+/* Compute the table argument t = offset + rate * travel of n samples from sample i on, limited to the table. */
 static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, double offset, double rate,
                              const branch *b, double *restrict t)
 {
@@ -91,9 +92,9 @@ static double turned(const curve *c, double tau_end)
 /* Return the travel of a whole piece [m]. */
 static inline double piece_length(const mrd_record *r, size_t p) { return fabs(r->turn[p + 1] - r->turn[p]); }
 
-/* Scaled travel since the turning point: base + rho (path - from). rho is the mean over a sample interval, with an
- * error of order two. If rho changes, base and from are updated. For constant rho the result is bitwise equal to
- * rho path. */
+/* Scaled travel since the turning point: base + rho (path - from). rho is its mean over a sample interval, which makes
+ * the error second order. If rho changes, base and from are updated. For constant rho the result is bitwise equal to
+ * rho * path. */
 typedef struct {
     double base, from, rho;
 } weighted_travel;
@@ -131,12 +132,12 @@ static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, do
     return start;
 }
 
-/* Derivatives of tau at the start of a piece by rho (along each direction), by n and by kappa. */
+/* Derivatives of tau at the start of a piece with respect to rho (along each direction), n and kappa. */
 typedef struct {
     double rho[MRD_DIRECTIONS], n, kappa;
 } start_tangents;
 
-/* Update these derivatives at a turning point. `end` and `begin` are the points of the curve before and after it. */
+/* Update the derivatives of tau at a turning point. `end` and `begin` are the curve points before and after it. */
 static void turn_tangents(curve_point end, curve_point begin, size_t ways, const double *travel, start_tangents *s)
 {
     const double scale = begin.slope > 1e-9 ? 1.0 / begin.slope : 0.0;
@@ -148,8 +149,8 @@ static void turn_tangents(curve_point end, curve_point begin, size_t ways, const
 /* Compute w and its derivatives along a record.
  *
  * rho may vary from sample to sample (stride 1). by_rho[d] receives the derivative of w along direction d of `ways`
- * directions of rho with seeds, by_n and by_kappa the derivatives by n and kappa. `tau` is tau at the start of the
- * first piece, and `gone` the scaled travel in this piece before the record. Both are updated to the last piece.
+ * directions of rho with seeds. by_n and by_kappa receive dw/dn and dw/dkappa. `tau` is tau at the start of the first
+ * piece, and `gone` is the scaled travel in this piece before the record. Both are updated to the last piece.
  */
 static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double *rho, size_t stride, size_t ways,
                               const mrd_direction *const *way, double *w, double *const *by_rho, double *by_n,

@@ -1,4 +1,4 @@
-/* The implicit laws over the number type of lanes.h: series valve and chain, PACK of them at a time. */
+/* The implicit laws (series valve and chain) with the number type of lanes.h, for PACK models at a time. */
 #include "lane_search.c"
 #include "lane_samples.c"
 #include "compliance.c"

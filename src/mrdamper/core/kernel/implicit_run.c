@@ -1,6 +1,6 @@
 /* The implicit laws along one record: coefficients may vary, directions may have seeds, and a run may come in batches.
  *
- * This is a separate translation unit that is compiled once because wider registers do not accelerate a single lane.
+ * This separate translation unit is compiled only once, because wider registers do not accelerate a single lane.
  */
 #define MRD_ONE_LANE
 #include "kernel.h"

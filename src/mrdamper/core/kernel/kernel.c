@@ -1,4 +1,4 @@
-/* One translation unit for one instruction set; see kernel.h. */
+/* The kernel as one translation unit, which is compiled for each instruction set; see kernel.h. */
 #define MRD_TRACK_API static
 #include "kernel.h"
 #include "lanes.h"

@@ -3,9 +3,9 @@
  * The language is C99, without allocation inside the arithmetic, without global state, and without fused
  * multiply-add (compile with -ffp-contract=off). Therefore, the results of all builds are bitwise equal. kernel.c
  * includes the other files; it is compiled once per instruction set, and MRD_API() is its only external name.
- * implicit_run.c is compiled once: it includes the implicit laws again, with a number type of one lane.
+ * implicit_run.c is compiled only once. It also includes the implicit laws, with a number type of one lane.
  *
- * SI throughout. Extension is positive; a force that resists extension is positive.
+ * All units are SI. Extension is positive; a force that resists extension is positive.
  */
 #ifndef MRD_KERNEL_H
 #define MRD_KERNEL_H
@@ -17,7 +17,7 @@
 
 #define MRD_CELLS 1024   /* maximum number of cells of one branch of the universal curve */
 #define MRD_COMMON 9     /* number of coefficients that every law has */
-#define MRD_VISCOUS_SPEED 0.1 /* speed at which the viscosity is viscous force divided by speed [m/s] */
+#define MRD_VISCOUS_SPEED 0.1 /* speed at which the viscosity equals viscous force / speed [m/s] */
 #define MRD_DIRECTIONS 96
 
 typedef enum {
@@ -35,7 +35,7 @@ typedef enum {
 
 typedef enum { MRD_OK = 0, MRD_NO_MEMORY = 1, MRD_NOT_A_LAW = 2, MRD_SHAPE_VARIES = 3, MRD_NOT_TABULATED = 4 } mrd_status;
 
-/* Order of the coefficients; laws.py has the same order. The first MRD_COMMON are common to all laws. */
+/* Order of the coefficients, the same as in models/laws.py. All laws have the first MRD_COMMON coefficients. */
 enum { C_VISCOSITY, C_STIFFNESS, C_OFFSET, C_MASS, C_COULOMB, C_BREAKAWAY, C_STRIBECK, C_TRANSITION,
        C_VISCOUS_EXPONENT };
 enum { BW_YIELD = MRD_COMMON, BW_RHO, BW_KAPPA, BW_N };
@@ -60,8 +60,8 @@ enum { CH_YIELD = MRD_COMMON, CH_VELOCITY, CH_THINNING, CH_OWN, CH_EXPONENT, CH_
  * batch except the first is the last settled sample of the previous batch (`behind` is 1); it is in no piece.
  */
 typedef struct {
-    size_t n;            /* samples */
-    size_t known;        /* samples in x, v, a and the rows of coefficients; equal to n for a whole run */
+    size_t n;            /* number of settled samples, whose forces are computed */
+    size_t known;        /* number of samples in x, v, a and the rows of coefficients; equal to n for a whole run */
     size_t behind;       /* 1: the force of sample 0 was computed in the previous batch */
     double step;         /* [s] */
     const double *x;     /* displacement [m] */
@@ -71,8 +71,8 @@ typedef struct {
     size_t *first;       /* [pieces + 1] first sample of each piece */
     double *turn;        /* [pieces + 1] displacement where each piece starts [m] */
     double *side;        /* [pieces] +1 extending, -1 retracting */
-    double *path;        /* [n] travel since the last turning point [m], never falling inside a piece; NULL if
-                            side (x - turn) never falls and is used instead */
+    double *path;        /* [n] travel since the last turning point [m], which never falls inside a piece; NULL if
+                            side * (x - turn) never falls and is used instead */
     double travelled;    /* path at sample 0 if `behind` is 1 [m] */
     size_t substeps;     /* integration steps of the stepped laws per sample */
     double longest_step; /* longest integration step of these laws [s] */
@@ -85,13 +85,13 @@ typedef struct {
     double inside;       /* 1: the last settled sample is in this piece */
     double path;         /* path of the last settled sample in this piece [m] */
     double furthest;     /* displacement of the extreme sample of this piece [m] */
-    double turns_at;     /* displacement of the turning point there, if the extreme sample is already settled [m] */
+    double turns_at;     /* displacement of the turning point at this sample, if the sample is already settled [m] */
 } mrd_motion;
 
 /* State of the search for turning points; zeros before the first sample. */
 typedef struct {
     double taken;             /* number of processed samples */
-    double side;              /* 1: rising, -1: falling, 0: the motion has not left its start by the dead band */
+    double side;              /* 1: rising, -1: falling, 0: the motion is still within the dead band of its start */
     double furthest, at;      /* extreme in the present direction, and its sample; -1: the first sample */
     double lowest, lowest_at; /* lower extreme and its sample while side is 0 (`furthest` is then the upper extreme) */
     double turned;            /* sample of the latest turning point */
@@ -104,7 +104,7 @@ typedef struct {
     double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
     double y, q, q_rate;                    /* Spencer; series valve: y; chain: y, q */
-    double lag[2], change[2];               /* series valve, chain */
+    double lag[2], change[2];               /* series valve, chain: elastic velocity, its change in the last step */
     double e, side, place;                  /* Spencer */
     double play, cavity, bristle[5], level[2]; /* chain */
 } mrd_state;
@@ -117,10 +117,10 @@ typedef struct {
     size_t stride;       /* 0: one value for the whole run; 1: one per sample */
 } mrd_direction;
 
-/* One law with its coefficients along one run. */
+/* A law and its coefficients along one run. */
 typedef struct {
     mrd_law law;
-    const double *coefficient; /* [count x stride-or-1] row by row */
+    const double *coefficient; /* one row per coefficient; a row has one value, or one value per sample */
     size_t stride;             /* 0: constant over the run; otherwise the length of a row */
 } mrd_model;
 

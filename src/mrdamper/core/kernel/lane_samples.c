@@ -10,8 +10,8 @@ typedef struct {
     const pack *x, *v;       /* [2] displacement and velocity at both ends */
     const pack *from, *to;   /* coefficients at both ends if they vary, else NULL */
     size_t ways;
-    const int *way;          /* coefficients to differentiate by */
-    const pack *seed_from, *seed_to; /* seeds of the directions at both ends, NULL: 1 */
+    const int *way;          /* coefficient of each direction of differentiation */
+    const pack *seed_from, *seed_to; /* seeds of the directions at both ends; NULL: 1 */
 } lane_samples;
 
 /* Motion between two samples: the cubic Hermite interpolant. */

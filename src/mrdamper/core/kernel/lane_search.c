@@ -1,19 +1,19 @@
-/* Roots of increasing functions, one in each lane: Newton's method inside a bracket, for p = |root| with a fixed sign.
+/* Find the root of an increasing function in each lane by Newton's method in a bracket, for p = |root| with fixed sign.
  *
  * The sign is the sign of the start value. If Newton's method leaves this side, the value at zero decides. A finished
  * lane is evaluated again at its root with bitwise equal results.
  */
 
 /* After this number of steps, every second step is a bisection. Newton's method oscillates about a root with infinite
- * slope, such as a dashpot with exponent 1/2 at rest. */
+ * slope, for example the root of a dashpot with exponent 1/2 at rest. */
 #define SEARCH_PATIENCE 16
 #define SEARCH_STEPS_MAX 100
-#define SEARCH_TOLERANCE 1e-7 /* One more Newton step ends a search below this residual divided by the force. */
+#define SEARCH_TOLERANCE 1e-7 /* If residual / force is smaller, one more Newton step ends the search. */
 
 typedef struct {
     pack sign, p; /* next argument of the function: sign * p */
     pack low, high, small;
-    pack last; /* final Newton step, with its sign, that is taken without a new evaluation */
+    pack last; /* final Newton step with sign, which the caller takes without a new evaluation */
     pack_mask known, done;
     int step;
 } lane_search;
@@ -30,8 +30,8 @@ IN_LANES void search_begin(pack guess, pack small, lane_search *f)
     f->known = f->done = is_less(zero, zero);
 }
 
-/* Narrow the bracket by the value and slope at sign p. A value below `near` needs only one more Newton step.
- * Return 0 if all lanes are finished. `ask` marks lanes that need the value at rest by search_turn(). */
+/* Narrow the bracket with the value and slope at the argument sign * p. A value below `near` needs only one more Newton
+ * step. Return 0 if all lanes are finished. `ask` marks the lanes for which search_turn() needs the value at rest. */
 IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_mask *ask)
 {
     const pack never = pack_of(HUGE_VAL), p = f->p, residual = f->sign * value, next = p - residual / slope;
@@ -39,7 +39,7 @@ IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_m
     f->high = choose(above, p, f->high);
     f->low = choose(above, f->low, p);
     const pack_mask over_low = is_less(f->low, next), under_high = is_less(next, f->high);
-    /* A step may end on the bracket because of rounding. It has converged: bisection would only improve the last
+    /* A step that ends on the bracket because of rounding has converged. Bisection would only improve the last
      * digits. */
     const pack_mask within = both(both(is_at_most(f->low, next), is_at_most(next, f->high)), is_less(next, never));
     const pack_mask converged = both(both(is_at_most(size_of(residual), near), within), not_of(f->done));

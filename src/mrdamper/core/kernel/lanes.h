@@ -12,7 +12,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#define LANES 8 /* lanes that are computed together, in LANES / PACK packs */
+#define LANES 8 /* number of lanes that are computed together, in LANES / PACK packs */
 
 #if defined(MRD_ONE_LANE) || !defined(__GNUC__)
 #define PACK 1
@@ -127,7 +127,7 @@ IN_LANES pack signed_as(pack x, pack y) { return (pack)((pack_bits)x | ((pack_bi
 
 IN_LANES pack size_of(pack x) { return (pack)((pack_bits)x & UINT64_C(0x7fffffffffffffff)); }
 
-/* Return exp(x) = 2^k exp(s) with |s| <= ln 2 / 2, by the series up to s^13; error below 3e-16, minimum exp(-708). */
+/* Return exp(x) = 2^k exp(s), |s| <= ln 2 / 2, by the series up to s^13; error below 3e-16, minimum exp(-708). */
 IN_LANES pack exp_of(pack x)
 {
     const double whole = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */

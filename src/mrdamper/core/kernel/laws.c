@@ -1,4 +1,4 @@
-/* All laws: force and tangent columns of a model along a record, and squared errors of many candidates. */
+/* Compute force and tangent columns of any law along a record, and squared errors of many candidates. */
 
 static int coefficient_count(int law)
 {
@@ -59,14 +59,14 @@ static shape_of_law shape_at(const mrd_model *m)
     return s;
 }
 
-/* Return the fraction of the rate force of the saturating law at a speed. */
+/* Return the fraction of the rate force that the saturating law has at a speed. */
 static inline double speed_share(const mrd_model *m, double v, size_t i)
 {
     const double speed = fabs(v);
     return speed / (speed + coefficient_at(m, SAT_VELOCITY, i));
 }
 
-/* Return the force of an element at w = 1. */
+/* Return the force of a hysteretic element at w = 1. */
 static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int element, double v, size_t i)
 {
     const double yield = coefficient_at(m, s->yield[element], i);
@@ -154,7 +154,7 @@ static const curve *curve_in(mrd_workspace *workspace, double kappa, double n, i
     return c;
 }
 
-/* Return true if kappa and n are constant over a record and equal those of earlier batches. */
+/* Return true if kappa and n are constant in a record and equal to kappa and n of earlier batches. */
 static int one_shape(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, const mrd_state *state)
 {
     if (shape->kappa < 0) return 1;
@@ -162,8 +162,8 @@ static int one_shape(const mrd_model *m, const mrd_record *r, const shape_of_law
     return !r->behind || !state || (state->kappa == shape->kappa_value && state->n == shape->n_value);
 }
 
-/* Return true if kappa and n are in the tabulated range and rho is not negative. The table needs a travel that is not
- * negative. */
+/* Return true if kappa and n are in the tabulated range and rho is not negative. A negative rho would cause a negative
+ * travel, which the table does not have. */
 static int has_curve(const mrd_model *m, const shape_of_law *s, size_t samples)
 {
     for (size_t i = 0; i < (m->stride ? samples : 1); i++) {
@@ -368,7 +368,7 @@ static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions
     return run_on(m, r, directions, direction, force, columns, workspace, NULL);
 }
 
-/* Compute the force of a batch and update the state. The value of the sample before the batch is undefined. */
+/* Compute the force of a batch and update the state. The force of the sample before the batch is undefined. */
 static mrd_status carry(const mrd_model *m, const mrd_record *r, mrd_state *state, double *force, mrd_workspace *workspace)
 {
     if (r->n <= r->behind) return MRD_OK;
@@ -381,7 +381,7 @@ static mrd_status carry(const mrd_model *m, const mrd_record *r, mrd_state *stat
     return MRD_OK;
 }
 
-/* Return w after a scaled travel rho dx with sign. The curve limits w for any travel. */
+/* Return w after a signed scaled travel rho dx. The curve limits w for any travel. */
 static double moved_state(const curve *c, double w, double travel)
 {
     if (travel == 0.0) return w;
@@ -389,7 +389,7 @@ static double moved_state(const curve *c, double w, double travel)
     return side * curve_at(c, curve_inverse(c, side * w) + fabs(travel)).w;
 }
 
-/* Compute the force sample by sample as a controller on a target: later samples are not used. */
+/* Compute the force sample by sample like a controller on a target, without using later samples. */
 static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
 {
     if (!coefficient_count((int)m->law)) return MRD_NOT_A_LAW;

@@ -22,7 +22,7 @@ static bristles bristles_at(const mrd_model *m, size_t i, size_t n, int mean)
     return out;
 }
 
-/* |w| in steady sliding at velocity v, and its derivatives. */
+/* |w| in steady sliding at velocity v, and its derivatives with respect to two coefficients. */
 typedef struct {
     double g, by_excess, by_fade;
 } sliding;
@@ -38,7 +38,7 @@ static inline sliding sliding_at(const bristles *c, double v, int tangents)
     return out;
 }
 
-/* Move w and its derivatives by a travel with sign, at a mean velocity v. */
+/* Update w and its derivatives for a signed travel at a mean velocity v. */
 static inline void bristles_move(const bristles *c, double travel, double v, double *w, size_t ways,
                                  const mrd_direction *const *way, const double *seed, double *by)
 {

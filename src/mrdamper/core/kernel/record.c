@@ -1,10 +1,10 @@
-/* Monotone pieces of a run between turning points. They are computed once and used by every candidate.
+/* Monotone pieces of a run between turning points. They are computed once, because all candidates use the same pieces.
  *
  * A reversal is a turning point if the displacement returns by more than the dead band. Its position inside the sample
  * interval is the extremum of the cubic Hermite interpolant of (x, v) at the two samples.
  *
- * A run may be divided into batches. Samples from the extreme sample on are settled only when the motion has passed
- * this extreme or has turned; a batch contains the forces of the samples before. At rest, the number of unsettled
+ * A run may be divided into batches. The samples from the extreme sample on are settled only when the motion has passed
+ * this extreme or has turned. A batch returns the forces of the settled samples. At rest, the number of unsettled
  * samples would grow. Therefore, after `patience` samples all of them are settled as if the motion continued, and a
  * later turn begins with the next sample.
  */
@@ -95,8 +95,8 @@ static int piece_begin(mrd_record *r, size_t *room, size_t first, double turn, d
     return 1;
 }
 
-/* Return true if side (x - turn) never decreases inside a piece and is not negative. Then the path is not needed
- * separately. */
+/* Return true if side * (x - turn) never decreases inside a piece and is never negative. A separate path is then not
+ * needed. */
 static int never_falls(const mrd_record *r)
 {
     for (size_t p = 0; p < r->pieces; p++) {
@@ -164,7 +164,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
     mrd_turns turns = {0};
     turns.side = side;
     turns.furthest = r->behind ? motion->furthest : x[0];
-    size_t begun = r->behind && motion->inside == 0.0; /* first sample of the present piece; 0 for one that goes on */
+    size_t begun = r->behind && motion->inside == 0.0; /* first sample of the piece; 0 if it began in the last batch */
     for (size_t i = 1; i < n && held; i++) {
         if (!turns_step(&turns, x[i], (double)i, dead_band, 1)) continue;
         extreme = (size_t)turns.turned;

@@ -1,4 +1,4 @@
-/* The series valve law: an MR valve in series with free play, a spring behind it and a dashpot across it.
+/* The series valve law: an MR valve in series with a compliance (free play, spring and dashpot).
  *
  * e + y = x. Both elements have the same force:
  *
@@ -13,7 +13,7 @@
 #define SDIRK_FIRST 0.29289321881345247560 /* 1 - sqrt(1/2), length of both stages divided by the step */
 
 /* Coefficients and state of PACK lanes. The start value of a stage extrapolates the elastic velocity, which changes
- * less than the valve velocity, from the same stage of the previous steps. The two stages have different errors. */
+ * less than the valve velocity. It uses the same stage of previous steps, because the stages have different errors. */
 typedef struct {
     pack c[SV_COUNT], per_velocity;
     compliance compliance;
@@ -74,7 +74,7 @@ IN_LANES pack valve_residual(const valve_lanes *l, const valve_stage *s, pack q,
     return p->force - elastic;
 }
 
-/* Solve a stage. `guess` is the expected valve velocity. */
+/* Solve the equation of a stage for the valve velocity. `guess` is the start value. */
 static void valve_solve(const valve_lanes *l, const valve_stage *s, pack guess, valve_point *solved)
 {
     valve_point p; /* A local structure stays in registers. */
@@ -99,7 +99,7 @@ static void valve_solve(const valve_lanes *l, const valve_stage *s, pack guess, 
     *solved = p;
 }
 
-/* Compute the partial derivatives of the valve force (at fixed q and y) and of R by every coefficient. */
+/* Compute the partial derivatives of valve force (at fixed q and y) and of R(q) with respect to every coefficient. */
 IN_LANES void valve_partials(const valve_lanes *l, const valve_stage *s, const valve_point *p, pack *force, pack *residual)
 {
     const pack *c = l->c, gain = 1.0 + c[SV_POSITION] * s->x;

@@ -31,7 +31,7 @@ typedef struct {
     int back_known;
 } place;
 
-/* Return the position on the curve at the travel e: forward, or after a reversal. */
+/* Return the position on the curve after the inner travel has changed to e, with or without a reversal. */
 static inline place place_moved(const curve *c, place *from, double rho, double e)
 {
     place to = {e, from->side, from->tau, 0.0, 0};
@@ -49,7 +49,7 @@ static inline place place_moved(const curve *c, place *from, double rho, double 
     return to;
 }
 
-/* Return w at a position on the curve, and compute its derivative by tau. */
+/* Return w at a position on the curve. *slope receives dw/dtau. */
 static inline double place_value(const curve *c, const place *p, double *slope)
 {
     const branch *b = p->tau >= 0.0 ? &c->rise : &c->fall;
@@ -62,7 +62,7 @@ static inline double place_value(const curve *c, const place *p, double *slope)
 typedef struct {
     double q;     /* velocity of the series dashpot [m/s] */
     double slope; /* dR/dq [N s/m] */
-    double w, rise; /* hysteresis variable, and its derivative by tau */
+    double w, rise; /* hysteresis variable, dw/dtau */
     place at;
 } spencer_stage;
 
@@ -74,10 +74,10 @@ static void spencer_solve(const curve *table, const spencer *c, double x, double
     const double rigid = c->series + c->viscosity, least = rigid + h * c->stiffness;
     const double middle = (c->viscosity * v + c->stiffness * (x - base)) / least, half = c->yield / least;
     double low = middle - half, high = middle + half, q = guess;
-    /* Position at which e returns to its last value: the only kink of R, at which Newton's method restarts. */
+    /* Velocity at which e returns to its last value. R has its only kink there, and Newton's method restarts. */
     const double kink = (x - base - from->e) / h;
     int kink_tried = 0;
-    /* Change of q for which tau changes by one, and the rounding error of R caused by the travel. */
+    /* `unit` is the change of q that changes tau by one. `unknown` is the rounding error of R from the travel. */
     const double unit = 1.0 / (c->rho * h), unknown = 2e-16 * c->yield * c->rho * (fabs(x) + fabs(base));
     if (!(q >= low && q <= high)) q = q < low ? low : high;
     for (int i = 0; i < 200; i++) {
@@ -130,7 +130,7 @@ static inline double turned_tangent(const curve_point *end, const curve_point *b
     return (-w_by - begin->by_n * n_by - begin->by_kappa * kappa_by) / begin->slope;
 }
 
-/* Return the force of the law at sample i, F = c1 (v - e') with the coefficients of this sample, and its
+/* Return the force of the law F = c1 (v - e') at sample i with the coefficients of this sample, and compute its
  * derivatives. */
 static inline double spencer_force(const mrd_model *m, const mrd_record *r, size_t i, double y, const curve *table,
                                    const place *at, size_t ways, const mrd_direction *const *way,
@@ -163,8 +163,8 @@ static inline double spencer_force(const mrd_model *m, const mrd_record *r, size
     return share * inner;
 }
 
-/* Compute the derivatives after a stage: of the position on the curve, of the travel of the dashpot, and of q.
- * `from` is the position before the stage. */
+/* Compute the derivatives of the position on the curve, the dashpot travel and q after a stage. `from` is the position
+ * before the stage. */
 static inline void spencer_tangents(const curve *table, const spencer *c, double v, double h, const place *from,
                                     const spencer_stage *s, size_t ways, const mrd_direction *const *way,
                                     const double *seed, const double *base_by, spencer_tangent *by, double *q_by)

@@ -1,7 +1,7 @@
 /* The Bouc-Wen family with tangents along a whole record at constant coefficients, for fits. Force and columns are
  * written block by block, while the values of the curve are in the first-level cache. */
 
-/* Samples of a block on one branch: w and its derivatives, the travel since the turning point, the force at w = 1. */
+/* Samples of a block on one branch: w and its derivatives, travel since the turning point, force at w = 1. */
 typedef struct {
     double w[BLOCK], by_tau[BLOCK], by_n[BLOCK], by_kappa[BLOCK], path[BLOCK], amplitude[BLOCK];
 } block_points;
@@ -32,7 +32,7 @@ static void points_of(const curve *c, const mrd_record *r, size_t p, size_t i, s
     for (size_t k = 0; k < n; k++) out->path[k] = path_at(r, p, i + k);
 }
 
-/* Compute the points of samples beyond the table, where w is constant. */
+/* Compute the points of samples beyond the end of the table, where w is constant. */
 static void points_at_top(const curve *c, double side, size_t n, block_points *out)
 {
     const curve_point top = branch_point(c, 1, c->rise.top);
@@ -43,8 +43,8 @@ static void points_at_top(const curve *c, double side, size_t n, block_points *o
     }
 }
 
-/* Write force and columns of the first element at n samples from sample i on, or add those of the second element.
- * From n to `wide` zeros are added, or values are written that the next block overwrites. */
+/* Write force and columns of the first element at n samples from sample i on, or add force and columns of the second
+ * element. The samples from n to `wide` get values that the next block overwrites, or zeros are added to them. */
 static void block_columns(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, int e, size_t i, size_t n,
                           size_t wide, const start_tangents *s, size_t directions, const mrd_direction *direction, double *force,
                           double *columns, block_points *restrict b)

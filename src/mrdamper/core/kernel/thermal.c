@@ -23,7 +23,7 @@ static mrd_real thermal_dot(const mrd_real *a, const mrd_real *b, int32_t count)
     return sum;
 }
 
-/* Return the index of the cell of u among rising knots. *share is the position in the cell, 0 to 1. */
+/* Return the index of the cell of u between increasing knots. *share receives the position in the cell, 0 to 1. */
 static int32_t thermal_place(const mrd_real *knot, int32_t knots, mrd_real u, mrd_real *share)
 {
     int32_t cell = 0;
@@ -32,7 +32,7 @@ static int32_t thermal_place(const mrd_real *knot, int32_t knots, mrd_real u, mr
     return cell;
 }
 
-/* Return the temperature of a row [K] with feedthrough of the sources. */
+/* Return the temperature of a row of the model [K], including the feedthrough of the heat sources. */
 static mrd_real thermal_row(const mrd_thermal *c, const mrd_real *z, const mrd_thermal_load *load, int32_t row)
 {
     const mrd_real *through = &c->through[2 * row];
@@ -101,8 +101,8 @@ static void thermal_solve(mrd_real a[MRD_THERMAL_STATES][MRD_THERMAL_STATES], mr
     }
 }
 
-/* Advance the states by a time [s] in one implicit step. Heat-transfer coefficients and coil resistance are
- * constant. */
+/* Advance the states by a time [s] in one implicit step. Heat-transfer coefficients and coil resistance are constant
+ * during the step. */
 static void thermal_advance(const mrd_thermal *c, mrd_real *z, mrd_thermal_load *load, mrd_real excess, mrd_real time)
 {
     const int32_t n = c->states;
@@ -121,7 +121,7 @@ static void thermal_advance(const mrd_thermal *c, mrd_real *z, mrd_thermal_load 
         const mrd_real h = thermal_film(c, k, c->reference + thermal_dot(&c->mean[k * n], z, n), load);
         for (int32_t i = 0; i < n; i++) {
             for (int32_t j = 0; j <= i; j++) a[i][j] += h * area[(i * n) + j];
-            move[i] += h * area[i * n] * air; /* the first state is the uniform temperature */
+            move[i] += h * area[i * n] * air; /* column 0 is used because the first state is the uniform temperature */
         }
     }
     for (int32_t i = 0; i < n; i++) {
@@ -133,7 +133,7 @@ static void thermal_advance(const mrd_thermal *c, mrd_real *z, mrd_thermal_load 
     for (int32_t i = 0; i < n; i++) z[i] += move[i];
 }
 
-/* Correct states and missing heat by reading minus model [K]. */
+/* Correct states and missing heat flow; `more` is reading minus model temperature [K]. */
 static void thermal_correct(const mrd_thermal *c, mrd_thermal_state *s, int32_t sensor, mrd_real more)
 {
     const int32_t n = c->states;
@@ -155,11 +155,11 @@ static void thermal_read(const mrd_thermal *c, mrd_thermal_state *s, mrd_real re
         s->corrected = R(0.0);
         s->frozen = 0;
     } else if ((s->frozen == 0) && !thermal_within(change, -c->frozen_change, c->frozen_change)) {
-        s->frozen = 1; /* the corrections since the reading became constant are removed */
+        s->frozen = 1; /* The corrections since the reading became constant were wrong and are removed. */
         s->z[0] -= s->corrected;
         s->excess = s->still_excess;
     } else {
-        /* the damper may be in thermal equilibrium with its surroundings */
+        /* The reading may be constant because the damper is in thermal equilibrium with its surroundings. */
     }
     if (s->frozen != 0) {
         s->flags |= MRD_THERMAL_FROZEN;
@@ -170,7 +170,7 @@ static void thermal_read(const mrd_thermal *c, mrd_thermal_state *s, mrd_real re
     }
 }
 
-/* Correct the model by the thermometer and by the resistance of the coil, if they are valid. */
+/* Correct the model by the readings of thermometer and coil resistance, if they are valid. */
 static void thermal_observe(const mrd_thermal *c, mrd_thermal_state *s, const mrd_thermal_inputs *in)
 {
     const bool read = thermal_within(in->thermometer, R(200.0), R(600.0));
@@ -190,7 +190,7 @@ static void thermal_observe(const mrd_thermal *c, mrd_thermal_state *s, const mr
     if ((!read || ((s->flags & (MRD_THERMAL_FROZEN | MRD_THERMAL_WRONG)) != 0)) && !fed) s->excess *= c->fading;
 }
 
-/* Step the prediction to the first limit at the mean power of the last minute. Store the result when it ends. */
+/* Make one step of the prediction to the first limit at the smoothed power. Store the result when it ends. */
 static void thermal_look_ahead(const mrd_thermal *c, mrd_thermal_state *s)
 {
     const mrd_real horizon = R(MRD_THERMAL_HORIZON);
@@ -207,7 +207,7 @@ static void thermal_look_ahead(const mrd_thermal *c, mrd_thermal_state *s)
         s->ahead_hottest = thermal_margin(c, s->z, &load);
         s->begun = R(0.0);
     }
-    thermal_advance(c, s->ahead, &load, s->excess, s->ahead_step); /* below 1e4 K, because the prediction ends at a limit */
+    thermal_advance(c, s->ahead, &load, s->excess, s->ahead_step); /* below 1e4 K: the prediction ends at a limit */
     const mrd_real before = s->ahead_hottest, margin = thermal_margin(c, s->ahead, &load);
     if (!(margin > R(0.0))) {
         const mrd_real share = before > R(0.0) ? before / (before - margin) : R(0.0);
@@ -318,7 +318,7 @@ MRD_THERMAL_API void mrd_thermal_start(const mrd_thermal *c, mrd_thermal_state *
     s->load.ambient = c->reference;
     s->time_left = R(MRD_THERMAL_HORIZON);
     s->load.air_speed = c->air_speed;
-    s->count = c->every - 1; /* the first step updates */
+    s->count = c->every - 1; /* The first step then updates the states. */
     if (thermal_within(kelvin, R(200.0), R(600.0))) thermal_fill(c, s, kelvin);
 }
 
@@ -328,7 +328,7 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     const mrd_real power = in->force * in->velocity;
     const bool is_power = thermal_within(power, R(-1e7), R(1e7)), is_command = thermal_within(in->command, R(-1e3), R(1e3));
     const bool sound = thermal_sound(c, s);
-    if (!sound) mrd_thermal_start(c, s, R(0.0)); /* after the reset, this step updates all outputs */
+    if (!sound) mrd_thermal_start(c, s, R(0.0)); /* After this reset, the present step updates all outputs. */
     if (is_power) {
         s->work += power;
         s->powers++;
@@ -342,11 +342,11 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     if (s->count >= c->every) {
         thermal_update(c, s, in);
     } else if ((s->started != 0) && (s->count == (c->every / 2))) {
-        thermal_look_ahead(c, s); /* not in the step of the update, so that each step is short */
+        thermal_look_ahead(c, s); /* Updates are computed in other steps, so that each step is short. */
     } else {
-        /* the result remains valid */
+        /* The outputs of the last update remain valid. */
     }
-    if (!sound) s->flags |= MRD_THERMAL_FAULT; /* valid until the next update */
+    if (!sound) s->flags |= MRD_THERMAL_FAULT; /* The flag remains set until the next update. */
     *out = s->found;
 }
 

@@ -2,10 +2,10 @@
  * limit.
  *
  * The model has at most six states: the uniform temperature, then modes of conduction inside the damper. Each kind of
- * surface loses heat with the heat-transfer coefficient at its mean temperature. A step adds up work and the square of
- * the current. Every `every` steps, the states are advanced by one implicit step, which is unconditionally stable. A
- * thermometer in the fluid and the resistance of the coil correct the states and a heat flow that is missing in the
- * model. Both sensors are optional.
+ * surface loses heat with the heat-transfer coefficient at its mean temperature. Each call adds up work and the square
+ * of the current. After `every` calls, one implicit step, which is unconditionally stable, advances the states. A
+ * thermometer in the fluid and the resistance of the coil correct the states and the missing heat flow. This is the
+ * heat flow that the model does not contain. Both sensors are optional.
  */
 #ifndef MRD_THERMAL_H
 #define MRD_THERMAL_H
@@ -19,12 +19,12 @@
 #define MRD_THERMAL_STATES 6
 #define MRD_THERMAL_KINDS 8   /* maximum number of kinds of surface */
 #define MRD_THERMAL_POINTS 3  /* candidate points of each part for its hottest point */
-#define MRD_THERMAL_ROWS 11   /* temperatures: mean of the fluid, mean of the coil, points of the parts */
-#define MRD_THERMAL_SENSORS 2 /* thermometer in the fluid and resistance of the coil; they measure the first two rows */
+#define MRD_THERMAL_ROWS 11   /* number of temperatures: mean of the fluid, mean of the coil, 3 points of 3 parts */
+#define MRD_THERMAL_SENSORS 2 /* thermometer (mean fluid temperature) and coil resistance (mean coil temperature) */
 
 typedef struct {
     int32_t states, kinds;
-    int32_t every;              /* steps between two updates of the states */
+    int32_t every;              /* number of steps between two updates of the states */
     int32_t speeds, differences;
     mrd_real update;            /* time between two updates [s] */
     mrd_real reference;         /* temperature at which all states are zero [K] */
@@ -37,8 +37,8 @@ typedef struct {
     mrd_real smoothing;         /* weight of an update in the smoothed power for the time to the limit */
     mrd_real most_excess;       /* maximum of the missing heat flow [W] */
     mrd_real fading;            /* remaining fraction of the missing heat flow after an update without a reading */
-    mrd_real still;             /* readings that differ by less are constant [K] */
-    mrd_real frozen_change;     /* change of the model at a constant reading that means frozen [K] */
+    mrd_real still;             /* readings that differ by less count as constant [K] */
+    mrd_real frozen_change;     /* a constant reading is frozen if the model changes by more than this [K] */
     mrd_real wrong;             /* maximum difference between model and reading [K] */
     mrd_real limit_gap, limit_coil, limit_seal; /* limits at the hottest point of each part [K] */
     uint8_t law[MRD_THERMAL_KINDS]; /* index in `film` for each kind */
@@ -60,7 +60,7 @@ typedef struct {
 
 /* Flags of the last update. */
 enum {
-    MRD_THERMAL_NO_POWER = 1,      /* no force or velocity: the previous power is used */
+    MRD_THERMAL_NO_POWER = 1,      /* force, velocity or command was invalid in a step: this value is ignored */
     MRD_THERMAL_NO_AMBIENT = 2,    /* ambient temperature is invalid: the last value, or the default, is used */
     MRD_THERMAL_NO_AIR_SPEED = 4,  /* air speed is invalid: the last value, or the default, is used */
     MRD_THERMAL_NO_THERMOMETER = 8, /* thermometer is missing or invalid */
@@ -68,7 +68,7 @@ enum {
     MRD_THERMAL_WRONG = 32,        /* the thermometer differs too much from the model and is rejected */
     MRD_THERMAL_NO_RESISTANCE = 64, /* resistance is missing or implausible, or the current is too small */
     MRD_THERMAL_LIMIT = 128,       /* a part is at its limit or above */
-    MRD_THERMAL_OUTSIDE = 256,     /* air or surface is outside the table `film`: its edge is used */
+    MRD_THERMAL_OUTSIDE = 256,     /* air or surface is outside the table `film`: the end of the table is used */
     MRD_THERMAL_FAULT = 512        /* the state was invalid and was reset */
 };
 
@@ -84,18 +84,18 @@ typedef struct {
 
 /* Load and surroundings since the last update. */
 typedef struct {
-    mrd_real power;  /* mechanical, mean [W] */
-    mrd_real square; /* of the command, mean [A^2 or V^2] */
-    mrd_real coil_W; /* coil heat at its temperature */
+    mrd_real power;  /* mean mechanical power [W] */
+    mrd_real square; /* mean square of the command [A^2 or V^2] */
+    mrd_real coil_W; /* coil heat at the temperature of the coil */
     mrd_real ambient, air_speed;
 } mrd_thermal_load;
 
 typedef struct {
-    mrd_real fluid;         /* mean [K] */
+    mrd_real fluid;         /* mean fluid temperature [K] */
     mrd_real gap;           /* hottest point of the gap [K] */
     mrd_real coil;          /* hottest point of the coil [K] */
     mrd_real seal;          /* hottest point of the rod's seals [K] */
-    mrd_real time_to_limit; /* time to the first limit at the present load [s]; MRD_THERMAL_HORIZON or longer */
+    mrd_real time_to_limit; /* time to the first limit at the present load [s]; MRD_THERMAL_HORIZON: no limit before */
 } mrd_thermal_outputs;
 
 typedef struct {
@@ -103,27 +103,27 @@ typedef struct {
     mrd_real ahead[MRD_THERMAL_STATES]; /* predicted states on the way to the limit */
     mrd_thermal_load load;              /* load of the last update */
     mrd_real slow_power, slow_square;   /* smoothed load for the prediction */
-    mrd_real ahead_time, ahead_step, ahead_hottest; /* time and step of the prediction [s], smallest margin there [K] */
+    mrd_real ahead_time, ahead_step, ahead_hottest; /* time and step of the prediction [s], its smallest margin [K] */
     mrd_real begun;                     /* time since the prediction began [s] */
     mrd_real time_left;                 /* time to the first limit [s] */
-    mrd_real work, square;              /* sums since the last update */
+    mrd_real work, square;              /* sums of power and squared command since the last update */
     mrd_real excess;                    /* missing heat flow [W] */
     mrd_real still_reading, still_model; /* first of the constant readings, and the model temperature then [K] */
-    mrd_real still_excess;              /* excess heat then [W] */
+    mrd_real still_excess;              /* missing heat flow then [W] */
     mrd_real corrected;                 /* corrections of the model since then [K] */
     mrd_thermal_outputs found;          /* outputs of the last update */
     int32_t count;                      /* steps since the last update */
-    int32_t powers, squares, missed;    /* steps since then with a power, with a command, without one of the two */
+    int32_t powers, squares, missed;    /* number of steps with power, with command; 1 if either was missing once */
     int32_t started, way;               /* 1: a temperature is known; 1: a prediction is unfinished */
     int32_t frozen;
     int32_t flags;
 } mrd_thermal_state;
 
-#define MRD_THERMAL_HORIZON 7200 /* [s] */
+#define MRD_THERMAL_HORIZON 7200 /* longest predicted time to a limit [s] */
 
-/* Start at a uniform temperature [K]; NaN: thermometer reading, otherwise ambient, at the first update. */
+/* Start at a uniform temperature [K]. NaN: the first update sets it to the thermometer reading, or else to ambient. */
 MRD_THERMAL_API void mrd_thermal_start(const mrd_thermal *c, mrd_thermal_state *s, mrd_real kelvin);
-/* One step of the control period. */
+/* Compute one step, which is called once per control period. */
 MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s, const mrd_thermal_inputs *in,
                                     mrd_thermal_outputs *out);
 

@@ -1,13 +1,13 @@
-/* The chain in real time: step, force, and derivatives of both by a future current.
+/* The chain in real time: step, force, and derivatives of both with respect to a future current.
  *
  *     F = S(e) + cB |e'|^mB sgn e'  =  C l/(l + z) - C (1 - z/L)^-1.3  =  f0 + k0 q + Fg (1 + q/Lg)^-1.3
  *         + G Y (1 - phi) (1 + as t) t + G (rK Y + K) |y|^m sgn y + cq |y| y + bristles,   e + q - z = xb,  y = q'
  *
  * chain.c contains the exact law and describes the terms. Here tanh, powers and square roots are tabulated, and a
- * solution has a fixed number of iterations. A step is backward Euler in y; the exponential of the bristles is a
- * rational function with two terms. The state is the travel e of the spring, because e computed from q = xb - e +
- * z would lose digits; z is the cavity, zero if there is no cavity. The series valve has fewer terms, and its
- * valve force depends on x instead of q.
+ * solution has a fixed number of iterations. A step is backward Euler in y. A rational function with two terms replaces
+ * the exponential of the bristles. The state is the travel e of the spring and not q, because e = xb - q + z would lose
+ * digits. The cavity z is zero if there is no cavity. The series valve has fewer terms, and its valve force depends on
+ * x instead of q.
  */
 #ifndef MRD_TRACK_CHAIN_H
 #define MRD_TRACK_CHAIN_H
@@ -16,10 +16,10 @@
 
 static const mrd_real floor_of_volume = R(0.02);
 
-enum { CHAIN_ROUNDS = 3,       /* iterations for the velocity of the valve */
-       CHAIN_AHEAD_ROUNDS = 1, /* the same in a prediction */
+enum { CHAIN_ROUNDS = 3,       /* number of iterations for the velocity of the valve */
+       CHAIN_AHEAD_ROUNDS = 1, /* number of iterations in a prediction */
        CHAIN_PRE_YIELD = 3, CHAIN_FRICTION = 3, CHAIN_MEMORY = 4 };
-enum { LINK_PRE_YIELD, LINK_FRICTION, LINK_MEMORY, LINK_GROUPS }; /* bristles with a common level */
+enum { LINK_PRE_YIELD, LINK_FRICTION, LINK_MEMORY, LINK_GROUPS }; /* groups of bristles with a common level */
 
 /* Coefficients that depend on the current, and their slopes. */
 typedef struct {
@@ -32,12 +32,12 @@ typedef struct {
     const valve_chain *k;
     mrd_real h, v, e;              /* step, velocity behind the free play, travel of the spring for a valve at rest */
     mrd_real cavity, per_h;        /* z before the step; inverse step, zero without a cavity */
-    mrd_real charge, charge_slope, charge_curvature; /* force of the gas on the piston, and its derivatives by z */
-    mrd_real gain, gain_slope;     /* factor of the valve force and its slope by q */
-    mrd_real rest, rest_slope;     /* offset, spring and gas */
-    mrd_real viscoplastic, thinning, slowness; /* slowness of the yield */
+    mrd_real charge, charge_slope, charge_curvature; /* force H of the gas on the piston, dH/dz, d2H/dz2 */
+    mrd_real gain, gain_slope;     /* factor G on the valve force, dG/dq */
+    mrd_real rest, rest_slope;     /* force of offset, spring and gas, and d force / dq */
+    mrd_real viscoplastic, thinning, slowness; /* factors of these two valve terms; inverse yield velocity */
     mrd_real bypass;               /* bypass term of the yield, scaled by slowness */
-    mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* of the bristles; travel of a step at 1 m/s divided by their yield travel */
+    mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* levels of bristles; travel in a step at 1 m/s / yield travel */
     mrd_real before[MRD_TRACK_BRISTLES];
     mrd_real factor[2], follows[2], ratio[2]; /* immediate change of bristle forces with their level */
 } link_step;
@@ -45,12 +45,12 @@ typedef struct {
 /* Terms of the equation at one y. */
 typedef struct {
     mrd_real y, side, side_slope, risen, power, force, force_slope, slope, spring_slope, leak_slope;
-    mrd_real tried; /* the y of this evaluation; `y`, forces and cavity can be extrapolated */
-    mrd_real cavity, cavity_slope, length, by_cavity; /* z, its slope over y, l + z, the slope of its equation */
+    mrd_real tried; /* y of the last evaluation; `y`, forces and cavity can be extrapolated from it */
+    mrd_real cavity, cavity_slope, length, by_cavity; /* z, dz/dy, l + z, d/dz of the equation of z */
     mrd_real held[MRD_TRACK_BRISTLES], bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
 } link_point;
 
-/* Compute the coefficients that depend on the current, and their slopes. */
+/* Compute the coefficients that depend on the current, and their derivatives with respect to it. */
 static void levels_at(const mrd_track *c, axis_point warm, mrd_real current, link_levels *out)
 {
     const mrd_series *t = c->series;
@@ -88,7 +88,7 @@ static void link_rest(link_step *s, mrd_real q)
     }
 }
 
-/* Compute the cavity before the step, and the charge on it. */
+/* Store the cavity before the step, and compute the gas force of the charge and its derivatives. */
 static void link_charge(link_step *s, mrd_real z)
 {
     static const mrd_real gas_exponent = R(1.3);
@@ -105,7 +105,7 @@ static void link_charge(link_step *s, mrd_real z)
     s->charge_curvature = (gas_exponent + R(1.0)) * s->charge_slope * per;
 }
 
-/* Solve the quadratic in l + z for the cavity at the force of the valve. */
+/* Compute the cavity from the force of the valve, by the quadratic equation in l + z. */
 static void link_cavity(const link_step *s, link_point *p)
 {
     p->cavity = s->cavity;
@@ -119,7 +119,7 @@ static void link_cavity(const link_step *s, link_point *p)
     p->cavity_slope = -p->length / p->by_cavity * p->force_slope;
 }
 
-/* Return u from u + bypass u^1/2 = slowness times speed, and its slope. */
+/* Solve u + bypass * u^1/2 = slowness * speed for u; *slope receives du / d speed. */
 static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
 {
     const mrd_real v = s->slowness * speed, bypass = s->bypass;
@@ -130,7 +130,7 @@ static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
     return root * root;
 }
 
-/* Set the immediate change of the bristle forces after a change of their level. */
+/* Prepare the immediate change of the bristle forces of a group after a change of their level. */
 static inline void link_follow(link_step *s, int group, mrd_real level, mrd_real before)
 {
     const bool follows = before > R(0.0) && s->k->at[MRD_CHAIN_FOLLOW] > R(0.0);
@@ -139,7 +139,7 @@ static inline void link_follow(link_step *s, int group, mrd_real level, mrd_real
     s->factor[group] = R(1.0) + s->follows[group] * (level - before);
 }
 
-/* Prepare a step h from a state. `travel` is q, or x for the series valve. */
+/* Prepare a step of length h from a state. `travel` is q, or x for the series valve. */
 static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd_chain_state *w, const link_levels *now,
                          mrd_real h, mrd_real q, mrd_real travel, link_step *s)
 {
@@ -174,7 +174,8 @@ static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd
     s->before[CHAIN_MEMORY] = s->factor[1] * w->bristle[CHAIN_MEMORY];
 }
 
-/* Return the fraction of the yield at a speed and its slope: tanh, or partly a straight line with a corner at 1. */
+/* Return the fraction of the yield force at a speed: tanh, partly blended with a straight line that has a corner at 1.
+ * *slope receives the slope. */
 static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, mrd_real *slope)
 {
     static const mrd_real sharpness = R(20.0), rounding = R(0.05);
@@ -192,7 +193,7 @@ static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, 
     return side;
 }
 
-/* Compute the force of a bristle after the step at y, the remaining fraction of the old force, and the slope by y. */
+/* Compute the force of a bristle after a step at y, the remaining fraction of the old force, and d force / dy. */
 static inline void link_bristle(const link_step *s, link_point *p, int j, mrd_real held, mrd_real rate)
 {
     const mrd_real u = rate * p->y, grown = R(1.0) + u, kept = R(1.0) / (grown + R(0.5) * u * u);
@@ -232,7 +233,7 @@ static inline void link_bristles(const link_step *s, link_point *p, mrd_real sig
     }
 }
 
-/* Return the force of the valve minus that of the compliance at y, which rises with y. */
+/* Return the force of the valve minus the force of the compliance at y. This balance rises with y. */
 static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
 {
     const mrd_real *k = s->k->at;
@@ -256,7 +257,7 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
     return p->force - spring - leak;
 }
 
-/* Return the balance for a valve at rest. Its sign gives the direction of the valve. */
+/* Return the balance of forces for a valve at rest. Its sign is opposite to the direction of the valve. */
 static mrd_real balance_at_rest(const link_step *s)
 {
     link_point p;
@@ -270,8 +271,8 @@ static mrd_real balance_at_rest(const link_step *s)
 }
 
 /* Solve for the velocity of the valve after the step by Newton's method in a bracket. The last iteration extrapolates
- * without a new evaluation, because its error is the square of the one before. If an iteration reverses the valve, the
- * balance is evaluated at rest, where it has a kink. */
+ * without a new evaluation, because its error is the square of the previous error. If an iteration reverses the valve,
+ * the balance is evaluated at rest, where it has a kink. */
 static void link_solve(const link_step *s, mrd_real guess, int rounds, link_point *p)
 {
     static const mrd_real slowest = R(1e-9);
@@ -292,7 +293,7 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
         else low = y;
         if (low < R(0.0) && high > R(0.0) && next * y < R(0.0)) {
             const mrd_real rest = balance_at_rest(s);
-            if (rest * balance < R(0.0)) { /* the solution is between; there the balance is like a square root */
+            if (rest * balance < R(0.0)) { /* The solution is between 0 and y, where the balance is like a root of y. */
                 const mrd_real share = rest / (rest - balance);
                 next = y * share * share;
             }
@@ -311,7 +312,8 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) p->bristle[j] += p->bristle_slope[j] * moved;
 }
 
-/* Common derivatives of a step: valve force by current and travel, bristles by the current. */
+/* Derivatives that all moves share: of the valve force with respect to current and travel, of the bristles with respect
+ * to the current. */
 typedef struct {
     mrd_real by_valve, by_travel, by_current[MRD_TRACK_BRISTLES];
 } link_slopes;
@@ -338,8 +340,8 @@ static void link_slopes_of(const link_step *s, const link_point *p, const link_l
             - p->bristle_slope[CHAIN_MEMORY] * p->tried) * now->slope[MRD_PLANE_MEMORY] / memory;
 }
 
-/* Compute the derivatives of force and state after a solved step by the first `count` moves. The state `w` before the
- * step does not depend on those from `known` on. */
+/* Compute the derivatives of force and state after a solved step with respect to the first `count` moves. The state `w`
+ * before the step depends only on the first `known` moves. */
 static void link_differentiate(const link_step *s, const link_point *p, const link_levels *now, const mrd_chain_state *w,
                                 mrd_chain_move *moves, int known, int count, const mrd_moved *current, mrd_moved *force)
 {
@@ -380,9 +382,9 @@ static void link_differentiate(const link_step *s, const link_point *p, const li
     }
 }
 
-/* Step the chain by h to the displacement x with the velocity from v0 to v and the current at the end. Compute its
- * force. `guess` is the start value of the valve velocity. Derivatives are by the first `count` moves, see
- * link_differentiate; without moves the current may be NULL. h = 0 computes the force of the present state. */
+/* Step the chain by h to the displacement x, with the velocity from v0 to v and the current at the end. Compute its
+ * force, and derivatives with respect to the first `count` moves (see link_differentiate). Without moves, the current
+ * can be NULL. `guess` is the start value of the valve velocity. With h = 0, compute the force of the present state. */
 static void link_advance(const mrd_track *c, const valve_chain *k, const link_levels *now, mrd_chain_state *w,
                           mrd_real guess, int rounds, mrd_real h, mrd_real x, mrd_real v0, mrd_real v,
                           mrd_chain_move *moves, int known, int count, const mrd_moved *current, mrd_moved *force)
@@ -413,7 +415,7 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     w->level[1] = now->at[MRD_PLANE_MEMORY];
 }
 
-/* Limit the state, because readings can be invalid. */
+/* Limit the state of the chain, because invalid readings could make it too large. */
 static void link_limit(const valve_chain *k, mrd_chain_state *w)
 {
     static const mrd_real strongest = R(1e6);
@@ -442,7 +444,7 @@ static mrd_real update_chain(const mrd_track *c, mrd_track_state *s, const valve
     return force.at;
 }
 
-/* Set the initial state: the spring and the bristles are at rest. */
+/* Set the initial state of the chain: the spring and the bristles have no force. */
 static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
@@ -458,7 +460,7 @@ static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
     link_limit(&k, &s->chain);
 }
 
-/* Compute the present yield, viscous, friction and remaining force. */
+/* Compute the present yield, viscous, friction and remaining force of the chain. */
 static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
     valve_chain k;

@@ -7,14 +7,14 @@
 
 #include "track_chain.h"
 
-/* Predict displacement and velocity after the time h for constant acceleration. */
+/* Replace displacement and velocity by their values after the time h at constant acceleration. */
 static inline void predict_constant_acceleration(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
 {
     *x += h * (*v + R(0.5) * h * a);
     *v += h * a;
 }
 
-/* Predict a harmonic motion after the time h: the jerk is -omega_squared v. */
+/* Replace a motion by the harmonic motion after the time h. The jerk is -omega_squared v. */
 static inline void predict_harmonic_motion(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swing, mrd_real h)
 {
     const mrd_real gained = -swing * *v * h; /* change of the acceleration */
@@ -31,9 +31,9 @@ static void predict_motion(const mrd_track *c, mrd_track_state *s)
     else predict_constant_acceleration(&s->x, &s->v, s->a, c->axes.period);
 }
 
-/* Estimate the squared angular frequency of the motion. In a stationary motion the best prediction of the jerk from
- * the velocity is -(mean a^2 / mean v^2) v. The sensor noise in a^2 is subtracted. The estimate starts when the motion
- * filter has settled. */
+/* Estimate the squared angular frequency of the motion: omega^2 = mean a^2 / mean v^2. For a stationary motion,
+ * -omega^2 v is the best prediction of the jerk from the velocity. The sensor noise in a^2 is subtracted. The estimate
+ * starts when the motion filter has settled. */
 static void update_motion_frequency(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_config_motion *m = &c->motion;
@@ -63,7 +63,7 @@ static bool is_finite(const mrd_track_state *s)
                               s->temperature, s->last_temperature, s->expected_rise, s->min_rise, s->min_temperature, s->predicted_warming,
                               s->velocity_mean_square, s->acceleration_mean_square, s->omega_squared, s->chain.e, s->chain.y, s->chain.play,
                               s->chain.cavity, s->chain.level[0], s->chain.level[1], s->planned_moves[0], s->planned_moves[1], s->planned_moves[2]};
-    mrd_real sum = R(0.0); /* zero times a value that is not finite is NaN */
+    mrd_real sum = R(0.0); /* The sum becomes NaN because zero times a value that is not finite is NaN. */
     for (size_t i = 0; i < sizeof value / sizeof value[0]; i++) sum += R(0.0) * value[i];
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) sum += R(0.0) * s->chain.bristle[j];
     for (int b = 0; b < MRD_TRACK_BANK; b++) sum += R(0.0) * (s->curve_position[b][0] + s->curve_position[b][1]);
@@ -96,7 +96,7 @@ static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
     if (there) s->last_displacement = reading;
 
     if (there && !frozen) {
-        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* restart */
+        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* Restart the motion filter. */
             s->x = reading;
             s->v = R(0.0);
             s->a = R(0.0);
@@ -130,7 +130,7 @@ static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
     return known;
 }
 
-/* Return true if the temperature reading is constant although the energy put in must have warmed the damper. The
+/* Return true if the temperature reading is constant although the supplied energy must have warmed the damper. The
  * result remains true until the reading changes. */
 static bool detect_frozen_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
@@ -151,7 +151,7 @@ static void update_heat_balance(const mrd_track *c, mrd_track_state *s, mrd_real
 {
     static const mrd_real most = R(1000.0);
     const mrd_config_heating *damper = &c->heating;
-    const mrd_real done = magnitude(s->v) <= c->faults.speed_limit ? work : R(0.0); /* an impossible speed is a sensor fault */
+    const mrd_real done = magnitude(s->v) <= c->faults.speed_limit ? work : R(0.0); /* 0 if the speed is impossible */
     const mrd_real heat = done + damper->coil_heat * s->applied_current * s->applied_current, part = c->axes.period / damper->heat_capacity;
     const mrd_real cold = s->min_temperature < damper->ambient ? s->min_temperature : damper->ambient;
     const mrd_real above = clamp(s->last_temperature + s->min_rise - cold, R(0.0), most);
@@ -169,13 +169,14 @@ static inline void update_temperature_estimate(const mrd_config_thermometer *of,
     s->candidate_samples = 0;
 }
 
-/* Continue without a valid reading: extrapolate by the energy put in, or hold the estimate, then use the nominal
- * temperature. A reading that has jumped is accepted when it has been steady as long as the estimate before it was valid. */
+/* Continue without a valid reading: extrapolate with the supplied energy or hold the estimate, later use the nominal
+ * temperature. A reading that has jumped is accepted when it has been steady for more than `recover_samples` and for
+ * longer than the readings before the jump were valid. */
 static void bridge_missing_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading, bool there, bool moves)
 {
     const mrd_config_thermometer *of = &c->thermometer;
     if (s->samples_without_temperature < INT32_MAX) s->samples_without_temperature++;
-    if (!(s->temperature > R(0.0))) { /* no temperature has been known */
+    if (!(s->temperature > R(0.0))) { /* There has been no valid temperature yet. */
         s->temperature = of->nominal;
         s->samples_without_temperature = of->hold_samples + 1;
     }
@@ -245,27 +246,27 @@ static mrd_real delayed_command(const mrd_track *c, const mrd_track_state *s, in
 {
     const int32_t n = c->actuation.dead_samples + ago, since = s->newest_command - n;
     const uint32_t newest = (uint32_t)since;
-    if (n < 0) return s->command; /* the last command is held */
+    if (n < 0) return s->command; /* Future commands are assumed to equal the last command. */
     const mrd_real older = s->delay_line[(newest - 1u) % MRD_TRACK_DELAY_LINE];
     const mrd_real newer = s->delay_line[newest % MRD_TRACK_DELAY_LINE];
     return clamp(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
-/* Return the flux of a current, in units of a small current. Lags and magnetic hysteresis act on the flux. */
+/* Return the flux of a current, scaled to equal a small current. Lags and magnetic hysteresis act on the flux. */
 static inline mrd_real flux_of(const mrd_track *c, mrd_real current)
 {
     return c->actuation.inverse_saturation_flux > R(0.0) ? current / (R(1.0) + c->actuation.inverse_saturation_flux * current) : current;
 }
 
-/* Return the current of a flux. */
+/* Return the current that has a given flux. */
 static inline mrd_real inverse_flux(const mrd_track *c, mrd_real flux)
 {
     return c->actuation.inverse_saturation_flux > R(0.0) ? flux / (R(1.0) - c->actuation.inverse_saturation_flux * flux) : flux;
 }
 
-/* Return the flux of a free-wheeling current, tau flux' = -current, after the time share * tau. *slope is the
- * derivative by the initial flux unless it is NULL. The method has order two; the exponential is the inverse of three
- * terms. */
+/* Return the flux of a free-wheeling current, tau flux' = -current, after the time share * tau. *slope, if not NULL,
+ * receives the derivative with respect to the initial flux. The method has order two. The exponential is approximated
+ * by the inverse of three terms. */
 static mrd_real freewheel_flux(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
 {
     const mrd_real bend = c->actuation.inverse_saturation_flux > R(0.0) ? c->actuation.inverse_saturation_flux : R(0.0);
@@ -280,7 +281,7 @@ static mrd_real freewheel_flux(const mrd_track *c, mrd_real flux, mrd_real share
     return flux * left;
 }
 
-/* Return the second lag if the first one changes linearly from `from` to `to`. */
+/* Return the output of the second lag after a period in which its input changes linearly from `from` to `to`. */
 static inline mrd_real second_lag_after_ramp(mrd_real second, mrd_real keep, mrd_real ramp, mrd_real from, mrd_real to)
 {
     return keep * second + (ramp - keep) * from + (R(1.0) - ramp) * to;
@@ -297,21 +298,21 @@ static inline void step_lags(const mrd_track *c, mrd_real command, mrd_real *fir
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
     if (!(c->actuation.freewheel_ratio > R(0.0)) || rises) return;
     const mrd_real wheeled = freewheel_flux(c, before, c->actuation.freewheel_ratio, NULL);
-    if (!(wheeled > *first)) return; /* otherwise the lag is slower than free-wheeling */
+    if (!(wheeled > *first)) return; /* Free-wheeling is faster than the lag and has no effect. */
     *second = second_lag_after_ramp(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
     *first = wheeled;
 }
 
-/* Return the output of a dead band minus its input. `at` is the output minus the half width. */
+/* Update a dead band and return its output minus its input. `at` is the output minus the half width. */
 static inline mrd_real hysteresis_excess(mrd_real flux, mrd_real width, mrd_real *at)
 {
     *at = clamp(*at, flux - width, flux + width);
     return *at + width - flux;
 }
 
-/* Apply magnetic hysteresis: a part of the field follows the lagged flux through a dead band, another part through a
- * wider one. The effective current equals a command that rises from zero. For a falling command it is larger by up to
- * twice weight times half width. */
+/* Apply magnetic hysteresis: a fraction of the field follows the lagged flux through a dead band, another fraction
+ * through a wider one. If the command rises from zero, the effective current equals the command. If the command falls,
+ * the effective current is larger. The maximum difference for each dead band is 2 * weight * half width. */
 static inline mrd_real apply_hysteresis(const mrd_track *c, mrd_real flux, mrd_real *play)
 {
     const mrd_config_actuation *a = &c->actuation;
@@ -321,7 +322,7 @@ static inline mrd_real apply_hysteresis(const mrd_track *c, mrd_real flux, mrd_r
     return felt;
 }
 
-/* Update the effective current of the commands. Return its mean over the period. */
+/* Update the effective current, which follows the commands. Return its mean over the period. */
 static mrd_real update_applied_current(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_real applied = s->applied_current;
@@ -333,7 +334,7 @@ static mrd_real update_applied_current(const mrd_track *c, mrd_track_state *s)
 /* A period with linear velocity from v0 to v1, split at a change of its sign. */
 typedef struct {
     mrd_real to, from;          /* travel before and after the change of sign */
-    bool turns_first, turns;    /* hysteresis reverses before it, or in between */
+    bool turns_first, turns;    /* hysteresis reverses at the start, or at the change of sign */
     mrd_real side;              /* direction after the segment */
 } segment;
 
@@ -360,7 +361,7 @@ static mrd_real position_after(const mrd_track *c, mrd_real before, mrd_real rho
     return u < c->loading.top ? u : c->loading.top;
 }
 
-/* Return the column of the table for a model of a bank. */
+/* Return the index of the table current of a model of a bank. */
 static inline int32_t quarter_of(const mrd_track *c, int model) { return (int32_t)c->quarter[model]; }
 
 /* Compute the inverse yield displacement of an element in each model of a bank. */
@@ -378,8 +379,8 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_
 /* Return true for laws with an implicit step: chain and series valve. */
 static inline bool steps_implicitly(const mrd_track *c) { return has_chain(c) || has_series(c); }
 
-/* Step the hysteresis of every model through the period that ends now; v0 is the velocity at its start. `k` is used by
- * laws with an implicit step. Return their force without the forces parallel to the chain. */
+/* Step the hysteresis of every model through the period that ends now; v0 is the velocity at its start. Laws with an
+ * implicit step use `k`. For these laws, return the force without the forces parallel to the chain. */
 static mrd_real update_hysteresis(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                                   mrd_real applied)
 {
@@ -455,7 +456,7 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
     }
 }
 
-/* Update the disturbance observer by a measured force [N]: first-order filter of the force error along the motion. */
+/* Update the disturbance observer with a measured force [N]: filter the force error in the direction of motion. */
 static void update_disturbance(const mrd_track *c, mrd_track_state *s, mrd_real force)
 {
     mrd_real parts[4];

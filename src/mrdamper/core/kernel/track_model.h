@@ -29,7 +29,7 @@ static void update_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_rea
         s->started = 1;
         s->missing_samples = 0;
         s->recovery_countdown = 0;
-    } else { /* extrapolate by the velocity */
+    } else { /* The displacement is invalid or frozen. It is extrapolated with the velocity. */
         s->x = clamp(s->x + R(0.5) * c->axes.period * (s->v + velocity), -c->faults.displacement_limit, c->faults.displacement_limit);
         if (s->missing_samples < INT32_MAX) s->missing_samples++;
         if (s->missing_samples > c->faults.coast_samples) s->flags |= MRD_MOTION_UNKNOWN;
@@ -41,7 +41,7 @@ static void update_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_rea
     check_motion_envelope(c, s);
 }
 
-/* Put the current into the delay line like a command. */
+/* Put the current into the delay line, like a command of a controller. */
 static void update_driven_current(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     mrd_real current = s->command;
@@ -60,7 +60,7 @@ static void update_driven_current(const mrd_track *c, mrd_track_state *s, mrd_re
 MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_model_inputs *inputs)
 {
     begin_step(c, s);
-    const bool first = s->started == 0 && s->velocity_known == 0; /* there was no motion before */
+    const bool first = s->started == 0 && s->velocity_known == 0; /* There has been no valid motion yet. */
     const mrd_real v_before = s->v;
     update_driven_motion(c, s, inputs->displacement, inputs->velocity);
     update_temperature(c, s, inputs->temperature);

@@ -1,22 +1,22 @@
-/* Predictive control: the law of the card is stepped over the horizon in which a command given now acts. One iteration
- * per prediction improves the moves of the command (its values over the horizon), so that the force approaches the
- * wanted force.
+/* Predictive control: the law of the card is stepped through the horizon in which a command given now acts. One
+ * iteration per prediction improves the moves (command values in the horizon), so that the force approaches the wanted
+ * force.
  *
  *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
  *
- * While the hysteresis builds up after a reversal, a fraction `settled` of the rest is assumed to be complete, because a
- * real damper builds up its force faster than a Bouc-Wen model when the current rises.
+ * While the hysteresis builds up after a reversal, a fraction `settled` of the remaining build-up is assumed to be
+ * complete. When the current rises, a real damper builds up its force faster than a Bouc-Wen model.
  *
- * u0 is the command in the first step of the horizon, u1 in the next two, u2 in the rest; the controller uses u0. An
- * iteration is a Gauss-Newton step; the derivatives are integrated with the state. The moves are kept between
- * samples, so that one iteration is sufficient after they have settled.
+ * u0 is the command in the first step of the horizon, u1 in the next two steps, u2 in all later steps. The controller
+ * uses u0. An iteration is a Gauss-Newton step; the derivatives are integrated with the state. A prediction starts with
+ * the moves of the previous prediction, so that one iteration is sufficient after they have settled.
  */
 #ifndef MRD_TRACK_PREDICT_H
 #define MRD_TRACK_PREDICT_H
 
 #include "track_estimate.h"
 
-enum { MOVE_ITERATIONS = 5 }; /* coordinate descent over the three bounded moves */
+enum { MOVE_ITERATIONS = 5 }; /* number of rounds of the coordinate descent for the three bounded moves */
 
 /* The law at the present temperature. */
 typedef struct {
@@ -34,7 +34,8 @@ static inline void predict_horizon_motion(const mrd_track_state *s, mrd_predicti
     predict_harmonic_motion(&w->x, &w->v, &w->a, s->omega_squared, h);
 }
 
-/* Step a dead band with derivatives by `moves`. If its output is constant, so are its derivatives. */
+/* Step a dead band and its derivatives with respect to `moves` moves. While its output is constant, its derivatives are
+ * constant, too. */
 static inline void step_horizon_hysteresis(const mrd_moved *flux, mrd_real width, mrd_real share, mrd_moved *band, int moves, mrd_moved *felt)
 {
     const mrd_real before = band->at;
@@ -46,7 +47,7 @@ static inline void step_horizon_hysteresis(const mrd_moved *flux, mrd_real width
     }
 }
 
-/* Compute the effective current of the lagged flux behind magnetic hysteresis, with derivatives by `moves`. */
+/* Compute the effective current from the lagged flux by magnetic hysteresis, and its derivatives for `moves` moves. */
 static void horizon_current(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
 {
     const mrd_config_actuation *a = &c->actuation;
@@ -60,9 +61,9 @@ static void horizon_current(const mrd_track *c, mrd_prediction *w, int moves, mr
     if (a->wide_hysteresis_width > R(0.0)) step_horizon_hysteresis(&w->second_lag_flux, a->wide_hysteresis_width, a->wide_hysteresis_weight, &w->hysteresis_output[1], moves, felt);
 }
 
-/* Step both lags with the flux of the move `m` as input and its slope by the move. A free-wheeling current does not
- * follow a decreasing move, but it would follow an increasing one. The derivative is that of the increase, because a
- * zero derivative would never raise the move again. */
+/* Step both lags with the flux of the move `m` as input, and the slope of this flux with respect to the move. A
+ * free-wheeling current does not follow a decreasing move, but it would follow an increasing one. The derivative for an
+ * increase is used, because with a zero derivative the move would never be raised again. */
 static void step_horizon_lags(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
@@ -93,8 +94,8 @@ static void step_horizon_lags(const mrd_track *c, mrd_prediction *w, mrd_real in
     w->first_lag_flux.at = first;
 }
 
-/* Step a law whose hysteresis follows the travel by h. Compute force and derivatives; they neglect the dependence of
- * rho on the current. */
+/* Step a law whose hysteresis depends on travel by the time h. Compute force and derivatives. The derivatives neglect
+ * the dependence of rho on the current. */
 static void step_travel_law(const mrd_track *c, const mrd_track_state *s, const horizon_law *law, mrd_prediction *w, mrd_real h,
                          int moves, const mrd_moved *current, mrd_moved *force)
 {
@@ -126,8 +127,8 @@ static void step_travel_law(const mrd_track *c, const mrd_track_state *s, const 
     for (int n = 0; n < moves; n++) force->by[n] = slope * current->by[n];
 }
 
-/* Step the law by h with the current at the end of the step. Compute the force there and its derivatives by the moves;
- * those from `known` on are new. All tabulated laws use this function. */
+/* Step any tabulated law by the time h with the current at the end of the step. Compute the force at the end and its
+ * derivatives with respect to the moves. The state before the step depends only on the first `known` moves. */
 static void step_law(const mrd_track *c, const mrd_track_state *s, const horizon_law *law, mrd_prediction *w, mrd_real h,
                       int known, int moves, const mrd_moved *current, mrd_moved *force)
 {
@@ -142,7 +143,7 @@ static void step_law(const mrd_track *c, const mrd_track_state *s, const horizon
     levels_at(c, law->warm, current->at, &now);
     link_advance(c, law->chain, &now, &w->chain, w->chain.y + (w->v - v0), CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v,
                  w->by, known, moves, current, force);
-    if (moves == 0) return; /* the force is not needed yet */
+    if (moves == 0) return; /* The force is not needed before the horizon. */
     series_parallel_forces(c->series, law->chain, w->v, w->a, &viscous, &friction, &inertia);
     force->at += viscous + friction + inertia;
 }
@@ -180,7 +181,7 @@ static void predict_dead_time(const mrd_track *c, mrd_track_state *s, const hori
     w->elapsed_time = c->prediction.dead;
     w->weight = R(1.0);
     const mrd_real later = (w->elapsed_time / c->axes.period) + R(0.5);
-    const int32_t periods = (int32_t)later; /* rounded */
+    const int32_t periods = (int32_t)later; /* `later` is already rounded. */
     mrd_moved felt, force;
     int32_t waiting = 0;
     for (int32_t i = 1; i <= periods; i++) {
@@ -193,7 +194,7 @@ static void predict_dead_time(const mrd_track *c, mrd_track_state *s, const hori
     }
 }
 
-/* Return the wanted force at a later time: interpolated if it is known ahead, otherwise extrapolated. */
+/* Return the wanted force at a later time: interpolated if the future wanted force is known, otherwise extrapolated. */
 static mrd_real target_at(const mrd_track *c, const mrd_track_state *s, bool said, mrd_real now, mrd_real later)
 {
     if (!said) {
@@ -211,7 +212,7 @@ static mrd_real target_at(const mrd_track *c, const mrd_track_state *s, bool sai
     return one + share * (s->wanted_line[(newer - 1u) % MRD_TRACK_DELAY_LINE] - one);
 }
 
-/* Store a wanted force that is known ahead. Before the first one, a straight line is assumed. */
+/* Store a future wanted force. Until the first stored time, a straight line from the present force is assumed. */
 static void store_target(const mrd_track *c, mrd_track_state *s, bool first, mrd_real now, mrd_real ahead)
 {
     const int32_t next = s->newest_command + 1;
@@ -225,7 +226,7 @@ static void store_target(const mrd_track *c, mrd_track_state *s, bool first, mrd
     }
 }
 
-/* Update the filter of the wanted force, which extrapolates it, and store the force that is wanted at the preview. */
+/* Update the filter that extrapolates the wanted force, and store the wanted force after the preview. */
 static void update_target(const mrd_track *c, mrd_track_state *s, bool known_ahead, mrd_real now, mrd_real ahead)
 {
     static const mrd_real most = R(1e9); /* [N/s], [N/s2] */
@@ -242,12 +243,12 @@ static void update_target(const mrd_track *c, mrd_track_state *s, bool known_ahe
     }
 }
 
-/* Return the number of lag steps in a step of the law. Steps of the last move are longer because their errors have
- * less weight. */
+/* Return the number of lag steps in a step of the law. Steps of the last move are longer because the errors at these
+ * steps have less weight. */
 static inline int32_t lag_steps_in(const mrd_track *c, int32_t k) { return move_of(k) < MRD_TRACK_MOVES - 1 ? 1 : c->prediction.stretch; }
 
-/* Step the horizon with the present moves, `since` [s] after the prediction started. Add the cost of the error as a
- * quadratic in the moves. `bias` is the observed force error of the model. Return the error. */
+/* Make step k of the horizon with the present moves, `since` [s] after the prediction started. Add the cost of the
+ * force error as a quadratic in the moves. `bias` is the observed force error of the model. Return the force error. */
 static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const horizon_law *law, int32_t k, mrd_real since,
                              bool said, mrd_real now, mrd_real bias)
 {
@@ -255,7 +256,7 @@ static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const horiz
     mrd_move_cost *q = &w->cost;
     mrd_moved felt, force;
     const int move = move_of(k), moves = move + 1;
-    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* earlier moves; a new one has no effect yet */
+    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* number of moves that have had an effect before this step */
     const int32_t parts = lag_steps_in(c, k);
     const mrd_real h = (mrd_real)parts * c->prediction.step;
     for (int m = known; m < moves; m++) {
@@ -300,7 +301,7 @@ static void add_move_cost(const mrd_track *c, const mrd_track_state *s, mrd_move
     }
 }
 
-/* Minimise the quadratic within the bounds by coordinate descent. */
+/* Minimise the quadratic cost within the bounds of the moves by coordinate descent. */
 static void solve_moves(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
 {
     mrd_real slope[MRD_TRACK_MOVES], per[MRD_TRACK_MOVES], trace = R(0.0);
@@ -322,8 +323,8 @@ static void solve_moves(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
     }
 }
 
-/* Return the command for the wanted force. A prediction can take several samples; until it ends, the moves of the last
- * one are used. */
+/* Return the command for the wanted force. A prediction can take several samples. Until it ends, the moves of the
+ * previous prediction are used. */
 static mrd_real command_of_prediction(const mrd_track *c, mrd_track_state *s, const valve_chain *chain, axis_point warm, bool said,
                                  mrd_real now, mrd_real bias)
 {
@@ -341,7 +342,7 @@ static mrd_real command_of_prediction(const mrd_track *c, mrd_track_state *s, co
         add_move_cost(c, s, &s->prediction.cost);
         solve_moves(c, &s->prediction.cost, s->planned_moves);
         const mrd_real end = s->planned_moves[MRD_TRACK_MOVES - 1];
-        const mrd_real pushed = s->prediction.cost.slope[MRD_TRACK_MOVES - 1]; /* direction of the remaining gradient at the end of the horizon */
+        const mrd_real pushed = s->prediction.cost.slope[MRD_TRACK_MOVES - 1]; /* gradient at the solution, last move */
         const bool low = !(end > R(0.0)) && pushed > R(0.0), high = !(end < c->axes.largest) && pushed < R(0.0);
         s->infeasible = 0;
         if (magnitude(last) > p->calm && (low || high)) s->infeasible = 1;

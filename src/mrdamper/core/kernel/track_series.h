@@ -4,20 +4,20 @@
  *     S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)],   A = fy(I, T) (1 + bx x)
  *
  * with viscosity, friction and mass in parallel. series_valve.c contains the exact law. Here tanh, powers and square
- * roots are tabulated, and every solution has a fixed number of iterations. The state is the travel e of the spring;
- * the velocity y' of the valve is the start value of the next solution. Steps are implicit and unconditionally stable.
+ * roots are tabulated, and every solution has a fixed number of iterations. The state is the travel e of the spring,
+ * and the velocity y' of the valve as start value of the next solution. Steps are implicit and unconditionally stable.
  */
 #ifndef MRD_TRACK_SERIES_H
 #define MRD_TRACK_SERIES_H
 
 #include "track_tables.h"
 
-enum { SERIES_ROUNDS = 5 }; /* iterations for the velocity of the valve */
+enum { SERIES_ROUNDS = 5 }; /* number of iterations for the velocity of the valve */
 
-/* Maximum velocity of the valve [m/s], so that the state recovers after an invalid reading. */
+/* Maximum velocity of the valve [m/s]. The limit lets the state recover after an invalid reading. */
 static const mrd_real series_fastest = R(8.0);
 
-/* Return the position of a current among `count` evenly spaced ones from zero. */
+/* Return the position of a current on an axis with `count` evenly spaced currents from 0 to `largest`. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
 {
     const int32_t cells = count - 1;
@@ -28,7 +28,7 @@ static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t
     return at;
 }
 
-/* Return u^m and its slope. */
+/* Return u^m from a table for u = `size`. *slope receives its derivative. */
 static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
 {
     const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
@@ -48,11 +48,11 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
     return value;
 }
 
-/* Coefficients of the chain at a temperature with gains, and derived constants of a step. */
+/* Coefficients of the chain at a temperature, including the gains, and constants that follow from them. */
 typedef struct {
     mrd_real at[MRD_CHAIN_ALL];
     mrd_real apart[3];              /* relative stiffness of the bristles before yield */
-    mrd_real along[2], per_along[2]; /* their level in retraction and extension, and its inverse */
+    mrd_real along[2], per_along[2]; /* level of these bristles in retraction and extension, and its inverse */
     mrd_real far;                   /* maximum travel of the spring */
 } valve_chain;
 
@@ -96,7 +96,7 @@ static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real cu
     return below + at.share * (yield_of(c, warm, at.index + 1) - below);
 }
 
-/* Return the rounded corner (u + sqrt(u^2 + 1)) / 2 and its slope. */
+/* Return the rounded corner (u + sqrt(u^2 + 1)) / 2. *slope receives its derivative. */
 static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
 {
     const mrd_real square = u * u + R(1.0), inverse = inverse_root(square);
@@ -104,7 +104,7 @@ static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
     return R(0.5) * (u + square * inverse);
 }
 
-/* Return the spring force S(e) and its slope. */
+/* Return the spring force S(e). *slope receives dS/de. */
 static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slope)
 {
     const mrd_real sharp = k->at[MRD_CHAIN_SHARPNESS], gap = k->at[MRD_CHAIN_GAP], spring = k->at[MRD_CHAIN_SPRING];
@@ -115,7 +115,7 @@ static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slo
     return spring / sharp * (pulled - pushed);
 }
 
-/* Return the force of the dashpot across the free play, and its slope. */
+/* Return the force of the dashpot parallel to the free play. *slope receives its derivative. */
 static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_real rate, mrd_real *slope)
 {
     const mrd_real leak = k->at[MRD_CHAIN_LEAK], size = power_at(&t->leak, magnitude(rate), slope);
@@ -134,9 +134,8 @@ static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k,
     return side + thinning * power;
 }
 
-/* Solve for the velocity of the valve after a step h and return the force of the chain. `e` is the travel of the
- * spring for a valve at rest. The balance of forces rises with the speed in each direction. The method is Newton's in
- * a bracket.
+/* Solve for the velocity of the valve after a step h by Newton's method in a bracket. Return the force of the chain.
+ * `e` is the travel of the spring for a valve at rest. In each direction, the balance of forces rises with the speed.
  */
 static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real amplitude, mrd_real e, mrd_real y, mrd_real v,
                             mrd_real h, int rounds, mrd_real *velocity)
@@ -166,8 +165,9 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
     return force + sign * by_valve * moved;
 }
 
-/* Step by two implicit stages (Alexander's SDIRK, order two, L-stable) over h to the displacement x. The velocity
- * changes linearly from v0 to v1, the yield amplitude from a0 to a1; w is the state. Return the force of the chain. */
+/* Step by the time h to the displacement x with two implicit stages (Alexander's SDIRK, order two, L-stable). The
+ * velocity changes linearly from v0 to v1, the yield amplitude from a0 to a1. w is the state. Return the force of the
+ * chain. */
 static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real *w, mrd_real x, mrd_real v0, mrd_real v1,
                             mrd_real h, mrd_real a0, mrd_real a1)
 {
@@ -184,7 +184,7 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     return force;
 }
 
-/* Return the factor of the valve force at a position. It remains positive far outside the data. */
+/* Return the factor on the valve force at a position. The limits keep it positive far outside the data. */
 static inline mrd_real valve_gain(const mrd_track *c, const valve_chain *k, mrd_real x)
 {
     return c->gains.yield_force * clamp(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
@@ -216,8 +216,8 @@ static mrd_real update_series(const mrd_track *c, mrd_track_state *s, const valv
     return force;
 }
 
-/* Set the initial state: the spring is at rest, and the force of the valve equals that of the dashpot. The number of
- * iterations is that of two stages. */
+/* Set the initial state: the spring has no force, and the force of the valve equals the force of the dashpot. The
+ * number of iterations equals the number for two stages. */
 static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
@@ -240,7 +240,7 @@ static void series_parallel_forces(const mrd_series *t, const valve_chain *k, mr
     *inertia = k->at[MRD_CHAIN_MASS] * a;
 }
 
-/* Compute the present yield, viscous, friction and remaining force. */
+/* Compute the present yield, viscous, friction and remaining force of the series valve. */
 static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
     const mrd_series *t = c->series;

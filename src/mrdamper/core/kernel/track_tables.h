@@ -8,7 +8,7 @@
 
 #define R(x) ((mrd_real)(x))
 
-/* Return true if the configuration has the law, or the prediction, and the code is compiled with it. */
+/* Return true if the configuration uses the law or the prediction, and the code contains it. */
 static inline bool has_series(const mrd_track *c) { return MRD_WITH_SERIES != 0 && c->law.series; }
 static inline bool has_chain(const mrd_track *c) { return MRD_WITH_CHAIN != 0 && c->law.chain; }
 static inline bool has_prediction(const mrd_track *c)
@@ -41,8 +41,8 @@ static inline mrd_real of_pattern(mrd_pattern p)
     return t;
 }
 
-/* Return the inverse square root of a positive number: start value from the bit pattern, then Newton iterations
- * without a division. */
+/* Return the inverse square root of a positive number. The bit pattern gives the start value, and Newton iterations
+ * without division improve it. */
 static inline mrd_real inverse_root(mrd_real square)
 {
     const mrd_real half = R(0.5) * square;
@@ -59,14 +59,14 @@ static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
     const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
     const mrd_real sum = size + o->offset, t = sum < o->top ? sum : o->top;
     const mrd_pattern p = pattern_of(t);
-    /* the leading bits of the pattern are the number of the cell, relative to the offset */
+    /* The leading bits of the pattern, minus the bits of the offset, are the index of the cell. */
     const mrd_real *c = &o->cell[4u * (size_t)((p >> beside) - (pattern_of(o->offset) >> beside))];
     const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* Return the hysteresis variable on the universal curve. The position u is the scaled travel from w = 0, negative
- * during unloading. A motion increases the position; a reversal changes position and direction.
+/* Return the hysteresis variable w on the universal curve. The position u is the scaled travel from w = 0, negative
+ * during unloading. Motion increases the position. A reversal changes position and direction.
  */
 static mrd_real hysteresis_at(const mrd_track *c, mrd_real u)
 {
@@ -89,7 +89,7 @@ typedef struct {
 static axis_point on_currents(const mrd_track *c, mrd_real u)
 {
     axis_point at = {0, R(0.0)};
-    int32_t count = c->currents - 1; /* remaining cells from the index on */
+    int32_t count = c->currents - 1; /* number of cells from the index on that the bisection has not excluded */
     while (count > 1) {
         const int32_t half = count / 2;
         if (u >= c->current[at.index + half]) {
@@ -144,7 +144,7 @@ typedef struct {
     mrd_real x, v, a, w[2];
 } moment;
 
-/* Compute the factors of the rows without hysteresis. */
+/* Compute the values that multiply the rows without hysteresis. */
 static void motion_multipliers(const mrd_track *c, const moment *m, mrd_real *by)
 {
     const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
@@ -158,8 +158,8 @@ static void motion_multipliers(const mrd_track *c, const moment *m, mrd_real *by
     by[MRD_ROW_SECOND] = c->gains.yield_force;
 }
 
-/* Factors of the yield forces for hysteretic states w: yield w0 for the first, second[0] w0 + second[1] w1 for the
- * second. */
+/* Factors on the yield forces, for hysteretic states w. The first yield force is multiplied by yield * w0, the second
+ * one by second[0] * w0 + second[1] * w1. */
 typedef struct {
     mrd_real yield, second[2];
 } mixture;

@@ -5,8 +5,9 @@
 
 /* Process sample `i` of the motion. Return 1 if this sample shows that the motion has turned, at sample `turned`.
  *
- * While `side` is 0, the motion has not left its start by more than the dead band, and both extremes are stored, the
- * upper extreme in `furthest`. The first of several consecutive equal extremes counts; the last if `latest` is set.
+ * While `side` is 0, the motion has not left its start by more than the dead band. Both extremes are then stored, the
+ * upper extreme in `furthest`. The turning point is the first of several consecutive equal extremes, or the last if
+ * `latest` is set.
  */
 static inline int turns_step(mrd_turns *t, double x, double i, double dead_band, int latest)
 {
@@ -38,8 +39,8 @@ static inline int turns_step(mrd_turns *t, double x, double i, double dead_band,
     return t->turned >= 0.0;
 }
 
-/* Process the next n samples. Write the indices of the turning points to `at` [n], and return their number. The index
- * counts from the first sample of the motion, which is not a turning point. */
+/* Process the next n samples. Write the indices of the turning points to `at` [n], and return their number. Indices
+ * count from the first sample of the motion, which is not a turning point. */
 static size_t turns_feed(mrd_turns *t, size_t n, const double *x, double dead_band, double *at)
 {
     size_t count = 0;

@@ -8,12 +8,13 @@ constant command; the fit of the actuation does not change it. The entry points 
    (``hysteresis``).
 2. ``refine_actuation``: core saturation, a second hysteresis loop and free-wheeling (``selection``).
 
-In all modules ``still`` is the damper without actuation. The command is a current or a voltage.
+In all modules of this package, ``still`` is the damper without actuation. The command is a current or a
+voltage.
 
-The lags are valid only near the speed v of these runs, because the force F also builds up against the
-stiffness s of the damper, with the time constant F / (s v). A law with the coefficient ``follow_share``
-models this effect: it is the fraction of the force that follows the command immediately. This fraction is
-then fitted together with the lags, over all runs.
+The lags are valid only near the speed v of these runs. The reason is that the force F also builds up against
+the stiffness s of the damper, with the time constant F / (s v). A law with the coefficient ``follow_share``
+models this effect: the coefficient is the fraction of the force that follows the command immediately. This
+fraction is then fitted to all runs, together with the lags.
 """
 
 from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation

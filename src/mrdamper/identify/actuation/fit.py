@@ -37,7 +37,8 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
 
-# Coefficient of some laws: the fraction of the force that follows the effective command immediately.
+# Name of a coefficient of some laws: the fraction of the force that follows the effective command
+# immediately.
 _FOLLOW_SHARE = "follow_share"
 
 
@@ -54,7 +55,7 @@ class ActuationFit:
     t63_fall_s: float  # time to 63 % of the change of force after a downward step; NaN without such a step
     t63_error_s: float  # standard error of t63_s
     t63_fall_error_s: float  # standard error of t63_fall_s
-    driver_quadrants: int | None  # 1: the driver cannot pull the current down; 2: it can; None: unknown
+    driver_quadrants: int | None  # 1: the driver cannot force the current down; 2: it can; None: unknown
 
     def to_dict(self) -> dict[str, float | None]:
         """Return response times, force errors and driver quadrants as JSON values; None instead of NaN."""
@@ -86,16 +87,16 @@ def fit_actuation(
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Fit an actuation to runs with a changing command; return the damper with it, and the fit.
+    """Fit an actuation to runs with a changing command; return the damper with the actuation, and the fit.
 
-    If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force, and the
+    If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force. The
     lags are fitted for each trial value of the fraction.
 
     Parameters
     ----------
     damper : damper fitted to runs with constant command; its law does not change
-    start : damper with a fitted actuation, for example with other terms, as the start of the search; None:
-        the search starts from the better of the fractions 0 and 1
+    start : damper with a fitted actuation, where the search starts (its law may have other terms); None: the
+        search starts from the better of the fractions 0 and 1
 
     Raises
     ------

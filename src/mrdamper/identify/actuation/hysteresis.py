@@ -1,4 +1,4 @@
-"""Estimate the magnetic hysteresis: a command that is reached from above causes more force than from below.
+"""Estimate the magnetic hysteresis: a falling command causes a larger force than an equal rising command.
 
 If commands are held, the half width of the hysteresis loop follows from a linear regression of the force
 error. If the command changes continuously, the half width is fitted to the force over whole runs. In both
@@ -27,7 +27,8 @@ def fit_hysteresis_at_levels(
     """Return the half width of the loop [A or V] and its standard error, from runs with held commands.
 
     Return 0 and NaN if no run has suitable samples. Overshoot hides a part of the hysteresis in some runs.
-    Therefore only runs are averaged that agree with the run that has the largest lower confidence limit.
+    Therefore the run with the largest lower confidence limit is the reference. The half width is the average
+    over the runs that agree with the reference.
     """
     sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
     if not sums:
@@ -61,10 +62,11 @@ def fit_hysteresis_over_runs(
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
     """Return the four arguments of ``_half_width`` for one run; None if the run has too few settled samples.
 
-    Model of the regression, for each held command and direction of motion: the force error is an offset. If
-    the command was reached from above, the width of the loop times the derivative of the force with respect
-    to the command (*effect*) is added. The four sums are the squared effects, the products of effect and
-    force error, the squared force errors, and the number of samples minus the number of offsets.
+    The regression models the force error for each held command and direction of motion. The model is an
+    offset. If the command was reached from above, the half width times the *effect* is added. The effect is
+    the derivative of the force with respect to the half width. Three of the sums contain squared effects,
+    products of effect and force error, and squared force errors. The fourth is the number of samples minus
+    the number of offsets.
     """
     path = run.trajectory
     span = float(np.ptp(path.command))

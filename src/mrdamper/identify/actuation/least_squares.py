@@ -54,7 +54,7 @@ class ParameterFit(NamedTuple):
 
 
 class LaggedForces:
-    """Simulates the forces of several runs for trial actuations. Commands are constant between samples."""
+    """Simulate the forces of several runs for trial actuations. Commands are constant between samples."""
 
     def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
         self._still, self._oversampling = still, oversampling
@@ -87,7 +87,7 @@ def largest_command(runs: Sequence[PreparedRun]) -> float:
 
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return how the search varies the actuation parameter ``name``: bounds, scale, distance from bounds."""
+    """Return bounds, scale and margin of the actuation parameter ``name`` in the search."""
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":
@@ -108,7 +108,7 @@ def fit_parameters(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit some parameters of an actuation by nonlinear least squares; the remaining ones stay constant.
+    """Fit some parameters of an actuation by nonlinear least squares; the other parameters stay constant.
 
     The force of the law follows the effective command almost without delay. Therefore the derivative of the
     force with respect to a parameter is approximated by the chain rule: the derivative with respect to the
@@ -174,7 +174,7 @@ def fit_parameters(
 def run_residual(runs: Sequence[PreparedRun]) -> Residual:
     """Return the residual function: force error at the scored samples, divided by the rms force of the run.
 
-    The division also includes the square root of the number of samples, so that all runs have equal weight.
+    The error is also divided by the square root of the number of samples, so that all runs have equal weight.
     """
     sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
 
@@ -217,9 +217,9 @@ def fit_lags_to_responses(
 ) -> tuple[ParameterFit, ResponseTimes]:
     """Fit delay and lags to measured step responses; return the fit and the measured response times.
 
-    After the fit, the time constants of rise and fall are corrected until the mean time to 63 % of the model
-    equals the measured time. The standard errors of rise and fall include the scatter of repeated steps. The
-    search begins at ``start`` if it is given.
+    After the fit, the time constants of rise and fall are corrected a few times, so that the mean simulated
+    time to 63 % approaches the mean measured time. The standard errors of rise and fall include the scatter
+    of repeated steps. The search begins at ``start`` if it is given.
     """
     lagged = LaggedForces(still, [run.run for run in runs], settings.oversampling)
 

@@ -1,7 +1,7 @@
-"""Choose by cross-validation whether the actuation needs saturation, a second loop or free-wheeling.
+"""Choose by cross-validation if an actuation needs saturation, a second hysteresis loop or free-wheeling.
 
-The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot pull the
-current down, so that the current free-wheels through the coil. The speed of this decay depends on the
+The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot force
+the current down, so that the current free-wheels through the coil. The speed of this decay depends on the
 saturation. Therefore all parameters of a form are fitted together. A *form* is a set of fitted parameters.
 """
 
@@ -45,11 +45,11 @@ def refine_actuation(
 ) -> tuple[Damper, ActuationFit]:
     """Add core saturation, a second loop or free-wheeling if the runs show them; return damper and fit.
 
-    Without evidence of these effects, damper and fit are returned unchanged. There is evidence if the step
-    responses indicate a driver with one quadrant, or if a short fit with all parameters to two runs with
-    random current has a clearly smaller error than the simple form. The form with the smallest
-    cross-validation error is then fitted to the force of all runs. Cross-validation uses the runs with random
-    current, or all runs if there are fewer than two such runs.
+    Without evidence of these effects, damper and fit are returned unchanged. Step responses that indicate a
+    driver with one quadrant are evidence. Otherwise all parameters and the simple form are fitted briefly to
+    two runs with random current. A clearly smaller error with all parameters is also evidence. The form with
+    the smallest cross-validation error is then fitted to the force of all runs. Cross-validation uses the
+    runs with random current, or all runs if there are fewer than two such runs.
     """
     has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
     still = replace(damper, actuation=None).on_limits()

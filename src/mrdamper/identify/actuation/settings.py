@@ -15,14 +15,14 @@ class ActuationSettings:
 
     # Command steps. The first two limits are divided by the range of the command.
     step_size_min: float = 0.05  # A smaller change of the command is not a step.
-    level_tolerance: float = 0.05  # Commands that are equal after rounding to multiples of this are equal.
+    level_tolerance: float = 0.05  # Commands count as equal if they round to the same multiple of this.
     settling_time_s: float = 0.1  # The force is considered settled when this time has passed after a step.
 
     # Step responses
     response_duration_min_s: float = 0.04  # A shorter response is ignored because it may not reach 63 %.
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # min change of force in a step / largest force of the run
-    change_force_min: float = 0.003  # min change of force in a usable run / force of all runs
+    change_force_min: float = 0.003  # min change of force in a usable run / largest force of all runs
     # Samples near a reversal are ignored because laws have larger errors there. Unit: stroke of the run
     stroke_after_reversal_min: float = 0.15
     stroke_before_reversal_min: float = 0.03
@@ -46,7 +46,7 @@ class ActuationSettings:
     time_correction_count: int = 3  # number of corrections of rise and fall times by measured response times
     follow_share_step: float = 0.25  # first step of the pattern search for ``follow_share``
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.
-    hysteresis_agreement: float = 2.0  # Loop widths that differ by more standard errors are not averaged.
+    hysteresis_agreement: float = 2.0  # Only loop widths within this number of standard errors are averaged.
 
     # Search for all parameters over whole runs. Currents are divided by the largest command.
     saturation_min: float = 0.05
@@ -58,10 +58,10 @@ class ActuationSettings:
     fall_to_rise_start: float = 5.0  # fall time divided by rise time, if no fall was measured
     saturated_fall_ratio: float = 3.0  # free-wheeling time constant / fall time, if the flux saturates
     evaluation_count_max: int = 20  # max function evaluations in the final fit
-    short_evaluation_count_max: int = 6  # max function evaluations in a fit of the cross-validation
+    short_evaluation_count_max: int = 6  # max function evaluations in each fit during the cross-validation
 
     # Error ratios that decide between variants of the actuation: saturation, hysteresis loops, free-wheeling
-    # The simplest variant is kept unless the error with all parameters / error of this variant is smaller.
+    # The simplest variant is kept unless the error with all parameters / its error is smaller than this.
     saturation_ratio_max: float = 0.95
     one_loop_ratio: float = 0.98  # factor on the error of variants with a single loop, which are preferred
     # The driver is one-quadrant if free-wheeling reduces the error to less than this fraction.

@@ -1,9 +1,9 @@
 """Measure step responses: how the force changes after a step of a command that is then held.
 
 The force depends on position, speed and direction as well as on the command. Therefore the settled force at
-each *level* (held command) is mapped first: the force of the law at this command plus a parabola over
-position, for each direction of motion. The step response is the normalised force between the maps of two
-levels: 0 on the map before the step, 1 on the map after the step.
+each *level* (held command) is mapped first. The map is the force of the law at this command plus a parabola
+in the position, for each direction of motion. The step response is the normalised force between the maps of
+two levels: 0 on the map before the step, 1 on the map after the step.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class SteppedRun:
 def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
     """Return a run with the responses to its command steps; None if the run has no usable step.
 
-    A step is usable if both levels have enough settled samples in the present direction of motion, the motion
-    continues in this direction after the step, and the step changes the force.
+    A step is usable if it satisfies three conditions. Both levels have enough settled samples in the
+    direction of motion at the step. The motion continues in this direction. The step changes the force.
     """
     path, step_s = run.trajectory, run.trajectory.step
     span = float(np.ptp(path.command))
@@ -205,7 +205,7 @@ def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettin
 
 
 def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: float = 0.0) -> MeanTime:
-    """Return the mean response time [s] of steps with its standard error.
+    """Return the mean response time [s] of steps, and the standard error of this mean.
 
     ``times`` has the levels and the response time of each step. Each combination of levels has the same
     weight. The standard error has a random and a systematic part. The random part is the scatter between
@@ -231,7 +231,7 @@ def driver_quadrants(steps: Sequence[StepResponse], up_s: float, ratio: float) -
     """Return the number of driver quadrants: 1 if steps to zero take much longer than other steps, else 2.
 
     Return None if the runs lack steps up, steps to zero, or steps down to another value. A driver with one
-    quadrant cannot pull the current down. The current free-wheels with the time constant of the coil. A step
+    quadrant cannot force the current down. The current free-wheels with the time constant of the coil. A step
     down to a current above zero needs only a part of this time.
     """
     to_zero, to_level = (

@@ -1,4 +1,4 @@
-"""Cross-validation over motions: compute a force band, and standard errors that are valid for new motions.
+"""Cross-validation over motions: compute a force band and standard errors that are valid for new motions.
 
 Standard errors from the residuals are valid only for repetitions of the same motions. Because the model
 equations are not exact, a new motion would be fitted with different parameters. Refits that each omit one
@@ -59,12 +59,12 @@ class RefittedFolds:
 def refit_without_folds(
     problem: FitProblem, result: SearchResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
 ) -> RefittedFolds | None:
-    """Refit the damper once for each fold, without the data of this fold. Return None if most refits fail.
+    """Refit the damper once for each fold, without the data of this fold.
 
-    At least two refits must succeed. The fit to all runs uses more data than each refit. Therefore its
-    expected mean squared error on new runs is smaller than the mean squared held-out error of the refits. The
-    expected error is the held-out error, minus the mean error of the refits on all runs, plus the error of
-    the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989) 503).
+    Return None if fewer than two refits succeed. The fit to all runs uses more data than each refit.
+    Therefore its expected mean squared error on new runs is smaller than the mean squared held-out error of
+    the refits. The expected error is the held-out error, minus the mean error of the refits on all runs, plus
+    the error of the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989) 503).
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
@@ -130,9 +130,9 @@ def with_changing_current(
 ) -> ForceBand:
     """Return the force band with an additional factor for runs with changing current.
 
-    In these runs, errors of the response to the current increase the errors of the model. For each run, the
-    function computes the widening factor with which the band contains 90 % of the samples. The common factor
-    is the mean over the runs plus a multiple of the standard deviation, and at least 1.
+    In these runs, the model also has errors in its response to the current. For each run, the function
+    computes the factor on the half width with which the band contains 90 % of the samples. The common factor
+    is the mean of these factors plus a multiple of their standard deviation, and at least 1.
     """
     ratios = []
     for run, force in zip(runs, simulate_each(damper, [run.trajectory for run in runs]), strict=True):

@@ -19,12 +19,14 @@ class ConfidenceSettings:
     band_run_ratio: float = 0.15  # half width at zero force, divided by the rms force of the run
     band_base_ratio: float = 0.1  # half width of a run with a small force, divided by the median rms force
     band_spread: float = 0.4  # number of standard deviations (over folds) added to the mean quantile
-    band_widening: float = 1.5  # increase of the width per e-fold of additional distance from fitted motions
+    # Relative increase of the width per unit of additional distance (factor e in size or speed of the
+    # motion).
+    band_widening: float = 1.5
     correlation_min: float = 0.95  # Correlations of a larger magnitude are reported.
     correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
     energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
     batch_sample_count: int = 4096  # samples of the posterior that are tested at once
-    batch_count_max: int = 500  # If fewer than 1 of 2000 samples is accepted, sampling would take too long.
+    batch_count_max: int = 500  # max batches; 1000 draws then fail if less than 1 of 2000 samples is accepted
 
     # Proposed tests
     proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude / half the stroke

@@ -67,7 +67,7 @@ class RunResidual:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualAnalysis:
-    """Residuals of all runs; sensitivities of the force to the parameters and to possible faults."""
+    """Residuals of all runs, and sensitivities of the force to the parameters and to possible causes."""
 
     runs: tuple[PreparedRun, ...]
     residuals: tuple[RunResidual, ...]
@@ -127,7 +127,7 @@ def analyse_residuals(
     """Return the residuals and sensitivities of runs with constant command.
 
     ``free`` are the names of the fitted parameters that are not at a bound. ``suspect`` is the name of a run
-    that was omitted from the fit.
+    that was not fitted, but is compared with the model.
     """
     limited = damper.on_limits()
     fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]

@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Statistics of ``nrmse_percent``, e.g. of all held-out runs (``kind``) with constant ``current``."""
+    """Statistics of ``nrmse_percent`` over runs, for one kind of error and one kind of current."""
 
     kind: ErrorKind
     current: CurrentKind
@@ -36,8 +36,8 @@ def summarize_errors(
     """Return the error statistics of held-out runs, training runs and cross-validation.
 
     Combinations of error kind and current kind without any run are omitted. ``chosen`` is the score of the
-    selected candidate, which contains the cross-validation errors. If the user specified the
-    model, there is no selection and ``chosen`` is not given.
+    selected candidate, which contains the cross-validation errors. If the user specified the model,
+    ``chosen`` is missing because there was no selection.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)
@@ -60,9 +60,9 @@ def find_contradictions(
 ) -> tuple[Finding, ...]:
     """Return a finding if the training error is much larger than the cross-validation error.
 
-    A model has a larger error on runs that are held out from the fit than on the fitted runs. If the opposite
-    is true, the selection and the final fit did not use the same data, or the final fit is not at the
-    minimum. Only runs with constant current are compared because the fit uses these runs.
+    A model has a larger error on runs that are held out from the fit than on the fitted runs. There are two
+    possible causes if the opposite is true: model selection and final fit used different data, or the final
+    fit is not at the minimum. Only runs with constant current are compared because the fit uses these runs.
     """
     constant = {error.kind: error.rms_percent for error in errors if error.current == "constant"}
     training_percent, cv_percent = constant.get("training"), constant.get("cross_validation")

@@ -23,8 +23,8 @@ def find_group_deviations(
     """Return two tuples: findings about all runs together, and findings about groups of runs.
 
     A cause is ignored if it explains much less than the best cause. If the forces of a group are delayed, the
-    forces of the other runs appear early and the forces of all runs together appear slightly late. Therefore
-    only the better explanation is reported if both a group delay and a common deviation are possible.
+    forces of the other runs appear early and the forces of all runs together appear slightly late. Therefore,
+    if both a group delay and a common deviation are possible, only the better explanation is reported.
     """
     common = list(_common_deviations(analysis, settings))
     gains = [*_two_groups(analysis, "force_gain", settings), *_drift(analysis, settings)]

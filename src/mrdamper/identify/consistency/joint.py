@@ -1,6 +1,7 @@
 """Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
 
-The search is the same as in ``identify.fit``. Uncertainty, proposed tests and cross-validation are omitted.
+The parameter search of ``identify.fit`` is used. Uncertainty, proposed tests and cross-validation are
+omitted.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def joint_test(runs: Sequence[Recording]) -> list[Finding]:
         is_confirmed=any(finding.run == name for finding in findings),
     )
     if _group_kinds(findings) & _group_kinds(refit_findings):
-        # The deviation of several runs remains if the suspect is omitted. No single run is the cause.
+        # A group of runs still deviates after the suspect is omitted. Therefore the suspect is not the cause.
         return list(findings)
     return [finding for finding in refit_findings if finding.run] or list(findings)
 
@@ -68,7 +69,7 @@ def joint_fit(
 ) -> tuple[Damper, tuple[PreparedRun, ...], tuple[str, ...]]:
     """Return the fitted damper, the prepared runs, and the names of the parameters that are not at a bound.
 
-    The fit starts from ``first``, the damper of a former fit, if it is given.
+    If ``first`` is given, the fit starts from this damper of a former fit.
     """
     data = FitData.prepare(Dataset(tuple(runs)))
     problem = data.problem(default_law(data.training))
@@ -80,7 +81,7 @@ def joint_fit(
 
 
 def _prepared(runs: Sequence[Recording]) -> list[RigRun]:
-    """Return the runs that can be prepared. The diagnosis of single runs reports the remaining runs."""
+    """Return the runs that can be prepared. The diagnosis of single runs reports all other runs."""
     sound: list[RigRun] = []
     for run in runs:
         try:

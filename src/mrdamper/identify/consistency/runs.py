@@ -2,8 +2,8 @@
 
 If a run has a wrong gain, delay, command or offset, its residual has a characteristic shape (``effects``).
 The model itself also has errors, which depend on command and motion. Therefore the size of a cause in one run
-is compared with its size in runs with the same command and motion, and with the scatter of all runs. The
-simplest sufficient cause is reported.
+is compared with its size in runs with the same command and motion. The difference is compared with the
+scatter of all runs. The simplest sufficient cause is reported.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Deviation of one run from comparable runs, if the deviation has a given cause."""
+    """Deviation of one run from comparable runs, if one cause explains the whole deviation."""
 
     kind: str  # name of the cause, a key of ``CAUSES``
     size: float  # difference from comparable runs [unit of the cause]
@@ -79,10 +79,10 @@ def find_suspects(
     free: Sequence[str] = (),
     settings: ConsistencySettings = DEFAULTS,
 ) -> tuple[str, ...]:
-    """Return the names of at most two suspect runs; a second fit omits each of them in turn.
+    """Return the names of at most two suspect runs. The caller repeats the fit without each of them.
 
-    The suspects are the run with the largest deviation and the run with the largest residual. The two runs
-    may differ if the wrong run has the slowest or the fastest motion, because the fit then follows the wrong
+    The suspects are the run with the largest deviation and the run with the largest residual. These can be
+    two different runs if the wrong run has the slowest or the fastest motion. The fit then follows the wrong
     run and deviates from correct runs.
     """
     steady = _steady_runs(runs)
@@ -99,7 +99,7 @@ def find_suspects(
 
 
 def rms_residual(damper: Damper, runs: Sequence[PreparedRun], *, without: str) -> float:
-    """Return the rms of the relative residuals (residual / force spread) of all runs except one."""
+    """Return the rms residual / standard deviation of the force, over all runs except one."""
     return rms(analyse_residuals(damper, [run for run in _steady_runs(runs) if run.name != without]).levels)
 
 
@@ -110,7 +110,7 @@ def _steady_runs(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
 def _deviating_runs(
     analysis: ResidualAnalysis, ratios_min: FloatArray, suspect: str, settings: ConsistencySettings
 ) -> dict[int, Deviation]:
-    """Return the deviations with their simplest causes, by run number, the worst run first.
+    """Return the deviation and the simplest sufficient cause of each deviating run, worst run first.
 
     ``ratios_min``, shape (runs,), multiplies the thresholds of each run. A run with a large deviation
     distorts the fit. Therefore runs with a much smaller deviation than the worst run are ignored.
@@ -177,9 +177,9 @@ def _amounts(
 ) -> tuple[FloatArray, float]:
     """Return the deviation of each run from comparable runs, and the scatter of these deviations.
 
-    Deviations and scatter are divided by the typical residual. The typical sizes are estimated by least
-    absolute deviations, so that a single run has hardly any influence. Each run is compared with the runs of
-    the same command and motion, or with all runs. The comparison with less scatter is used.
+    Deviations and scatter are divided by the typical residual. The typical sizes of the cause are estimated
+    by least absolute deviations, so that a single run has hardly any influence. Each run is compared with the
+    runs of the same command and motion, or with all runs. The comparison with less scatter is used.
     """
     results = []
     for design in (peers, np.ones((len(sizes), 1))):
@@ -204,8 +204,8 @@ def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) ->
 
     If most combinations of command and motion are repeated, for example at several temperatures, each
     combination has a column. Otherwise each command and each motion has a column. If hardly any two runs have
-    the same motion, each command has a column and a slope over the logarithm of speed. A small campaign has
-    only columns for the commands, or a single column.
+    the same motion, each command has two columns: a constant, and a slope versus the logarithm of speed. A
+    small campaign has only columns for the commands, or a single column.
     """
     levels, motions = _command_levels(runs, settings).tolist(), [run.motion for run in runs]
 
@@ -258,7 +258,10 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 def _exchanged_labels(
     analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
-    """Generate pairs of run number and finding for runs that probably have the command of another run."""
+    """Generate the run number and the finding of each run that probably has the label of another command.
+
+    Two such runs have exchanged labels.
+    """
     runs, commands = analysis.runs, _commands(analysis.runs)
     shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
     for a, b in permutations(deviations, 2):

@@ -14,9 +14,9 @@ class ConsistencySettings:
 
     # Single runs
     run_count_min: int = 6  # min number of fitted runs; the scatter of fewer runs is not significant
-    # Smaller delays, divided by the period, are ignored: the model error of a slow motion resembles a delay.
-    delay_period_ratio_min: float = 0.002
-    # The simpler of two causes is reported if its strength / strength of the other cause is at least this.
+    # Smaller delays are ignored because the model error of a slow motion resembles a delay.
+    delay_period_ratio_min: float = 0.002  # min delay / period
+    # The simpler of two causes is reported if its strength / strength of the complex cause is at least this.
     simple_cause_ratio_min: float = 0.9
     # Deviations below this fraction of the worst run's deviation are ignored, because the worst run distorts
     # the fit and therefore the residuals of all runs.
@@ -28,7 +28,7 @@ class ConsistencySettings:
     level_ratio_max: float = 3.0  # max typical residual at one command, divided by the median over all runs
     spare_run_count_min: int = 5  # min number of runs minus number of regression coefficients
     scatter_run_count_min: int = 12  # min number of runs at one command for a separate estimate of scatter
-    command_tolerance_ratio: float = 0.05  # Commands are equal if they differ by less / command range.
+    command_tolerance_ratio: float = 0.05  # max difference of two equal commands / range of the commands
     iteration_count: int = 30  # iterations of the robust regression
     # The command labels of two runs are swapped if the estimated label error, divided by the difference of
     # the two commands, is in this range.
@@ -43,9 +43,10 @@ class ConsistencySettings:
     group_delay_min_s: float = 4e-3
     common_fraction_min: float = 0.015  # min fraction of the mean squared residual that a delay explains
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
-    single_run_ratio_min: float = 0.9  # If one run explains more of a common effect, it is the only cause.
-    error_ratio_max: float = 2.5  # Runs with a larger standard error / median standard error are ignored.
-    second_cause_ratio_min: float = 0.5  # fraction explained by a second cause / fraction by the first cause
+    # If one run explains more than this fraction of an effect in all runs, only this run is reported.
+    single_run_ratio_min: float = 0.9
+    error_ratio_max: float = 2.5  # max standard error of a compared run, divided by the median of all runs
+    second_cause_ratio_min: float = 0.5  # min fraction explained by a second cause / by the best cause
 
     # Errors of one result
     training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
@@ -53,7 +54,8 @@ class ConsistencySettings:
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
     singular_value_ratio_min: float = 1e-9
-    cause_power_ratio_min: float = 1e-9  # The fitted parameters can imitate a cause with less power fully.
+    # A cause is ignored if the fitted parameters can imitate its effect on the force up to this fraction.
+    cause_power_ratio_min: float = 1e-9
     correlated_samples: float = 10.0  # samples that count as one independent sample of the residual
 
 

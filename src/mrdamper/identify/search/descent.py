@@ -31,7 +31,7 @@ class Descents:
     ----------
     points : search coordinates of the starting points, shape (descents, nonlinear)
     linear : start values of the linear parameters, shape (descents, linear)
-    most : number of accepted steps after which a descent ends
+    most : max number of accepted steps of a descent
 
     Attributes
     ----------

@@ -21,9 +21,10 @@ from mrdamper.models.tangents import Tangents
 
 
 class GramSums:
-    """Weighted Gram matrices of the residual and of the tangents with respect to ``wanted`` parameters.
+    """Weighted Gram matrices of the residual and of the tangents of the force.
 
-    The ``varying`` parameters differ between candidates. All other parameters have the values of the damper.
+    A tangent is the derivative of the force with respect to one of the ``wanted`` parameters. The ``varying``
+    parameters differ between candidates. All other parameters have the values of the damper.
     The rows of a matrix are the wanted parameters, followed by the residual.
     """
 

@@ -48,7 +48,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """Candidates with their best linear parameters. The first axis of each array is the candidate.
+    """Candidates with their best linear parameters. The first axis of each array counts the candidates.
 
     The rows of ``gram`` are the nonlinear parameters, the linear parameters and the residual. The tangents
     are computed with the initial guess of the linear parameters, and the residual with the best linear
@@ -105,9 +105,9 @@ class Objective:
     ) -> Eliminated:
         """Return candidates with their best linear parameters, starting from the guess ``linear``.
 
-        If ``tangents`` is False, no Gram matrix is returned. A cost is computed as the difference of two sums
-        that are about as large as the cost of the guess. If rounding errors dominate this difference, the
-        elimination is repeated once from the result of the first elimination.
+        If ``tangents`` is False, no Gram matrix is returned. A cost is the difference of two sums, which are
+        about as large as the cost of the guess. If rounding errors dominate this difference, the elimination
+        is repeated once from its own result.
         """
         g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0

@@ -1,4 +1,4 @@
-"""Fit by the genetic algorithm of the paper, the baseline for comparisons with variable projection.
+"""Fit by the genetic algorithm of the reference paper, the baseline for comparisons with variable projection.
 
 As is common for genetic algorithms, the search includes all free parameters, linear and nonlinear. For a fair
 comparison, cost and kernel are the same as in variable projection.
@@ -66,7 +66,7 @@ def fit_genetic(
     seed: int = 0,
     on_progress: Progress = silent,
 ) -> SearchResult:
-    """Fit by the genetic algorithm of the paper (library pymoo), which serves as baseline.
+    """Fit by the genetic algorithm of the reference paper (library pymoo), which serves as baseline.
 
     The algorithm uses binary tournaments, simulated binary crossover (probability 0.9, eta 15), polynomial
     mutation (eta 20) and elitist survival. The initial population is a Latin hypercube. After an interrupt,

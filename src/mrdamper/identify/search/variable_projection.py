@@ -1,6 +1,6 @@
 r"""Variable projection with Levenberg-Marquardt and several starts: the standard fit of a damper.
 
-The force is linear in most parameters. Linear least squares, limited to the admissible range of the law,
+The force is linear in most parameters. Linear least squares, limited to the valid range of the law,
 eliminates these parameters in every step. The search varies only the other parameters:
 
 .. math:: \min_\theta \min_c | y - F(\\theta, c) |^2, \quad F \text{ affine in } c
@@ -180,10 +180,10 @@ def thorough_starts(
 
     The search begins with descents from given dampers and random points. Rounds of further descents follow.
     Some start from the best minimum after some coefficients are replaced by values from a different minimum
-    (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One starts from a random
-    perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997) 5111-5116). The
-    replacement helps because a minimum with a wrong friction can have the right free play. The random numbers
-    are always the same, so that a fit does not depend on a seed.
+    (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One descent of each round
+    starts from a random perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101
+    (1997) 5111-5116). The replacement helps because a minimum with a wrong friction can have the right free
+    play. The random numbers are always the same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, search_windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings

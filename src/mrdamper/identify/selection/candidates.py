@@ -60,7 +60,7 @@ class ValidatedCandidate:
 
     fitted: FittedCandidate  # fit to all windows
     dampers: tuple[Damper, ...]  # fit without each fold, in the order of the folds
-    squared_errors: FloatArray  # [%^2] of each window in the fit without it; NaN if no fold holds it out
+    squared_errors: FloatArray  # [%^2] of each window, when held out from the fit; NaN if never held out
     fractions: FloatArray  # weight of each window
     folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
     runs: NDArray[np.intp]  # index of the run of each window
@@ -103,10 +103,10 @@ class ValidatedCandidate:
 
     @property
     def cv_mean_percent(self) -> float:
-        """Mean error [%] of held-out runs, by which terms are selected.
+        """Mean error [%] of held-out runs. The forward selection compares terms by this error.
 
         The root mean square is not used because a few runs with large errors for all candidates would
-        dominate it, such as runs at zero current in which only friction acts.
+        dominate it. Examples are runs at zero current, in which only friction acts.
         """
         weights, errors_percent, _ = self._run_errors()
         means = [float(weights @ errors_percent)]
@@ -115,7 +115,7 @@ class ValidatedCandidate:
         return float(np.mean(means))
 
     def _run_errors(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return weights, errors [%] and fold numbers. One part is the windows of one run in one fold."""
+        """Return weight, error [%] and fold number for each combination of a held-out run and a fold."""
         held_out = self._is_held_out
         folds, runs = self.folds[held_out], self.runs[held_out]
         fractions, squares = self.fractions[held_out], self.squared_errors[held_out]

@@ -112,9 +112,9 @@ class CandidateEvaluator:
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes with which the selection of terms starts; None means the default terms.
 
-        If the mean forces depend on temperature, every archetype includes a gas force. Otherwise the search
-        would not find the best damper with a gas force. If the mean forces grow with the force, an asymmetric
-        version of every archetype is added.
+        If the mean forces of the runs depend on temperature, every archetype includes a gas force. Otherwise
+        the search would not find the best damper with a gas force. If runs with larger forces also have
+        larger mean forces, an asymmetric version of every archetype is added.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
@@ -294,8 +294,8 @@ class CandidateEvaluator:
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
         """Fit a candidate by a few iterations on the screening windows; return the damper and its error [%].
 
-        One fit is made for each alternative set of start values of a new term. For each set, the fit starts
-        at the size with the smallest error.
+        One fit is made for each alternative set of start values of a new term. Each fit starts at the size of
+        the term that has the smallest error.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
         starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]

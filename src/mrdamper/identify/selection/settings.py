@@ -24,8 +24,8 @@ class SelectionSettings:
     subset_growth: float = 3.0  # factor on samples_max in each repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 1.5  # error of a law's best start / smallest such error of all laws
-    training_error_ratio_max: float = 1.5  # training error of a law / smallest training error of all laws
+    start_error_ratio_max: float = 1.5  # max error of a law's best start / smallest such error of all laws
+    training_error_ratio_max: float = 1.5  # max training error of a law / smallest training error of all laws
     finalist_count_max: int = 3  # max number of laws that are cross-validated, in addition to modular laws
 
     # Forward selection
@@ -42,8 +42,8 @@ class SelectionSettings:
     training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates of a law: a candidate is better if its cross-validation gain and the
-    # Student's t of this gain over the folds exceed the first two values. Alternatively, both exceed the last
-    # two values. A law replaces another law if its gain exceeds the third value.
+    # Student's t of this gain over the folds exceed the first two values. It is also better if gain and t
+    # exceed the last two values. A law replaces another law if its gain exceeds the third value.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
@@ -63,9 +63,9 @@ class SelectionSettings:
     round_gain_min: float = 0.004  # The next round starts only if the gain of a round exceeds this value.
     fold_iterations: int = 4  # iterations of a cross-validation fit, which starts at the fit to all windows
     screening_iterations: int = 8  # iterations of a fit with one additional term
-    # Archetypes get a gas force if a regression on temperature reduces the error of the mean forces by more.
+    # Archetypes get a gas force if a regression on temperature reduces the error of mean forces by this much.
     gas_error_percent_min: float = 2.0
-    # Asymmetric archetypes are added if a regression on force and speed reduces this error by more.
+    # Asymmetric archetypes are added if a regression on force and speed reduces this error by this much.
     asymmetry_error_percent_min: float = 5.0
 
     # Response to the current

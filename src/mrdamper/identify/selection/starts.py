@@ -32,11 +32,11 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
-    """Return by how much [%] the error of the mean forces decreases if they may depend on force and speed.
+    """Return the decrease [%] of the error of the mean forces if a regression includes force and speed.
 
     If the damper is symmetric, the mean force of a run is the gas force. If the damper is stronger in one
-    direction, runs with larger forces have larger mean forces. Therefore the size of the force and the speed
-    are included in a regression of the mean forces. The result is large for an asymmetric damper.
+    direction, runs with larger forces have larger mean forces. The regression explains these mean forces by
+    the size of the force and the speed. Therefore the result is large for an asymmetric damper.
     """
     warming_K = _warming_K(runs)
     base = [np.ones(len(runs)), *([] if warming_K is None else [warming_K])]

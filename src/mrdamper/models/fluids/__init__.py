@@ -1,1 +1,1 @@
-"""MR fluids: viscosity and yield stress versus temperature and field, presets, fits to rheometer tables."""
+"""MR fluids: viscosity and yield stress versus temperature and field, presets, fits of rheometer tables."""

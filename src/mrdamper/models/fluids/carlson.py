@@ -8,9 +8,9 @@ water. The module ``temperature`` describes how the yield stress changes with te
 curve is assumed to be the same at every temperature. The stress does not depend on the sign of the field,
 and B is odd in H.
 
-Source: Carlson's empirical formulas, from a public source file; the values of C are this project's
-assumptions. Against the manufacturer's points for MRF-132DG (second hand: 4.64, 13.77 and 23.47 kPa at 18, 46
-and 80 kA/m) the formula with phi = 0.32, C = 1 gives +17, -2 and -5 %.
+Source: Carlson's empirical formulas, from a public source file. The values of C are assumptions of this
+project. The manufacturer's points for MRF-132DG (from a secondary source) are 4.64, 13.77 and 23.47 kPa at
+18, 46 and 80 kA/m. With phi = 0.32 and C = 1, the formula deviates from these points by +17, -2 and -5 %.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ def flux_density(field_A_m: ArrayLike, particle_fraction: float) -> FloatArray:
 def field_strength(flux_density_T: ArrayLike, particle_fraction: float) -> FloatArray:
     """Return the field strength H [A/m] for flux densities B [T] in the fluid (inverse of B(H)).
 
-    With b = mu0 H, a = 1.91 phi^1.133 and k = 10.97/T the curve is b + a (1 - exp(-k b)) = B, whose solution
-    is b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One subsequent Newton step removes the
-    remaining cancellation error at small B.
+    With b = mu0 H, a = 1.91 phi^1.133 and k = 10.97/T the curve is b + a (1 - exp(-k b)) = B. The solution is
+    b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One subsequent Newton step removes the remaining
+    cancellation error at small B.
     """
     from scipy.special import lambertw
 
@@ -100,7 +100,7 @@ def _iron(particle_fraction: float) -> float:
 
 
 def checked_fraction(particle_fraction: float) -> float:
-    """Return the volume fraction of iron after a check (random packing of spheres reaches about 0.64)."""
+    """Return the volume fraction of iron; raise InputError outside (0, 0.6] (packed spheres reach 0.64)."""
     if not 0.0 < particle_fraction <= 0.6:
         raise InputError(
             found=f"particle fraction is {particle_fraction:g}",

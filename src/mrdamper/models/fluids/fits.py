@@ -1,8 +1,8 @@
 """Fits of rheometer tables: viscosity versus temperature, yield stress versus field and temperature.
 
-All laws are fitted by ``scipy.optimize.curve_fit`` to the logarithm, because the error of a rheometer is a
-percentage. Of several laws, the law with the smallest Akaike criterion (AICc) is used. Standard errors
-assume independent errors of the points. ``data.rheometer`` reads the tables.
+All laws are fitted by ``scipy.optimize.curve_fit`` to the logarithm of the values, because the error of a
+rheometer is a percentage. If several laws are fitted, the law with the smallest Akaike criterion (AICc) is
+used. Standard errors assume independent errors of the points. ``data.rheometer`` reads the tables.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from mrdamper.models.temperature import Arrhenius, Linear, Reynolds, Temperature
 from mrdamper.quantities import REFERENCE_K, to_degC
 
 VALID_K = (233.15, 403.15)
-"""-40 to 130 degC: points outside are not fitted."""
+"""Temperatures of the points that are fitted [K], -40 to 130 degC. Points outside are ignored."""
 
-HOT_K = 373.15  # The decrease of a law is stated from 20 to 100 degC.
+HOT_K = 373.15  # Reports state the decrease of viscosity or yield stress from 20 to 100 degC.
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +37,9 @@ class FittedParameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawFit:
-    """A fitted law: a value at 20 degC times a factor of temperature.
+    """A fitted law: a value at 20 degC times a temperature factor.
 
-    ``field_law`` is None for a viscosity, whose value at 20 degC is ``at_reference``.
+    A viscosity has the value ``at_reference`` at 20 degC. A yield stress has the value of ``field_law``.
     """
 
     name: str
@@ -60,7 +60,7 @@ class LawFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """All laws fitted to one quantity, the best first, and the points of the tables.
+    """All laws that were fitted to one quantity, best law first, and the points of the tables.
 
     ``field_A_m`` is zero for a viscosity.
     """
@@ -90,7 +90,7 @@ def fit_viscosity(
     Raises
     ------
     InputError
-        A value is not positive, or there are too few temperatures.
+        If a value is not positive, or there are too few temperatures.
     """
     order = np.argsort(temperature_K, kind="stable")
     kelvin, viscosity = temperature_K[order], viscosity_Pa_s[order]
@@ -118,7 +118,7 @@ def fit_viscosity(
 def _fit_viscosity(
     kind: type[Reynolds] | type[Arrhenius] | type[Vft], t: FloatArray, y: FloatArray, start: Sequence[float]
 ) -> LawFit:
-    """Fit ln eta = ln eta_20 + ln factor(T)."""
+    """Fit ln eta = ln eta_20 + ln factor(T) to logarithms of viscosities ``y`` at temperatures ``t`` [K]."""
     pole_min_K = -500.0  # A VFT law with a lower pole is practically the Reynolds law.
     pole_margin_K = 5.0  # The pole of a VFT law is at least this far below the coldest point.
     low, high = [0.0, -np.inf, pole_min_K], [np.inf, np.inf, min(float(t[0]), REFERENCE_K) - pole_margin_K]
@@ -150,7 +150,8 @@ def fit_yield_stress(
 ) -> Study:
     """Fit Carlson's field law times a factor that is linear in temperature.
 
-    The field scale is Carlson's, or fitted with three fields and six points or more.
+    With three field strengths and six points or more, the field scale is fitted. Otherwise it is Carlson's
+    value.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def fit_yield_stress(
     Raises
     ------
     InputError
-        A stress in a field is not positive, or there are too few points or temperatures.
+        If a stress in a field is not positive, or there are too few points or temperatures.
     """
     order = np.lexsort((np.abs(field_A_m), temperature_K))
     field, kelvin, stress = np.abs(field_A_m)[order], temperature_K[order], stress_Pa[order]
@@ -229,7 +230,7 @@ def _curve_fit(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the fitted parameters and their covariance.
 
-    The covariance is NaN for parameters at a bound, or if there are no more points than parameters.
+    The covariance is NaN for parameters at a bound, and for all parameters if there are too few points.
     """
     from scipy.optimize import OptimizeWarning, curve_fit
 
@@ -258,7 +259,7 @@ def _law_fit(  # noqa: PLR0913 - all parts of one fit
 ) -> LawFit:
     """Return the fit with standard errors, residuals and the decrease from 20 to 100 degC."""
     errors = np.sqrt(np.diag(covariance))
-    # The parameters of the factor follow the value at 20 degC.
+    # The first parameter is the value at 20 degC. The parameters of the temperature factor are next.
     size = len(factor.parameters)
     known = np.isfinite(errors[1 : 1 + size])
     slope = factor.gradient(HOT_K)[known]

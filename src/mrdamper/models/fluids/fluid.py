@@ -37,15 +37,15 @@ class Collapse:
     def value(self, temperature_K: ArrayLike) -> FloatArray:
         """Return the factor [-] at temperatures [K], in their shape."""
         excess = (np.asarray(temperature_K, dtype=np.float64) - self.middle_K) / self.width_K
-        return np.asarray(0.5 * (1.0 - np.tanh(0.5 * excess)))  # Equal to the equation, without overflow.
+        return np.asarray(0.5 * (1.0 - np.tanh(0.5 * excess)))  # same value as the equation, without overflow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fluid:
-    """An MR fluid: parameters at 20 degC, laws of temperature and field, valid range, source.
+    """An MR fluid: parameters at 20 degC, dependence on temperature and field, valid range, source.
 
-    ``viscosity_fitted_K`` are the temperatures of the measured viscosities. Outside of them, and outside
-    ``valid_K``, a value is returned with a warning.
+    ``viscosity_fitted_K`` is the temperature range of the measured viscosities. Outside this range, and
+    outside ``valid_K``, a value is returned with a warning.
     """
 
     name: str
@@ -96,14 +96,14 @@ class Fluid:
         Raises
         ------
         InputError
-            The fluid has no collapse.
+            ``with_collapse`` is True, but the fluid has no ``collapse``.
         EnvelopeError
-            The law is not positive and finite there, or a temperature is not plausible in kelvin.
+            The viscosity is not positive and finite, or a temperature is not plausible in kelvin.
 
         Warns
         -----
         EnvelopeWarning
-            Outside ``valid_K`` or ``viscosity_fitted_K``, once.
+            Once, if a temperature is outside ``valid_K`` or ``viscosity_fitted_K``.
         """
         kelvin = np.asarray(temperature_K, dtype=np.float64)
         values = self.viscosity_Pa_s * self._factor("viscosity", self.viscosity_factor, kelvin)
@@ -123,19 +123,19 @@ class Fluid:
     ) -> FloatArray:
         """Return the yield stress [Pa] at temperatures [K], and at a field strength or a flux density.
 
-        Shapes broadcast.
+        The shapes of the arguments are broadcast.
 
         Raises
         ------
         InputError
             Neither or both of field strength and flux density are given.
         EnvelopeError
-            The law is not positive and finite there, or a temperature is not plausible in kelvin.
+            The temperature factor is not positive and finite, or a temperature is not plausible in kelvin.
 
         Warns
         -----
         EnvelopeWarning
-            Outside ``valid_K``, once.
+            Once, if a temperature is outside ``valid_K``.
         """
         if (field_A_m is None) == (flux_density_T is None):
             raise InputError(place="yield stress", found="give either field_A_m or flux_density_T")

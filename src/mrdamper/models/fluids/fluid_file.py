@@ -1,7 +1,7 @@
-"""Fluids as TOML: the presets, and reading and writing the file of a fluid.
+"""Fluids as TOML: read the presets, read and write the file of a fluid.
 
-With ``like = "preset"``, all parts that the file omits are taken from a preset. docs/fluid.md describes the
-keys. Temperatures are in degC in the file and in kelvin in ``Fluid``.
+The key ``like`` names a preset, from which all parts that the file omits are taken. docs/fluid.md describes
+the keys. Temperatures are in degC in the file and in kelvin in ``Fluid``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _Law = Annotated[str, Option(among=lambda: FACTORS)]
 
 @dataclass(frozen=True, kw_only=True)
 class ViscosityTable:
-    """The viscosity without field; the parameters of its law are in the same table."""
+    """Table of the viscosity without field. It also contains the parameters of the temperature law."""
 
     law: _Law
     fitted_degC: Annotated[tuple[float, float] | None, Option(unit="degC")] = None
@@ -39,7 +39,7 @@ class ViscosityTable:
 
 @dataclass(frozen=True, kw_only=True)
 class YieldStressTable:
-    """The yield stress; the parameters of its law of temperature are in the same table."""
+    """Table of the yield stress. It also contains the parameters of the temperature law."""
 
     law: _Law
     saturation_Pa: Annotated[float, Option(unit="Pa")]
@@ -66,7 +66,7 @@ class FluidTables:
     source: str = ""
     like: str | None = None
     valid_degC: Annotated[tuple[float, float], Option(unit="degC")] = (-40.0, 130.0)
-    """Lowest and highest temperature."""
+    """Lowest and highest temperature for which the fluid data are valid."""
     viscosity: Mapping[str, Any]
     yield_stress: Mapping[str, Any]
     properties: PropertiesTable
@@ -79,7 +79,7 @@ def find_fluid(name_or_path: str | Path) -> Fluid:
     Raises
     ------
     InputError
-        Neither a preset nor a readable file of a fluid.
+        If the argument is neither the name of a preset nor a readable file of a fluid.
     """
     if str(name_or_path) in PRESETS:
         return _preset(str(name_or_path))
@@ -107,7 +107,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
     Raises
     ------
     InputError
-        The text is not a valid fluid; the message names the place in it.
+        If the text is not a valid fluid. The message names the key with the fault.
     """
     try:
         given = parse_toml(text)
@@ -148,7 +148,7 @@ def _completed(given: Json, place: str) -> Json:
         raise InputError(f"like is {like!r}", place=place, expected=f"one of: {', '.join(PRESETS)}")
     base = _document_of(find_fluid(like))
     if "viscosity" in given:
-        base.pop("collapse", None)  # The collapse belongs to the viscosity of the preset.
+        base.pop("collapse", None)  # The collapse of the preset is a property of its viscosity.
     if isinstance(given.get("properties"), Mapping):
         given["properties"] = {**base["properties"], **given["properties"]}
     return {**base, "title": f"like {like}", **given}

@@ -3,12 +3,12 @@
 A heating curve determines two ratios: power divided by heat capacity, and conductance to ambient divided by
 heat capacity. Therefore two factors are fitted by nonlinear least squares: a factor on the heat capacity
 (without fins), and a factor on all convection (body and fins). The initial temperature is also fitted. The
-power follows from the card. If the power is wrong, the two factors have the same relative error, and the
-temperatures are still correct.
+card determines the power. If the power is wrong, the two factors have the same relative error, and the
+simulated temperatures are still correct.
 
 The zone network is fitted because its simulation takes only milliseconds. To calibrate a different thermal
-model, the difference between this model and the network is subtracted from the measured curve, and the fit is
-repeated.
+model, the temperature difference between this model and the network is subtracted from the measured curve.
+Then the fit is repeated.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, si
 class ModelUncertainty:
     """Relative standard deviations of the properties of a damper that was not calibrated.
 
-    They are used as priors of the calibration, so that a short curve does not change a factor that it does
-    not determine.
+    The calibration uses them as priors. Without priors, a short curve would change a factor that it does not
+    determine.
     """
 
     power: float = 0.10
@@ -61,7 +61,7 @@ class CalibratedDrawing:
 
     drawing: DamperDrawing  # calibrated geometry
     start_K: float  # fitted uniform temperature at time 0
-    # Covariance of initial temperature [K], logarithm of heat-capacity factor and of film factor.
+    # Covariance of initial temperature [K], logarithm of heat-capacity factor and logarithm of film factor.
     covariance: FloatArray  # shape (3, 3)
     curve: HeatingCurve
     fitted_K: FloatArray  # fitted temperature at the times of the curve, shape (n,)
@@ -156,8 +156,8 @@ def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> Damper
 def residual_variance(residual: FloatArray, parameters: int) -> float:
     """Return the variance of residuals times (1 + r) / (1 - r); r is the correlation of adjacent residuals.
 
-    The factor is exact for a first-order autoregression. An error of the model also makes adjacent residuals
-    correlate, so the factor accounts for a part of this error.
+    The factor is exact for a first-order autoregression. Because an error of the model also correlates
+    adjacent residuals, the factor accounts for a part of this error.
     """
     total = float(residual @ residual)
     correlation = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
@@ -188,8 +188,8 @@ class _NetworkFit:
         factor_min, factor_max = SETTINGS.calibration_factor_range
         low = np.array([point[0] - SETTINGS.start_range_K, *[math.log(factor_min)] * 2])
         high = np.array([point[0] + SETTINGS.start_range_K, *[math.log(factor_max)] * 2])
-        # The noise determines the weight of the data relative to the priors. The second fit takes the noise
-        # from the residuals of the first fit.
+        # The noise determines the weight of the curve relative to the priors. The second fit uses the noise
+        # that follows from the residuals of the first fit.
         for _ in range(2):
 
             def residuals(at: FloatArray, noise: float = noise) -> FloatArray:
@@ -253,9 +253,9 @@ class _NetworkFit:
 def _model_minus_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return the thermometer temperature of ``model`` minus that of the network [K], shape (n,).
+    """Return the thermometer temperature of ``model`` minus the temperature of the network [K], shape (n,).
 
-    The n times are those of the measured curve.
+    The results are at the n times of the measured curve.
     """
     curves = [
         simulate_rise(works, found.drawing, duty, model=each, start_K=found.start_K, stop_at_limit=False)

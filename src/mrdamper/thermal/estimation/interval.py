@@ -1,10 +1,10 @@
 """Compute 90 % intervals of a predicted heating curve, and of the times at which limits are reached.
 
-The zone network is simulated with each uncertain quantity increased and decreased by 1.645 standard
-deviations, which contain 90 % of a normal distribution. The half widths of the interval, above and below the
-curve, are the root sums of squares of the temperature changes. If the geometry is not calibrated, the
-uncertain quantities are the fields of ``ModelUncertainty``. For a calibrated geometry, the changes are along
-the principal axes of the covariance of the calibration.
+Each uncertain quantity is increased and decreased by 1.645 standard deviations, a range that contains 90 % of
+a normal distribution. The zone network is simulated with each change. The half widths of the interval, above
+and below the curve, are the root sums of squares of the temperature changes. If the geometry is not
+calibrated, the uncertain quantities are the fields of ``ModelUncertainty``. For a calibrated geometry, the
+changes are along the principal axes of the covariance of the calibration.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """Interval of the time at which a temperature limit is reached; infinity: not in the simulated time."""
+    """Interval of the time at which a temperature limit is reached; infinity: later than the simulation."""
 
     low_s: float
     high_s: float
@@ -58,8 +58,8 @@ class PredictionInterval:
 _Change = Mapping[str, float]
 """A change of uncertain quantities by name.
 
-The values are logarithms of factors on power, capacity, loss, film, fluid_wall and coil, and a shift start_K
-of the initial temperature [K].
+A value is the logarithm of a factor on power, capacity, loss, film, fluid_wall or coil. The value of start_K
+is a shift of the initial temperature [K].
 """
 
 
@@ -94,7 +94,7 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else SETTINGS.misfit_ratio
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a curve [K] and the ends of its interval; after its end, the network continues the curve."""
+        """Return ``curve`` [K] and its interval. After the end of the curve, the network continues it."""
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
         more = SETTINGS.interval_deviations * misfit * np.abs(middle - middle[0])
@@ -111,7 +111,7 @@ def predict_interval(
 
 
 def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArray:
-    """Return the ends of the 90 % interval of the temperature rise, divided by the rise, shape (times, 2).
+    """Return the ends of the 90 % interval of the temperature rise / the rise itself, shape (times, 2).
 
     ``at`` are the times [s]. The rise is the temperature above ambient of the node that receives the
     mechanical power.
@@ -168,7 +168,7 @@ def _runs(
 def _interval_widths(
     runs: Sequence[Heating], weights: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the nominal temperature of weighted nodes, and its half widths above and below [K]."""
+    """Return the nominal weighted mean of the nodes, and the half widths of its interval up and down [K]."""
     time = runs[0].time
     middle, *changed = (np.interp(time, each.time, each.temperature @ weights) for each in runs)
     off = (np.array(changed) - middle).reshape(-1, 2, len(time))

@@ -75,8 +75,9 @@ def clean_curve(
     """Return a curve without the bad readings of a data logger. Notes of the curve report removed samples.
 
     The function removes samples that are not finite or not plausible, repeated times, and spikes. A spike is
-    a single sample that is far above or far below the three neighbours on each side: by more than 8 standard
-    deviations of the noise, 0.5 K, and 4 times the range of these neighbours. Steps and slopes remain.
+    a single sample far above or far below its three neighbours on each side. The distance is more than 8
+    standard deviations of the noise, 0.5 K, and 4 times the range of these neighbours. Steps and slopes of
+    the curve remain.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Convection of annular fins on a horizontal tube: heat-transfer coefficients of sides, floor and rim.
 
 The *floor* is the tube between the fins, and the *rim* is the outer edge of a fin. In still air, the
-coefficients follow from the correlation of Tsubouchi and Masuda for the mean of fin sides and tube, with a
-correction because the tube blocks the air in narrow gaps. With air across the axis, they follow from a
-developing flow between two discs that is driven by the wind pressure. docs/thermal.md describes the
+coefficients follow from the correlation of Tsubouchi and Masuda for the mean of fin sides and tube. It is
+corrected because the tube blocks the air in narrow gaps. With air across the axis, the coefficients follow
+from a developing flow between two discs that is driven by the wind pressure. docs/thermal.md describes the
 validation. ``side_uncertainty`` and ``RIM_UNCERTAINTY`` are the errors. All functions accept arrays of any
 shape and do not depend on geometry files.
 """
@@ -60,9 +60,9 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
     -----
     For phi = 1 the equation is the correlation of Tsubouchi and Masuda (1970) for long fins, quoted by
     Raithby and Hollands (handbook chapter). We could not read either source. For Ra -> 0 the equation becomes
-    Ra / (6 pi), which is developed flow between discs without a tube. With a tube, phi is the ratio of the
-    heat flow to this heat flow, for potential flow in the annulus with zero pressure at the rim and no flow
-    through the tube wall. For thin layers (Ra -> infinity), phi has no effect.
+    Ra / (6 pi), which is developed flow between discs without a tube. A tube reduces this heat flow by the
+    factor phi. The factor is computed for potential flow in the annulus with zero pressure at the rim and no
+    flow through the tube wall. For thin layers (Ra -> infinity), phi has no effect.
     """
     number = np.asarray(rayleigh_gap, dtype=np.float64)
     if not (np.isfinite(number) & (number >= 0.0)).all():
@@ -123,17 +123,19 @@ def forced_side_film(
         ``nusselt_annular_fins``
     viscosity, prandtl : properties of air at film temperature [m^2/s], [-], equal shape
     driving, correction : c_d, and a factor on the coefficient. The factor phi of ``nusselt_annular_fins``,
-        which is exact for narrow gaps, is always included. The values 1, 1 and d = 0 describe a disc without
-        tube.
+        which is exact for narrow gaps, is included if d > 0. The values 1, 1 and d = 0 describe discs without
+        a tube.
 
     Raises
     ------
     EnvelopeError
         If the ratio of diameters is out of range.
 
-    Notes ----- Sources: apparent friction by Shah and London, Nusselt number by Stephan, as commonly quoted
-    (we have read neither source). The default correction was fitted to computed flows for outer diameters of
-    46 and 92 mm at 2 m/s with gaps of 2 to 17 mm. It is valid for laminar flow at 0.5 to 10 m/s.
+    Notes
+    -----
+    Sources: apparent friction by Shah and London, Nusselt number by Stephan, as commonly quoted (we have read
+    neither source). The default correction was fitted to computed flows for outer diameters of 46 and 92 mm
+    at 2 m/s with gaps of 2 to 17 mm. It is valid for laminar flow at 0.5 to 10 m/s.
     """
     passed = _passed(_ratio(outer / tube)) if tube > 0.0 else 1.0
     height = 0.5 * outer * (np.arange(STRIP_COUNT) + 0.5) / STRIP_COUNT
@@ -178,8 +180,8 @@ def floor_share(
     """Return the coefficient of the floor divided by the coefficient of the fin sides [-], in wind.
 
     The ratio is 1.2 (1 - exp(-(S / S0)^5)) for the gap S. S0 is 1.18 times ``best_gap_in_wind`` for the mean
-    chord of a disc. The formula was fitted to flows computed for one size at 2 m/s. Its error at 1 and 5 m/s
-    is below 0.3.
+    chord of a disc. The formula was fitted to computed flows for fins of one size at 2 m/s. Its error at 1
+    and 5 m/s is below 0.3.
     """
     wide = _FLOOR_GAP * best_gap_in_wind(speed, 0.25 * math.pi * outer, viscosity, prandtl)
     return np.asarray(-_FLOOR_WIDE * np.expm1(-((gap / wide) ** _FLOOR_POWER)))
@@ -197,7 +199,7 @@ def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
 
 
 def _passed(ratio: float) -> float:
-    """Return phi of ``nusselt_annular_fins``: reduction of the flow in a narrow gap by the tube [-]."""
+    """Return phi of ``nusselt_annular_fins``: the factor by which the tube reduces the flow in a gap [-]."""
     return ratio**2 / (1.0 + ratio**2)
 
 

@@ -1,8 +1,8 @@
 """Heat-transfer correlations: Nusselt numbers, radiation and fin efficiency, each with its range and source.
 
-Every function is an equation on arrays of any shape. If the library ``ht`` has the same correlation for
-scalars, a test compares both to 1e-12. The tables of the zone network need some hundred points per surface,
-for which scalar calls are too slow. ``surfaces`` selects the correlation for a surface.
+Every function is an equation on arrays of any shape. If the library ``ht`` has the same correlation, a test
+compares both to 1e-12. ``ht`` itself accepts only scalars and is too slow here, because the tables of the
+zone network need some hundred points per surface. ``surfaces`` selects the correlation for a surface.
 
 An argument outside the stated range raises ``EnvelopeError``. Vanishing temperature differences are an
 exception: natural convection then has a limit, and its heat flow vanishes.
@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError, InputError
 
 STEFAN_BOLTZMANN = 5.670374419e-8
-"""[W/(m^2 K^4)]"""
+"""Stefan-Boltzmann constant [W/(m^2 K^4)]."""
 
 
 # ------------------------------------------------------------------------------------- natural convection
@@ -36,11 +36,11 @@ def nusselt_horizontal_cylinder(rayleigh: ArrayLike, prandtl: ArrayLike) -> Floa
     Raises
     ------
     EnvelopeError
-        Outside the stated range.
+        If an argument is outside the stated range.
 
     Notes
     -----
-    Source: Churchill & Chu, Int. J. Heat Mass Transfer 18 (1975) 1049-1053; as in ``ht``.
+    Source: Churchill & Chu, Int. J. Heat Mass Transfer 18 (1975) 1049-1053; as in the library ``ht``.
     """
     number, pr = _check_range("Ra_D of a horizontal cylinder", rayleigh, 0.0, 1e12), _positive(prandtl)
     return np.asarray((0.60 + 0.387 * number ** (1 / 6) / (1 + (0.559 / pr) ** (9 / 16)) ** (8 / 27)) ** 2)
@@ -58,8 +58,8 @@ def nusselt_vertical_plate(rayleigh: ArrayLike, prandtl: ArrayLike) -> FloatArra
 
     Notes
     -----
-    Source: Churchill & Chu, Int. J. Heat Mass Transfer 18 (1975) 1323-1329; as in ``ht``. A cylinder may
-    be taken for a plate while D / L >= 35 / Gr_L^(1/4).
+    Source: Churchill & Chu, Int. J. Heat Mass Transfer 18 (1975) 1323-1329; as in the library ``ht``. The
+    equation is valid for a vertical cylinder if D / L >= 35 / Gr_L^(1/4).
     """
     number, pr = _check_range("Ra_L of a vertical plate", rayleigh, 0.0, 1e12), _positive(prandtl)
     return np.asarray((0.825 + 0.387 * number ** (1 / 6) / (1 + (0.492 / pr) ** (9 / 16)) ** (8 / 27)) ** 2)
@@ -82,8 +82,8 @@ def nusselt_slender_vertical_cylinder(
 
     Notes
     -----
-    Source: Popiel, Wojtkowiak & Bober, Exp. Thermal Fluid Sci. 32 (2007) 607-613, on the plate of Churchill &
-    Chu; as in ``ht``. The ten methods of ``ht`` for this case differ by a factor of four.
+    Source: Popiel, Wojtkowiak & Bober, Exp. Thermal Fluid Sci. 32 (2007) 607-613, with the plate of Churchill
+    & Chu; as in the library ``ht``. The ten methods of ``ht`` for this case differ by a factor of four.
     """
     number = np.maximum(_check_range("Gr_L of a vertical cylinder", grashof, 0.0, 1e14), 1.0)
     pr = _check_range("Pr of the fluid", prandtl, 0.01, 100.0)
@@ -107,7 +107,7 @@ def nusselt_fin_disc(rayleigh: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    Source: McAdams, Heat Transmission; as in ``ht`` (``Nu_horizontal_plate_McAdams``).
+    Source: McAdams, Heat Transmission; as in the library ``ht`` (``Nu_horizontal_plate_McAdams``).
     """
     number = _check_range("Ra of a horizontal disc", rayleigh, 0.0, 1e10)
     root = number**0.25
@@ -131,7 +131,7 @@ def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    Source: Churchill & Bernstein, J. Heat Transfer 99 (1977) 300-306; as in ``ht``.
+    Source: Churchill & Bernstein, J. Heat Transfer 99 (1977) 300-306; as in the library ``ht``.
     """
     number, pr = _check_range("Re_D of a cylinder", reynolds, 0.0, 1e7), _positive(prandtl)
     _check_range("Re Pr of a cylinder", number * pr, 0.2, np.inf)
@@ -216,8 +216,8 @@ def annular_fin_efficiency(
 
     Notes
     -----
-    Source: exact, Kern & Kraus, Extended Surface Heat Transfer (1972); as in ``ht``. Exponentially scaled
-    Bessel functions keep the result finite for any m.
+    Source: exact solution, Kern & Kraus, Extended Surface Heat Transfer (1972); as in the library ``ht``.
+    Exponentially scaled Bessel functions keep the result finite for any m.
     """
     from scipy.special import i0e, i1e, k0e, k1e
 

@@ -1,8 +1,9 @@
 """Finite-element model of transient heat conduction in the meridian section of a damper with fins.
 
 The elements are axisymmetric quadratic triangles. Radiation and convection depend on the local surface
-temperature, and the heat sources depend on the present temperature. ``section`` defines the problem, and
-``heat_equation`` integrates it in time. This model is the reference for the fast network.
+temperature. Mechanical power depends on the mean fluid temperature, and coil heat on the local temperature.
+``section`` defines the problem, and ``heat_equation`` integrates it in time. This model is the reference for
+the fast network.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from mrdamper.thermal.model.section import Role, Section, section_of
 
 _FACET_POINTS = 3  # number of Gauss points on a facet
 _SAME_M = 1e-9  # Positions with a smaller difference count as equal.
-_SIDES = ((0, 1), (1, 2), (0, 2))  # corners at the ends of the sides, with the midpoints 3, 4 and 5
+_SIDES = ((0, 1), (1, 2), (0, 2))  # corners at the ends of the sides that have the midpoints 3, 4 and 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,7 +215,7 @@ def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> N
 def _surface_points(
     mesh: SectionMesh, elements: IntArray, size: int
 ) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-    """Return the interpolation matrix to the Gauss points on the facets, their areas and surface indices.
+    """Return the interpolation matrix to the Gauss points on the facets, their areas, and surface indices.
 
     The areas [m^2] are the weights of the points in integrals over the surface of revolution.
     """
@@ -245,7 +246,7 @@ def _surface_points(
 
 
 def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: float | None = None) -> Cooling:
-    """Return the cooling of a model in the given surroundings instead of its own.
+    """Return the cooling of a model in ``surroundings``, which replace the surroundings of the model.
 
     Parameters
     ----------

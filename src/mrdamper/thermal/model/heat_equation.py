@@ -2,13 +2,14 @@
 
     M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
 
-M is the mass matrix (heat capacities), K the conduction matrix, P the mechanical power with the load vector
-p, and W the coil heat at 20 degC with the load vector c. E describes the increase of the coil resistance with
-temperature. B interpolates θ at the surface points, which have the areas a and the heat fluxes q. The
-matrices are sparse for the finite elements, and small and dense for the reduced model. Both models use the
-same time integration (``stepping``). If the heat capacity of a part depends on its mean temperature, M
-changes with time. The Jacobian is exact except for this dependence. The dependence of P on the mean fluid
-temperature would make the matrix dense. Therefore it is included by the Sherman-Morrison formula.
+M is the mass matrix (heat capacities), and K the conduction matrix. P is the mechanical power with the load
+vector p. W is the coil heat at 20 degC with the load vector c. E is the increase of the coil heat with the
+local temperature, because the coil resistance increases. B interpolates θ at the surface points, which have
+the areas a and the heat fluxes q. The matrices are sparse for the finite elements, and small and dense for
+the reduced model. Both models use the same time integration (``stepping``). If the heat capacity of a part
+depends on its mean temperature, M changes with time. The Jacobian is exact except for this dependence. The
+dependence of P on the mean fluid temperature would make the matrix dense. Therefore it is included by the
+Sherman-Morrison formula.
 """
 
 from __future__ import annotations
@@ -107,7 +108,8 @@ class Cooling:
     def by_path(self, fluxes: FloatArray, area: FloatArray) -> FloatArray:
         """Return the heat flow through each path of ``network.PATHS`` [W], shape (paths,).
 
-        ``fluxes`` are those of the method ``fluxes``, shape (3, p). ``area`` are the areas of the p points.
+        ``fluxes`` is the first result of the method ``fluxes``, shape (3, p). ``area`` has the areas of the p
+        points.
         """
         return np.asarray(self._sort @ (fluxes * area).ravel())
 
@@ -129,7 +131,7 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Matrices that map the unknowns to temperatures at the candidates for hot spots, shape (m, n)."""
+    """Matrices that convert the unknowns to temperatures at the candidate hot spots, shape (m, n) each."""
 
     gap: Matrix
     coil: Matrix
@@ -146,7 +148,7 @@ class StoredHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatEquation:
-    """The matrices of the heat equation with n unknowns and p surface points, sparse or dense."""
+    """The sparse or dense matrices of the heat equation with n unknowns and p surface points."""
 
     ambient: float  # [K]
     mass: Matrix  # [J/K], shape (n, n)
@@ -294,7 +296,7 @@ def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
     for _ in range(60):
         here = system.evaluate(state)
         move = system.solver(here, 1.0, 0.0)(here.rate)
-        # The change is measured as a temperature at some points, because reduced unknowns have no unit.
+        # The change is expressed as a temperature at some points, because reduced unknowns have no unit.
         seen = (equation.surface @ move, equation.spots.gap @ move, equation.spots.coil @ move)
         largest = max(float(np.abs(each).max(initial=0.0)) for each in seen)
         if not math.isfinite(largest) or largest > 1e9:
@@ -357,7 +359,7 @@ class FieldSystem:
         return float(self.equation.fluid @ state[: self.nodes]) + self.equation.ambient
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return the right-hand side of the equation, one array ordered like the state [W].
+        """Return the right-hand side of the equation [W], an array in the order of the state.
 
         The array contains M dθ/dt for the unknowns, then the heat flow through each path and from both
         sources.
@@ -374,10 +376,10 @@ class FieldSystem:
         return np.concatenate([self._mass @ rate[: self.nodes], rate[self.nodes :]])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step with a uniform temperature shift that closes the energy balance.
+        """Return the state after a step, shifted by a uniform temperature that closes the energy balance.
 
-        The shift is necessary only if heat capacities depend on temperature, because the energy balance of a
-        step then has the error of the time integration.
+        The shift is zero if heat capacities are constant. If they depend on temperature, the energy balance
+        of a step has the error of the time integration.
         """
         e, n = self.equation, self.nodes
         if not e.storage:
@@ -417,7 +419,7 @@ class FieldSystem:
         return _Here(rate, flow, slopes, power_slope)
 
     def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
-        """Return the first-order change of the heat flows [W] (paths, sources) for a change of state."""
+        """Return the first-order change of the heat flows of paths and sources [W] for a change of state."""
         e = self.equation
         lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
         gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
@@ -446,7 +448,7 @@ def factorise(matrix: Matrix) -> Solver:
     if isinstance(matrix, np.ndarray):
         factors = lu_factor(matrix, check_finite=False)
         return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
-    # The matrix is nearly symmetric. Therefore pivots stay on the diagonal. Wide panels are not faster.
+    # Pivots stay on the diagonal because the matrix is nearly symmetric. Wide panels are not faster.
     sparse_factors = splu(
         sparse.csc_array(matrix),
         permc_spec="MMD_AT_PLUS_A",

@@ -1,7 +1,8 @@
-"""Lumped thermal model, Eq. (8) of the paper: one temperature, C dT/dt = P + i^2 R - G(T) (T - T_a).
+"""Lumped thermal model with one temperature: C dT/dt = P + i^2 R - G(T) (T - T_a), reference paper, Eq. (8).
 
-The model is a network with one node and the surfaces of the zone network. Fins have their efficiency. The
-temperature of the coil, which is 8 to 17 K hotter than the damper, is not resolved.
+The model is a network with one node and the surfaces of the zone network. The fin efficiency reduces the
+losses of the fins. The model does not resolve the temperature of the coil, which is 8 to 17 K hotter than the
+damper.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Triangle meshes of a section: a grid along the sides of all blocks, refined at their corners.
 
-The heat flux is singular at points where three materials meet, and at the roots of fins. All sides that end
-in such a corner are cut repeatedly. This method needs few nodes and creates no hanging nodes. A mesh consists
-of nodes, triangles with their region, and facets (sides on the outline) with their surface.
+The heat flux is singular at points where three materials meet, and at the roots of fins. All triangle sides
+that end in such a corner are cut repeatedly. This method needs few nodes and creates no hanging nodes. A mesh
+consists of nodes, triangles with their region, and facets (sides on the outline) with their surface.
 """
 
 from __future__ import annotations
@@ -74,12 +74,12 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     Parameters
     ----------
     size : maximum side of a cell along r or z [m]; cells at the sides of blocks are smaller
-    levels : number of refinements at each corner
+    levels : number of refinements at each corner of the blocks
 
     Raises
     ------
     InputError
-        If blocks overlap, or if an edge does not consist of sides of triangles.
+        If blocks overlap, or if an edge of the section is not made of sides of triangles.
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(place="mesh", found=f"size is {size} m", expected="a positive, finite number")
@@ -205,8 +205,8 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
     """Return the positions of all grid lines: the sides of blocks, and lines between the sides.
 
     Sides within the tolerance are merged. Cells grow from the sides towards the middle of each interval. The
-    size of the first cell is limited to a fraction of the interval. ``share_at`` returns this fraction for
-    the middle of the interval.
+    size of the first cell is limited to a fraction of the interval. ``share_at`` returns this fraction for an
+    interval, given the position of its middle.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > SIDE_TOLERANCE_M])]
@@ -221,7 +221,7 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
         cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
         count = max(1, math.ceil(cells[-1] - 1e-6))
         if abs(start + stop - distinct[0] - distinct[-1]) < SIDE_TOLERANCE_M:
-            count += count % 2  # Diagonals are mirrored at the middle. No cell may extend across it.
+            count += count % 2  # Diagonals are mirrored at the middle, so no cell may extend across it.
         pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
     return np.concatenate([*pieces, distinct[-1:]])
 

@@ -1,9 +1,9 @@
 """Thermal networks: nodes with heat capacities, conductances, losses to ambient, and heat sources.
 
-``zone_network`` builds a network from a geometry. It has three axial zones (chamber, piston, chamber), each
-with a core (rod or piston), fluid and wall. The coil and the fins of each zone are further nodes, which gives
-ten to thirteen nodes. The module ``lumped`` builds a network with one node. ``transient`` integrates a
-network in time, and ``temperature_rise`` computes the heat sources.
+``zone_network`` builds a network from a geometry. The network has three axial zones (chamber, piston,
+chamber), each with a node for core (rod or piston), fluid and wall. With the coil and the fins of each zone,
+there are ten to thirteen nodes. The module ``lumped`` builds a network with one node. ``transient``
+integrates a network in time, and ``temperature_rise`` computes the heat sources.
 
 The heat loss of a surface depends only on its temperature because the ambient temperature is constant.
 Therefore each loss is a table of heat flow versus temperature, and the time integration does not evaluate
@@ -35,7 +35,8 @@ PATHS = ("body convection", "body radiation", "fin convection", "fin radiation",
 
 LOSS_STEP_K = 2.0  # temperature step of the loss tables
 LOSS_RANGE_K = (233.15, 653.15)  # temperature range of the loss tables
-FIN_RISE_K = 60.0  # rise above ambient at which the conductance of the fins is computed; hardly any effect
+# Temperature rise at which the conductance of the fins is computed. The value has hardly any effect.
+FIN_RISE_K = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +44,8 @@ class NodeFactors:
     """Factors on conductances that adapt the network with few nodes to the finite-element model.
 
     The factors were fitted to 16 random dampers (even seeds of ``tests/thermal/bodies``). They are needed
-    because the network does not resolve the temperature of the fluid near the walls and the constriction of
-    the heat flow at the root of a fin.
+    because the network does not resolve two effects: the fluid temperature near the walls, and the
+    constriction of the heat flow at the root of a fin.
     """
 
     fluid_wall: float = 2.22
@@ -155,7 +156,7 @@ def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) ->
 
 
 class _Parts:
-    """Heat capacities by node and conductances by pair of nodes, while a network is built."""
+    """Heat capacities and conductances of a network under construction, by node and by pair of nodes."""
 
     def __init__(self, factors: NodeFactors) -> None:
         self.factors = factors
@@ -216,7 +217,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
             parts.join(f"fluid {zone}", f"core {zone}", factors.fluid_core * chamber / inwards)
             along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * chamber)
             parts.join(f"core {zone}", f"wall {zone}", along)
-    # The heat of the gap flows to both sides. The resistance of each half refers to the mean of this half.
+    # The heat of the gap flows to both sides. The resistance of each half refers to its own mean temperature.
     middle = 0.5 * (face + bore)
     half_gap = math.log(bore / middle) / (2.0 * math.pi * in_gap) / 3.0
     parts.join("fluid 1", "wall 1", factors.fluid_wall * piston.length / (half_gap + half_wall))
@@ -256,7 +257,7 @@ def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 class _Losses:
-    """Heat losses to ambient with node, path and table, while a network is built."""
+    """Heat losses of a network under construction: node, path and table of each loss."""
 
     def __init__(self, drawing: DamperDrawing) -> None:
         self.drawing = drawing
@@ -336,8 +337,8 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
 def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
     """Return the conductance between the body and the node of one fin [W/K], including the contact.
 
-    The node has the mean temperature of the fin. With the coefficient h, the area A and the efficiency eta,
-    the conductance h A eta / (1 - eta) gives the steady heat flow of the exact solution. The conductance is
+    The node has the mean temperature of the fin. The conductance h A eta / (1 - eta) gives the steady heat
+    flow of the exact solution (heat-transfer coefficient h, area A, efficiency eta). The conductance is
     computed at 60 K above ambient.
     """
     diameter = drawing.body.outer_diameter
@@ -367,7 +368,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return two lengths of a segment of the body [m]: under the heat sink, and between the fins."""
+    """Return two lengths of a body segment [m]: its length under the heat sink, and between the fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:

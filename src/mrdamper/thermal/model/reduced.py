@@ -1,9 +1,9 @@
 """Reduced-order finite-element models with about twenty unknowns, by projection onto a rational Krylov space.
 
 The space contains the uniform field, so that heat is conserved. It also contains responses of the linearised
-problem, which are solutions x of (K + H + s M) x = b with conduction K, heat transfer H at the surface and
-mass M, for a few frequencies s. The loads b are mechanical power, coil heat, and the heat at each kind of
-surface. Convection and radiation are not reduced. They are evaluated at the surface points with the
+problem, which are solutions x of (K + H + s M) x = b for a few frequencies s. K is the conduction, H the heat
+transfer at the surface and M the mass. The loads b are mechanical power, coil heat, and the heat at each kind
+of surface. Convection and radiation are not reduced. They are evaluated at the surface points with the
 temperature of the reduced field, as in the full model.
 """
 

@@ -4,9 +4,10 @@ The section defines the heat conduction problem for the finite elements and for 
 (``cross_check``), without a mesh. ``section_of`` creates a section from a geometry. Tests create their own
 sections.
 
-The rod ends at the caps. Its ends lose heat only if the geometry file has a conductance to the mounting of
-the rod. The moving fluid is modelled as a solid with effective conductivity. In radial direction, this is the
-conductivity of the stirred fluid. In axial direction, the heat transport by the pumped fluid is added.
+In this model, the rod ends at the caps. Its ends lose heat only if the geometry file has a conductance to the
+mounting of the rod. The moving fluid is modelled as a solid with effective conductivity. Its radial
+conductivity is the conductivity of the stirred fluid. Its axial conductivity also includes the heat transport
+by the pumped fluid.
 """
 
 from __future__ import annotations

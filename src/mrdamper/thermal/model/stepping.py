@@ -26,7 +26,7 @@ Part = Literal["gap", "coil", "seal"]
 Solver = Callable[[FloatArray], FloatArray]
 """Function that solves a linear system for one right-hand side."""
 
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # coefficient of the Rosenbrock method, for L-stability
+_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # This coefficient makes the Rosenbrock method L-stable.
 
 FIRST_STEP_S = 1.0
 """First time step after a change of load. It is short because fluid layer and coil settle within seconds."""
@@ -38,7 +38,7 @@ STEP_TOLERANCE_S = 1e-7  # tolerance of the time at which a given temperature is
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Heat sources for some time: mechanical power as a function of fluid temperature, and coil heat.
+    """Heat sources for a duration: mechanical power as a function of fluid temperature, and coil heat.
 
     ``power`` is a function of the fluid temperature [K], any shape, and returns the mechanical power [W].
     ``coil_W`` is the coil heat at 20 degC. The coil heat increases with temperature like the resistance of
@@ -101,8 +101,9 @@ def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArra
 
     Notes
     -----
-    The order is 2 for any matrix J, so a system can omit parts of it. Two stages, L-stable. Source: Verwer,
-    Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480; the order is tested.
+    The order is 2 for any matrix J, so a system can omit parts of J. The method has two stages and is
+    L-stable. Source: Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480; the order is
+    tested.
     """
     rate, solve = system.linearise(state, _GAMMA * size)
     first = solve(rate)

@@ -40,7 +40,7 @@ from mrdamper.thermal.films.correlations import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 
-GAP_RATIO_MAX = 0.6  # A gap above this multiple of the outer fin diameter has no further effect in still air.
+GAP_RATIO_MAX = 0.6  # max gap / outer diameter of the fins; wider gaps have no further effect in still air
 FORCED_POINT_COUNT_MAX = 12  # number of temperatures at which forced convection is computed
 
 
@@ -118,9 +118,9 @@ def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArra
 def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
     """Return the convective heat-transfer coefficients of the fins and of the body between the fins.
 
-    In still air, the correlation is that for annular fins on a horizontal body, or for single discs on a
-    vertical body. With air across the axis, it describes a developing flow between two discs. The outer sides
-    of the first and last fin have the coefficient of a gap.
+    In still air, the correlation depends on the orientation of the body: annular fins if it is horizontal,
+    single discs if it is vertical. With air across the axis, the correlation describes a developing
+    flow between two discs. The outer sides of the first and last fin have the coefficient of a gap.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
         film = nusselt_fin_disc(air.rayleigh(length, difference)) * air.conductivity / length
         return [film] * 3
     outer = 2.0 * tip
-    # A wider gap behaves like a single fin, but the correlation would still decrease slowly with the gap.
+    # Fins with a wider gap behave like single fins. The correlation would still decrease slowly with the gap.
     gap = min(gap, GAP_RATIO_MAX * outer)
     sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
     around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
@@ -211,7 +211,7 @@ def fin_uncertainty(drawing: DamperDrawing) -> float:
 def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
     """Return the effective mean emissivities of a fin and of the body between two fins [-].
 
-    A groove is the space between two fins. Its radiation through the opening is distributed uniformly over
+    A groove is the space between two fins. The radiation through its opening is distributed uniformly over
     its walls. The two outer sides and the tips radiate directly to the surroundings. The mean refers to the
     area ``HeatSink.fin_area``.
     """
@@ -226,7 +226,7 @@ def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
 
 
 def cap_area(drawing: DamperDrawing, *, with_rod: bool) -> float:
-    """Return the area of the outer side of one cap [m^2]; with ``with_rod``, the rod area is subtracted."""
+    """Return the area of the outer side of one cap [m^2], minus the area of the rod if ``with_rod``."""
     rod = drawing.rod.diameter if with_rod else 0.0
     return 0.25 * math.pi * (drawing.body.outer_diameter**2 - rod**2)
 

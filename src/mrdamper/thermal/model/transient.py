@@ -129,7 +129,7 @@ class NetworkSystem:
         self._unit = np.eye(n)
 
     def take(self, load: Load) -> None:
-        """Set the heat sources of a load in the tables of cubics."""
+        """Set the load: store its heat sources as cubics of temperature."""
         grid = self.network.grid
         self._cubics[:, :, -2] = CubicSpline(grid, load.power(grid)).c.T
         knots = grid[:-1]
@@ -150,7 +150,7 @@ class NetworkSystem:
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
         at = to_degC(seen[worst])
-        # If the power is far too large, a time step can overshoot to an impossible temperature.
+        # A time step can overshoot to an impossible temperature if the power is far too large.
         swung = not 2.0 * low - high < at < 2.0 * high - low or at < low < to_degC(self.network.ambient)
         runaway = "temperatures run away: the power is far above the losses of this damper"
         raise EnvelopeError(

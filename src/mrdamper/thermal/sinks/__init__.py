@@ -1,1 +1,1 @@
-"""Heat sinks: search of the best design, effect of a design, and uncertainty of the effect."""
+"""Heat sinks: search for the best design, effect of a design, and uncertainty of the effect."""

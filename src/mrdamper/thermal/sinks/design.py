@@ -6,8 +6,8 @@ elements. Heat sinks outside the range of a correlation are excluded.
 
 The film multiplier, the emissivity and the contact resistance are taken from the heat sink in the geometry
 file. A multiplier that was calibrated for wide gaps is also used for narrow gaps. Gaps wider than twice the
-fin width are excluded because the model of the body between two fins is not valid for them: it always has the
-heat-transfer coefficient of a finned body, even for two fins at the ends of the body.
+fin width are excluded because the model of the body between two fins is not valid for them. In the model, the
+body always has the heat-transfer coefficient of a finned body, even between two fins at its ends.
 """
 
 from __future__ import annotations
@@ -241,7 +241,7 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
 
 
 def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
-    """Return the pitches to try [m]: rounded down so that the fins fit, and not below the smallest pitch."""
+    """Return the pitches of the grid [m]: rounded down so that the fins fit, at least the smallest pitch."""
     least = thickness + limits.least_gap
     if fins == 1:
         return [least]
@@ -278,7 +278,7 @@ def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
 
 
 def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | None:
-    """Return the lightest design with a fluid temperature not above ``fluid`` [K]; None if not available."""
+    """Return the lightest design with a fluid temperature of at most ``fluid`` [K]; None if there is none."""
     return next((design for design in front if design.fluid <= fluid), None)
 
 
@@ -288,7 +288,7 @@ def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | 
 def confirm(
     damper: HeatedDamper, designs: Sequence[SinkDesign], *, on_progress: Progress = silent
 ) -> tuple[SinkDesign, ...]:
-    """Return the designs with temperatures recomputed by the reduced-order finite-element model."""
+    """Return the designs with temperatures that are recomputed by the reduced-order finite-element model."""
     confirmed = []
     for number, design in enumerate(designs):
         on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))

@@ -1,15 +1,15 @@
-"""Effect of a heat sink: efficiency of the paper, Eq. (10), and gain relative to another heat sink.
+"""Effect of a heat sink: efficiency of the reference paper, Eq. (10), and gain relative to another heat sink.
 
-The equation of the "heat dissipation efficiency" is missing in the paper. According to the text, the
-efficiency has a maximum at a fin width of 23 mm. For three, four and five fins, the efficiency first rises
-and then falls, while the temperature always falls. Only one interpretation as a ratio reproduces these
+The equation of the "heat dissipation efficiency" is missing in the reference paper. According to the text,
+the efficiency has a maximum at a fin width of 23 mm. For three, four and five fins, the efficiency first
+rises and then falls, while the temperature always falls. Only one interpretation as a ratio reproduces these
 trends: the reduction of the temperature rise, divided by 1 + A_fins / A_damper. The search for a better heat
 sink (``design``) does not use the efficiency.
 
-The *gain* is how much cooler the fluid is with one heat sink than with another. Heat-transfer coefficients
-and power are changed one by one to the two ends of their 90 % intervals. Each change of the gain is computed
-with the zone network. The half widths of the interval, above and below the gain, are the root sums of squares
-of these changes.
+The *gain* of a heat sink is the reduction of the fluid temperature, compared with another heat sink.
+Heat-transfer coefficients and power are changed one by one to the two ends of their 90 % intervals. Each
+change of the gain is computed with the zone network. The half widths of the interval, above and below the
+gain, are the root sums of squares of these changes.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ class SinkEffect:
 
     @property
     def efficiency(self) -> float:
-        """Return the heat dissipation efficiency of the paper (``EFFICIENCY_FORMULA``) [-]."""
+        """Return the heat dissipation efficiency of the reference paper (``EFFICIENCY_FORMULA``) [-]."""
         return self.rise_reduction / (1.0 + self.fin_area / self.body_area)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sweep:
-    """Effects of several heat sinks that differ in one dimension."""
+    """Effects of several heat sinks that differ only in width or only in the number of fins."""
 
     effects: tuple[SinkEffect, ...]
 
@@ -73,7 +73,7 @@ class Sweep:
 
     @property
     def follows_paper(self) -> bool:
-        """Return True if the efficiency rises only to the second heat sink, as in the paper."""
+        """Return True if the second heat sink has the maximum efficiency, as in the reference paper."""
         rises = np.diff(self.efficiency) > 0.0
         return bool(rises[0] and not rises[1:].any())
 
@@ -107,7 +107,7 @@ def body_area(drawing: DamperDrawing) -> float:
 
 
 def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) -> tuple[Sweep, Sweep]:
-    """Return the two parameter studies of the paper: width of three fins, and number of 23 mm wide fins.
+    """Return both parameter studies of the reference paper: width of three fins, number of 23 mm wide fins.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
     Raises
     ------
     InputError
-        If the fins of the paper, with a pitch of 20 mm, do not fit on the damper.
+        If the fins of the reference paper, with a pitch of 20 mm, do not fit on the damper.
     """
     bare = float(simulate_network(zone_network(drawing.with_sink(None)), loads).fluid[-1])
     base = replace(sink, pitch=PAPER_PITCH)
@@ -132,7 +132,7 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Gain of a heat sink and its interval; positive if the heat sink is cooler than the reference."""
+    """Gain of a heat sink and its interval. A positive gain means a cooler fluid than with the reference."""
 
     middle: float  # computed gain [K]
     low: float  # lower end of the interval [K]
