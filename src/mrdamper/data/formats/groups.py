@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_room, shortest_names
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
@@ -190,8 +191,9 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
         beside = attributes.get(f"{key}_unit", attributes.get(f"{key}_units", ""))
         if not unit and isinstance(beside, str | bytes):
             unit = beside.decode("utf-8", "replace") if isinstance(beside, bytes) else beside
-        if unit and roles_of_unit(unit) and _is_number(text):
-            text = f"{float(text):g} {unit}"
+        number = number_in(text.strip(), ".")
+        if unit and roles_of_unit(unit) and number is not None:
+            text = f"{number:g} {unit}"
         lines.append(f"{key}: {text}"[: SETTINGS.attribute_length_max])
     return tuple(lines)
 
@@ -213,11 +215,3 @@ def units_of_channels(
         if is_in_part(path, part) and any("unit" in each.lower() for each in path[:-1])
     }
     return {name: stated[name] for name in names if name in stated}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

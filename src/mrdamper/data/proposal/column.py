@@ -62,14 +62,8 @@ def header_of(table: Table, name: str, place: str) -> Header:
         unit = _unit(table, name, exact, place)
     stated = table.units.get(name, "")
     unit = unit or (stated if roles_of_unit(stated) else "")
-    return Header(name, word, unit, roles_of_unit(unit), _exact_role(exact, word))
-
-
-def _exact_role(exact: tuple[str, str] | None, word: str) -> str:
-    if exact is not None:
-        return exact[0]
-    named = parse_header(word)
-    return named[0] if named is not None else ""
+    named = exact or parse_header(word)
+    return Header(name, word, unit, roles_of_unit(unit), named[0] if named is not None else "")
 
 
 def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:

@@ -21,7 +21,9 @@ from mrdamper.schema import unknown_name
 
 Topic = Literal["unit", "rate", "column", "scale", "value", "part"]
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
-_SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*")
+_SCALED = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,11 +136,11 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
         elif answer.topic == "column":
             channels[answer.role] = replace(channel, name=answer.value, pattern=None, index=None)
         elif answer.topic == "scale":
-            channels[answer.role] = replace(
-                channel,
-                gain=_number(answer, QUANTITIES[answer.role].unit),
-                unit="%" if answer.value.endswith("%") else "V",
+            gain, unit = (
+                _number(answer, QUANTITIES[answer.role].unit),
+                "%" if answer.value.endswith("%") else "V",
             )
+            channels[answer.role] = replace(channel, gain=gain, unit=unit)
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")
         elif answer.topic == "part":
@@ -163,16 +165,11 @@ def _number(answer: Answer, unit: str) -> float:
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:
         raise InputError(place=place, found="no number", expected=f"a number, in {unit} without a unit")
-    try:
-        value = float(found[1])
-    except ValueError as error:
-        raise InputError(place=place, found="no number", expected="a number") from error
-    spelled = found[2] or unit
+    value, spelled = float(found[1]), found[2] or unit
     if unit == "Hz":
         if spelled not in {"Hz", "kHz"} or not value > 0.0:
-            raise InputError(
-                place=place, found=f"{answer.value!r}", expected="a positive number of Hz or kHz"
-            )
+            expected = "a positive number of Hz or kHz"
+            raise InputError(place=place, found=f"{answer.value!r}", expected=expected)
         return value * (1e3 if spelled == "kHz" else 1.0)
     value = float(to_si(value, spelled, answer.role))
     if found[3] == "mV":

@@ -139,11 +139,9 @@ def runs_in(
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
     """Return the channel map for one table. If each table is one segment, it has the segment's command."""
     segments = chosen.segments
-    if (
-        segments is None
-        or count != len(segments.commands)
-        or not any(segments.split in line for line in table.said)
-    ):
+    if segments is None or count != len(segments.commands):
+        return chosen
+    if not any(segments.split in line for line in table.said):
         return chosen
     held = {**chosen.constant, segments.role: segments.commands[number]}
     return replace(chosen, segments=None, constant=held)
@@ -247,11 +245,8 @@ def _channels(
     channels: dict[str, FloatArray] = {}
     for column in columns:
         if not len(raw[column.role]):
-            raise InputError(
-                place=place,
-                found=f"column {column.name!r} ({column.role}) holds no sample",
-                remedy="The file may be cut off: copy it again",
-            )
+            found = f"column {column.name!r} ({column.role}) holds no sample"
+            raise InputError(place=place, found=found, remedy="The file may be cut off: copy it again")
         channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
@@ -282,9 +277,8 @@ def _make_recordings(
     for (piece, role), name in zip(pieces, names, strict=True):
         zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
         start = None if piece.start is None else piece.start.later(zero)
-        parts = list(
-            cut_at_gaps(filled(evened(without_repeated_end(replace(piece, time=piece.time - zero)))))
-        )
+        whole = filled(evened(without_repeated_end(replace(piece, time=piece.time - zero))))
+        parts = list(cut_at_gaps(whole))
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -97,7 +98,9 @@ def no_command(
     for role in ("current", "voltage"):
         require_no_text(role, table, place)
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
-    volts = [name for name in volts if parse_header(name) is None and not _has_companion(name, table)]
+    # Of two columns with the same word, the column in volts is the output of the sensor.
+    often = Counter(word_and_unit(name)[0] for name in table.columns)
+    volts = [name for name in volts if parse_header(name) is None and often[word_and_unit(name)[0]] == 1]
     monitors = [
         name
         for name in volts
@@ -163,15 +166,6 @@ def _level_changes(values: FloatArray) -> bool:
 def command_shares(table: Table) -> list[str]:
     """Return the columns with a command in per cent."""
     return [name for name in table.columns if is_command_share(name, table.units.get(name, ""))]
-
-
-def _has_companion(name: str, table: Table) -> bool:
-    """Return True if a second column has the same word but a different unit.
-
-    A column in volts is then the output of the sensor.
-    """
-    word = word_and_unit(name)[0]
-    return any(word_and_unit(other)[0] == word for other in table.columns if other != name)
 
 
 def require_no_text(role: str, table: Table, place: str) -> None:

@@ -109,7 +109,10 @@ def encoding_of(path: TextSource, content: bytes) -> str:
             eastern = _eastern(content)
             if eastern:
                 return eastern
-            if _NO_CYRILLIC not in content and _is_cyrillic(content):
+            # Cyrillic words have no ASCII letters. Words in Latin script have letters of both kinds.
+            words = [word for word in _WORDS.findall(content) if not word.isascii()]
+            are_cyrillic = len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
+            if are_cyrillic and _NO_CYRILLIC not in content:
                 return _CYRILLIC
             # A text of numbers has few non-ASCII characters.
             if _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content):
@@ -122,15 +125,6 @@ def encoding_of(path: TextSource, content: bytes) -> str:
     return UTF8
 
 
-def _is_cyrillic(content: bytes) -> bool:
-    """Return True if words with non-ASCII characters have no ASCII letters, as in Cyrillic script.
-
-    Words in Latin script contain letters of both kinds.
-    """
-    words = [word for word in _WORDS.findall(content) if not word.isascii()]
-    return len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
-
-
 def _eastern(content: bytes) -> str:
     """Return the East Asian encoding in which the text contains a channel name, else the first valid one."""
     fitting = {
@@ -138,12 +132,10 @@ def _eastern(content: bytes) -> str:
         for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
         if _is_pairs_of(narrow, content)
     }
-    words = [word for each in QUANTITIES.values() for word in each.headers if len(word) > 1]
-    named = [
-        encoding
-        for encoding, text in fitting.items()
-        if any(word in text for word in words if not word.isascii())
+    words = [
+        word for each in QUANTITIES.values() for word in each.headers if len(word) > 1 and not word.isascii()
     ]
+    named = [key for key, text in fitting.items() if any(word in text for word in words)]
     return next(iter((*named, *fitting)), "")
 
 
