@@ -64,11 +64,8 @@ class Channel(ChannelTable):
         if self.sign not in {1, -1}:
             raise InputError(place=f"channel.{self.role}", found=f"sign is {self.sign}", expected="1 or -1")
         if self.gain is not None and not (math.isfinite(self.gain) and self.gain != 0.0):
-            raise InputError(
-                place=f"channel.{self.role}",
-                found=f"gain is {self.gain}",
-                expected="a finite number, not zero",
-            )
+            found = f"gain is {self.gain}"
+            raise InputError(place=f"channel.{self.role}", found=found, expected="a finite number, not zero")
         if self.gain is not None and self.unit and spell_unit(self.unit, self.role) != quantity.unit:
             try:
                 to_si(0.0, self.unit, self.role)

@@ -85,7 +85,7 @@ def cycles(prepared: PreparedRun) -> CycleFigures:
     A reversal below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
     path = prepared.trajectory
-    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), prepared.dead_band_m)
+    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), prepared.rules.dead_band_m)
     found = _count(path.time, path.displacement, prepared.force, path.command, path.temperature, stroke_min_m)
     return found.where(found.row >= prepared.scored_from)
 

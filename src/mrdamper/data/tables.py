@@ -141,11 +141,8 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         # A panic of Polars is not an Exception.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise InputError(
-            place=path,
-            found=f"not a readable {what} file: it is damaged, cut off, or of an unknown version",
-            remedy="Copy it again, or export the run as CSV",
-        ) from error
+        found = f"not a readable {what} file: it is damaged, cut off, or of an unknown version"
+        raise InputError(place=path, found=found, remedy="Copy it again, or export the run as CSV") from error
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)

@@ -107,11 +107,8 @@ def _require_harmless(path: Path) -> None:
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )
         if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
-            raise InputError(
-                place=path,
-                found=f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB",
-                remedy="Export it as CSV",
-            )
+            found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
+            raise InputError(place=path, found=found, remedy="Export it as CSV")
         for member in members:
             if member.filename.startswith("xl/worksheets/"):
                 _require_few_cells(path, archive, member)

@@ -66,14 +66,21 @@ def table_of_arrays(
     names = shortest_names([each.path for each in inside])
     for name, each in zip(names, inside, strict=True):
         require_room(each.size, file, name)
-    stated = units_of_channels([each.name for each in inside], units, part)
+    in_part = {path: text.strip() for path, text in units.items() if is_in_part(path, part)}
+    stated = {
+        path[-1]: text for path, text in in_part.items() if any("unit" in each.lower() for each in path[:-1])
+    }
     table = Table(
         names=tuple(names),
         columns=OnUse({name: each.read for name, each in zip(names, inside, strict=True)}),
         texts={},
         layout=layout,
         rows=max((each.size for each in inside), default=0),
-        units=stated | {name: each.unit for name, each in zip(names, inside, strict=True) if each.unit},
+        units={
+            name: unit
+            for name, each in zip(names, inside, strict=True)
+            if (unit := each.unit or stated.get(each.name, ""))
+        },
         title=part,
         more=others[1:],
     )
@@ -203,15 +210,3 @@ def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
     count = SETTINGS.listed_names_max
     more = f" and {len(names) - count} more" if len(names) > count else ""
     return (f"{SKIPPED}{', '.join(names[:count])}{more}",) if names else ()
-
-
-def units_of_channels(
-    names: Iterable[str], texts: Mapping[tuple[str, ...], str], part: str
-) -> dict[str, str]:
-    """Return the units of channels from the texts of the same names in a structure ``units``."""
-    stated = {
-        path[-1]: text.strip()
-        for path, text in texts.items()
-        if is_in_part(path, part) and any("unit" in each.lower() for each in path[:-1])
-    }
-    return {name: stated[name] for name in names if name in stated}

@@ -174,12 +174,9 @@ def require_no_text(role: str, table: Table, place: str) -> None:
         header = parse_header(name)
         if header is not None and header[0] == role:
             cell = next((cell for cell in cells if cell), "")
-            raise InputError(
-                place=place,
-                found=f"column {name!r} ({role}) holds text, such as {cell[:40]!r}",
-                expected="numbers, without units or separators of thousands in the cells",
-                remedy="Export the file again",
-            )
+            found = f"column {name!r} ({role}) holds text, such as {cell[:40]!r}"
+            expected = "numbers, without units or separators of thousands in the cells"
+            raise InputError(place=place, found=found, expected=expected, remedy="Export the file again")
 
 
 def column_list(names: Sequence[str]) -> str:

@@ -83,11 +83,8 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
         return stream
     stream.close()
     if size_of(source) > SETTINGS.whole_file_max_bytes:
-        raise InputError(
-            place=source,
-            found=f"the text is UTF-16 of more than {SETTINGS.whole_file_max_bytes >> 20} MB",
-            remedy="Save the file as UTF-8",
-        )
+        found = f"the text is UTF-16 of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
+        raise InputError(place=source, found=found, remedy="Save the file as UTF-8")
     try:
         return io.BytesIO(source.read_bytes().decode(wide).encode())
     except UnicodeError as error:
@@ -117,11 +114,8 @@ def encoding_of(path: TextSource, content: bytes) -> str:
             # A text of numbers has few non-ASCII characters.
             if _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content):
                 return _WINDOWS
-        raise InputError(
-            place=f"{path}",
-            found=f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})",
-            remedy="Save the file as UTF-8",
-        ) from error
+        found = f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})"
+        raise InputError(place=f"{path}", found=found, remedy="Save the file as UTF-8") from error
     return UTF8
 
 
