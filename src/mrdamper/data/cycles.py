@@ -104,16 +104,11 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
         )
         stroke_min_m = max(REVERSAL_MIN_RATIO * float(high - low), STROKE_MIN_m)
     parts, segments = [], unbroken_segments(run)
+    channels = (run.time, run.displacement, run.force, run.command)
     for rows in segments:
         temperature = None if run.temperature is None else run.temperature[rows]
-        found = _count(
-            run.time[rows],
-            run.displacement[rows],
-            run.force[rows],
-            run.command[rows],
-            temperature,
-            stroke_min_m,
-        )
+        time, x, force, command = (values[rows] for values in channels)
+        found = _count(time, x, force, command, temperature, stroke_min_m)
         parts.append(replace(found, row=found.row + rows.start))
     return CountedRecord(CycleFigures.concatenate(parts), stroke_min_m, max(len(segments) - 1, 0))
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import Moment, OnUse, Table
+from mrdamper.data.formats.table import Moment, OnUse, Table, as_text
 from mrdamper.data.formats.timestamps import moment_of
 
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
@@ -180,7 +180,7 @@ def _words(name: str) -> tuple[str, str]:
 
 def _number(value: object, unit: str) -> tuple[float, float | None]:
     """Return the number in a value (or NaN), and the factor of its unit to s or Hz (None: no unit)."""
-    match = _NUMBER.fullmatch(_text(value))
+    match = _NUMBER.fullmatch(f"{as_text(value)}")
     if match is None:
         return math.nan, None
     return float(match[1]), _UNITS.get(match[2].lower() or unit)
@@ -192,11 +192,7 @@ def _moment(value: object, unit: str) -> Moment | None:
     if math.isfinite(number):
         seconds = number * (scale or 1.0)
         return Moment(seconds, seconds, has_date=seconds > SETTINGS.unix_time_min_s, is_utc=True)
-    moment = moment_of(_text(value))
+    moment = moment_of(f"{as_text(value)}")
     if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None
     return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # TDMS counts in UTC.
-
-
-def _text(value: object) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"

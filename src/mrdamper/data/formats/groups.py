@@ -10,7 +10,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stated_sampling, with_samplings
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_room, shortest_names
+from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, as_text, require_room, shortest_names
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
@@ -167,15 +167,11 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         for path in paths:
             if len(path) > depth:
                 inside.setdefault(path[:depth], set()).add(path[depth:])
+        # Groups with two or more equal names record the same channels.
         alike = [
             group
-            for group in inside
-            if any(
-                # Groups with this number of equal names record the same channels.
-                len(inside[group] & inside[other]) >= 2
-                for other in inside
-                if other != group
-            )
+            for group, names in inside.items()
+            if any(len(names & others) >= 2 for other, others in inside.items() if other != group)
         ]
         if alike:
             return tuple("/".join(group) for group in alike)
@@ -192,12 +188,11 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
     """Return attributes as lines ``name: value``; a number is followed by the unit in its name."""
     lines = []
     for key, value in list(attributes.items())[: SETTINGS.attribute_lines_max]:
-        text = value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"
+        text = f"{as_text(value)}"
         header = parse_header(key)
         unit = header[1] if header is not None else word_and_unit(key)[1]
-        beside = attributes.get(f"{key}_unit", attributes.get(f"{key}_units", ""))
-        if not unit and isinstance(beside, str | bytes):
-            unit = beside.decode("utf-8", "replace") if isinstance(beside, bytes) else beside
+        beside = as_text(attributes.get(f"{key}_unit", attributes.get(f"{key}_units", "")))
+        unit = unit or (beside if isinstance(beside, str) else "")
         number = number_in(text.strip(), ".")
         if unit and roles_of_unit(unit) and number is not None:
             text = f"{number:g} {unit}"

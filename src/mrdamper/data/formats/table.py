@@ -211,6 +211,11 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
         raise InputError(place=path, found=found, remedy="Copy the file again")
 
 
+def as_text(value: Any) -> Any:  # noqa: ANN401 - any value
+    """Return bytes as text, and any other value unchanged."""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
     """Return values as float64, and the unit that their type implies. Dates become seconds from the first."""
     flat = np.ravel(values)

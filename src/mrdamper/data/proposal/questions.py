@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatchcase
-from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 from mrdamper.data.channels import Channel, ChannelMap
@@ -43,14 +42,8 @@ class Question:
 
     def to_dict(self) -> Mapping[str, object]:
         """Return the fields as JSON values."""
-        return {
-            "role": self.role,
-            "topic": self.topic,
-            "file": self.file,
-            "text": self.text,
-            "candidates": list(self.candidates),
-            "answer": f"{self.key}={self.candidates[0] if len(self.candidates) == 1 else '...'}",
-        }
+        answer = f"{self.key}={self.candidates[0] if len(self.candidates) == 1 else '...'}"
+        return asdict(self) | {"candidates": list(self.candidates), "answer": answer}
 
 
 class AskingError(InputError):
@@ -150,13 +143,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
             file_options = replace(file_options, common_time=True)
         else:
             constant[answer.role] = _number(answer, QUANTITIES[answer.role].unit)
-    return replace(
-        chosen,
-        channels=MappingProxyType(channels),
-        constant=MappingProxyType(constant),
-        rate_Hz=rate,
-        file=file_options,
-    )
+    return replace(chosen, channels=channels, constant=constant, rate_Hz=rate, file=file_options)
 
 
 def _number(answer: Answer, unit: str) -> float:

@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,7 @@ from mrdamper.data.proposal.pieces import (
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
-from mrdamper.data.records import LEAST_SAMPLES, Recording
+from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
@@ -293,18 +294,9 @@ def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: P
     for values in (piece.time, *piece.channels.values()):
         if values.base is None:
             values.setflags(write=False)  # The array is shared, not copied.
-    return Recording(
-        name=name,
-        time=piece.time,
-        displacement=piece.channels["displacement"],
-        force=piece.channels["force"],
-        command=piece.channels["command"],
-        command_unit=unit,
-        velocity=piece.channels.get("velocity"),
-        temperature=piece.channels.get("temperature"),
-        session=session,
-        source=printable(str(file)),
-    )
+    channels: dict[str, Any] = {role: piece.channels.get(role) for role in CHANNELS if role != "time"}
+    source = printable(str(file))
+    return Recording(name, piece.time, **channels, command_unit=unit, session=session, source=source)
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
