@@ -100,17 +100,18 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     if len(times) < 2:
         stated = {name: stated_sampling(each.settings) for name, each in arrays.items()}
         return with_samplings(table, stated, {name: each.size for name, each in arrays.items()})
-    values_of = {time: table.columns[time] for time in times.values()}
-    clocks: dict[str, FloatArray] = {}
     own: dict[str, str] = {}  # column -> the column of its times
     for name, each in arrays.items():
         groups = (each.path[:k] for k in range(len(each.path), -1, -1))
         time = next((times[group] for group in groups if group in times), name)
-        if time == name or each.size < 2 or arrays[time].size != each.size:
-            continue
-        values = values_of[time]
-        own[name] = next((other for other, same in clocks.items() if is_same_clock(values, same)), time)
-        clocks.setdefault(own[name], values)
+        if time != name and each.size > 1 and arrays[time].size == each.size:
+            own[name] = time
+    clocks: dict[str, FloatArray] = {}
+    clock_of: dict[str, str] = {}  # column of times -> the first column with equal times
+    for time in dict.fromkeys(own.values()):
+        values = table.columns[time]
+        clock_of[time] = next((other for other, same in clocks.items() if is_same_clock(values, same)), time)
+        clocks.setdefault(clock_of[time], values)
     number_of = {name: number for number, name in enumerate(clocks)}
     again = {*times.values()} - {*clocks} if clocks else set()
     return replace(
@@ -118,7 +119,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
         names=tuple(name for name in table.names if name not in again),
         columns=OnUse({name: each.read for name, each in arrays.items() if name not in again}),
         units={name: unit for name, unit in table.units.items() if name not in again},
-        clocks=number_of | {name: number_of[time] for name, time in own.items()},
+        clocks=number_of | {name: number_of[clock_of[time]] for name, time in own.items()},
         recorded_apart=bool(clocks),
     )
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import COMMANDS
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Table
 from mrdamper.data.proposal.column import Header, header_of, meant_without_unit
@@ -24,8 +25,6 @@ from mrdamper.data.words.headers import (
 )
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
-
-_COMMANDS = ("current", "voltage")
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -95,7 +94,7 @@ def no_command(
     table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
 ) -> InputError:
     """Return the error that requests the command."""
-    for role in ("current", "voltage"):
+    for role in COMMANDS:
         require_no_text(role, table, place)
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     # Of two columns with the same word, the column in volts is the output of the sensor.
@@ -142,9 +141,9 @@ def varying_commands(table: Table, place: str) -> list[str]:
 
 def _may_be_command(header: Header) -> bool:
     """Return True for a column without a unit and with the name of a current, a voltage or a set point."""
-    if header.unit or header.of_word not in {"", *_COMMANDS}:
+    if header.unit or header.of_word not in {"", *COMMANDS}:
         return False
-    if any(speaks_of(header.word, role) for role in QUANTITIES if role not in _COMMANDS):
+    if any(speaks_of(header.word, role) for role in QUANTITIES if role not in COMMANDS):
         return False
     named = _names_current(header) or speaks_of(header.word, "voltage")
     return named or says_command(header.word) or has_word(header.word, "set point")
