@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -113,10 +113,12 @@ def with_samplings(
     known = _with_begin(known)
     starts = {name: (each.began_s or 0.0) + each.offset_s for name, each in known.items()}
     zero = min(starts.values())
-    times = {
-        name: np.asarray(starts[name] - zero + each.step_s * np.arange(channels[name]), dtype=np.float64)
-        for name, each in known.items()
-    }
+
+    @cache  # Channels with the same start, step and size share one array.
+    def times_of(start_s: float, step_s: float, size: int) -> FloatArray:
+        return np.asarray(start_s + step_s * np.arange(size), dtype=np.float64)
+
+    times = {name: times_of(starts[name] - zero, each.step_s, channels[name]) for name, each in known.items()}
     clocked = with_times(replace(table, start=start), times)
     clocks = dict(clocked.clocks)
     for name in channels.keys() - known.keys():  # These channels use the only clock of equal length, if any.
@@ -152,8 +154,8 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
     """Return True if two channels have equal times, except for a hundredth of a step."""
-    if len(times) != len(other):
-        return False
+    if times is other or len(times) != len(other):
+        return times is other
     step = np.ptp(times) / max(len(times) - 1, 1)
     return bool((np.abs(times - other) <= SETTINGS.clock_tolerance_steps * step).all())
 

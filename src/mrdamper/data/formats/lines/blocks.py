@@ -63,7 +63,9 @@ def find_blocks(
         else:
             blocks.append(block)
             block, above, waiting = None, [*waiting, line], []
-    return ([*blocks, block], len(waiting)) if block is not None else (blocks, len(above))
+    if block is not None:
+        return [*blocks, block], len(waiting)
+    return blocks, len(above)
 
 
 def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:
