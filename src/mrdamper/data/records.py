@@ -264,19 +264,17 @@ def _faults(run: RigRun) -> list[InputError]:
     if len(run.time) < LEAST_SAMPLES:
         found, remedy = f"has {len(run.time)} samples", "Record a longer run, or leave the file out"
         return [*faults, InputError(found, expected=f"at least {LEAST_SAMPLES}", remedy=remedy)]
-    missing = [*find_missing_numbers(run)]
-    for each in missing or find_time_faults(run.time):
-        expected = "finite numbers" if missing else "even steps of time"
-        faults.append(InputError(each.found, expected=expected, remedy=each.remedy))
-    if missing:
+    for each in find_missing_numbers(run):
+        faults.append(InputError(each.found, expected="finite numbers", remedy=each.remedy))
+    if not all(np.isfinite(values).all() for values in channels.values()):
         return faults
+    for each in find_time_faults(run.time):
+        faults.append(InputError(each.found, expected="even steps of time", remedy=each.remedy))
     if not faults:
         faults += _motion_faults(run)
     if np.ptp(run.force) < 1e-6:  # A force with a smaller range is numerically constant.
-        found, remedy = (
-            f"force never changes ({run.force[0]:g} N at every sample)",
-            "Check which column holds the force",
-        )
+        found = f"force never changes ({run.force[0]:g} N at every sample)"
+        remedy = "Check which column holds the force"
         faults.append(InputError(found, expected="a load cell's signal", remedy=remedy))
     return faults + [
         InputError(each.found, remedy=each.remedy)

@@ -12,13 +12,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import Moment, OnUse, Table
+from mrdamper.data.formats.table import Moment, OnUse, Table, as_text
 from mrdamper.data.formats.timestamps import moment_of
 
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
@@ -113,10 +113,12 @@ def with_samplings(
     known = _with_begin(known)
     starts = {name: (each.began_s or 0.0) + each.offset_s for name, each in known.items()}
     zero = min(starts.values())
-    times = {
-        name: np.asarray(starts[name] - zero + each.step_s * np.arange(channels[name]), dtype=np.float64)
-        for name, each in known.items()
-    }
+
+    @cache  # Channels with the same start, step and size share one array.
+    def times_of(start_s: float, step_s: float, size: int) -> FloatArray:
+        return np.asarray(start_s + step_s * np.arange(size), dtype=np.float64)
+
+    times = {name: times_of(starts[name] - zero, each.step_s, channels[name]) for name, each in known.items()}
     clocked = with_times(replace(table, start=start), times)
     clocks = dict(clocked.clocks)
     for name in channels.keys() - known.keys():  # These channels use the only clock of equal length, if any.
@@ -152,8 +154,8 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
     """Return True if two channels have equal times, except for a hundredth of a step."""
-    if len(times) != len(other):
-        return False
+    if times is other or len(times) != len(other):
+        return times is other
     step = np.ptp(times) / max(len(times) - 1, 1)
     return bool((np.abs(times - other) <= SETTINGS.clock_tolerance_steps * step).all())
 
@@ -180,7 +182,7 @@ def _words(name: str) -> tuple[str, str]:
 
 def _number(value: object, unit: str) -> tuple[float, float | None]:
     """Return the number in a value (or NaN), and the factor of its unit to s or Hz (None: no unit)."""
-    match = _NUMBER.fullmatch(_text(value))
+    match = _NUMBER.fullmatch(f"{as_text(value)}")
     if match is None:
         return math.nan, None
     return float(match[1]), _UNITS.get(match[2].lower() or unit)
@@ -192,11 +194,7 @@ def _moment(value: object, unit: str) -> Moment | None:
     if math.isfinite(number):
         seconds = number * (scale or 1.0)
         return Moment(seconds, seconds, has_date=seconds > SETTINGS.unix_time_min_s, is_utc=True)
-    moment = moment_of(_text(value))
+    moment = moment_of(f"{as_text(value)}")
     if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None
     return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # TDMS counts in UTC.
-
-
-def _text(value: object) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"

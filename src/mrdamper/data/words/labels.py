@@ -57,6 +57,7 @@ _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", 
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
 )
+_PER_VOLT = {"V": 1.0, "mV": 1e3}
 _SCALE_BEFORE = re.compile(
     rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER}(?:[eE][-+]?\d+)?)(?![\w/])"
 )
@@ -95,19 +96,19 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
     values: dict[float, None] = {}
     for number, unit in found:
+        spelled = "mA" if unit == "MA" else unit.replace(" ", "")
         try:
-            value = float(
-                to_si(
-                    float(number.replace(",", ".").replace("p", ".")),
-                    "mA" if unit == "MA" else unit.replace(" ", ""),
-                    role,
-                )
-            )
+            value = float(to_si(_to_float(number), spelled, role))
         except InputError:
             continue
         if QUANTITIES[role].low <= value <= QUANTITIES[role].high:
             values[round(value, 9)] = None
     return tuple(values)
+
+
+def _to_float(number: str) -> float:
+    """Return a number with a decimal comma, a decimal point, or the letter p: 1,5 or 1.5 or 1p5."""
+    return float(re.sub("[,p]", ".", number))
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
@@ -143,14 +144,12 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
 
 def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the scales in a line as (number per volt, unit): ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``."""
-    found = [(number, unit, 1e3 if volt == "mV" else 1.0) for number, unit, volt in _SCALE.findall(line)]
-    found += [(number, unit, 1.0) for number, unit in _SCALE_OF_ONE.findall(line)]
-    found += [
-        (number, unit, 1e3 if volt == "mV" else 1.0) for unit, volt, number in _SCALE_BEFORE.findall(line)
-    ]
-    scales = [(float(number.replace(",", ".")) * factor, unit) for number, unit, factor in found]
+    found = [(number, unit, volt) for number, unit, volt in _SCALE.findall(line)]
+    found += [(number, unit, "V") for number, unit in _SCALE_OF_ONE.findall(line)]
+    found += [(number, unit, volt) for unit, volt, number in _SCALE_BEFORE.findall(line)]
+    scales = [(_to_float(number) * _PER_VOLT[volt], unit) for number, unit, volt in found]
     for number, volt, unit in _VOLTS_PER.findall(line):
-        volts = float(number.replace(",", ".")) * (1e-3 if volt == "mV" else 1.0)
+        volts = _to_float(number) / _PER_VOLT[volt]
         scales += [(1.0 / volts, unit)] * (volts > 0.0 and unit not in {"V", "s"})
     return tuple(scales)
 
@@ -158,7 +157,7 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
-    return tuple((float(number.replace(",", ".")), unit) for number, unit in found)
+    return tuple((_to_float(number), unit) for number, unit in found)
 
 
 def _may_say(place: Place, role: str) -> bool:
@@ -208,12 +207,12 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
         interval = _INTERVAL.search(line)
         if interval is not None:
             unit = interval[1] or interval[3] or ("s" if in_seconds or "delta" in interval[0].lower() else "")
-            step = float(interval[2].replace(",", ".")) * _SECONDS.get(unit.lower(), 0.0)
+            step = _to_float(interval[2]) * _SECONDS.get(unit.lower(), 0.0)
             if step > 0.0:
                 rates[float(f"{1.0 / step:.9g}")] = None
         elif _SAMPLING.search(line):
             for number, kilo, thousand, other in _RATE.findall(line):
-                value = float((number or other).replace(",", ".")) * (1e3 if kilo or thousand else 1.0)
+                value = _to_float(number or other) * (1e3 if kilo or thousand else 1.0)
                 if value > 0.0:
                     rates[value] = None
     return tuple(rates)
