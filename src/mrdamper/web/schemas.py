@@ -22,7 +22,7 @@ _NAME = Option(
     pattern=r"^[^/\\\x00-\x1f]{1,160}$", expected="a name in the folder, of at most 160 characters"
 )
 _WORD = Option(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", expected="a name of letters, digits and ._-")
-_ANNOTATED: Any = Annotated  # The types are built at run time.
+_ANNOTATED: Any = Annotated  # mypy would reject annotated types that are built at run time.
 Name = Annotated[str, _NAME]
 
 ORDER_JOBS: Mapping[str, Job] = {

@@ -38,7 +38,7 @@ FAULT = "internal fault: this is a fault of mrdamper; the server's terminal show
 _SIGNS = frozenset(" ._-+=,()[]@#%&")
 _NAME_MAX_BYTES = 150  # Most file systems allow 255 bytes.
 INPUT_SUFFIXES = (".toml", ".csv", ".json")
-_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Some programs would decode these characters in a name.
+_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Some programs would decode %41 in a name to A.
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 

@@ -1,4 +1,4 @@
-// Thermal: heating in a load cycle, the geometry, and the search of a heat sink.
+// Page Thermal: heating in a load cycle, the geometry, and the search for a heat sink.
 
 import { at, get, post } from "./api.js";
 import { formOf, inputsOf, numberField, readNumber, readSine } from "./forms.js";
@@ -21,9 +21,9 @@ const FIRST_FIELDS = {
 	fluid: ["preset"],
 };
 const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // tables of a geometry on which a calibration depends
-const NEAR_LIMIT_K = 40; // The plot shows the limit of the fluid if the coil is nearer.
+const NEAR_LIMIT_K = 40; // The plot shows the limit of the fluid if the coil temperature exceeds the limit minus this.
 
-/** Return `{value, fault}` of the newest request. Requests are sent one after another. */
+/** Return `{value, fault}`: the answer to the newest request, or its error. Requests are sent one after another. */
 function useLatest(key, ask) {
 	const [found, set] = useState({});
 	const { current: work } = useRef({});

@@ -46,7 +46,7 @@ const CURSOR_ROWS_MAX = 8;
 export const splitsOf = (name) =>
 	new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
 
-/** Return the runs of the most frequent motion with constant command at the lowest temperature. */
+/** Return the runs of the motion with the most constant-command runs, at the lowest temperature. */
 export function usualRuns(runs) {
 	const counts = Map.groupBy(runs, ({ motion }) => motion);
 	const constant = ([, group]) => group.filter(({ command }) => has(command)).length;
@@ -92,7 +92,7 @@ function useSamples(picked, cards, part) {
 	return found;
 }
 
-/** Return the columns of the last complete cycles, with centred displacement, if these are chosen. */
+/** Return the columns, limited to the last complete cycles and with centred displacement if the user chose this. */
 function prepared(columns, count, isCentred) {
 	const { displacement_mm: x } = columns;
 	if (!x || (!count && !isCentred)) return columns;
@@ -108,7 +108,7 @@ function prepared(columns, count, isCentred) {
 	return cut;
 }
 
-/** Return the property in which runs differ: command, else temperature, else the run itself. */
+/** Return the property that determines the colours of runs: `command`, else `temperature_degC`, else `name`. */
 function differenceOf(runs) {
 	const differ = (property) => new Set(runs.map(property)).size > 1;
 	if (differ((run) => run.command_unit)) return "name";
