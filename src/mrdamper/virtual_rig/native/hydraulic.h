@@ -1,4 +1,4 @@
-/* The hydraulic damper's physics: pressures, flows, flux and mass; parameters, state, and one step of time.
+/* Physics of the hydraulic damper: pressures, flows, flux and mass; parameters, state, and one time step.
  *
  * Plain C99 without memory of its own. It shares nothing with the identification kernel, nor with the lumped damper
  * of plant.c. SI and kelvin; extension positive. Equations: docs/hydraulic_rig.md.
@@ -9,13 +9,13 @@
 #define HYDRAULIC_PARAMETERS(X)                                                                               \
     X(bore_m)                                                                                                 \
     X(rod_m)                                                                                                  \
-    X(through_rod)            /* 1: the rod goes through both chambers */                                     \
+    X(through_rod)            /* 1: the rod passes through both chambers */                                   \
     X(chamber_1_m)            /* length of the rod's chamber at x = 0 */                                      \
     X(chamber_2_m)                                                                                            \
     X(gas_m3)                 /* Vg0 at 20 C and x = 0; zero: no gas */                                       \
-    X(gas_Pa)                 /* pg0, its charge */                                                           \
+    X(gas_Pa)                 /* pg0, gas charge */                                                           \
     X(gas_exponent)           /* gam */                                                                       \
-    X(gas_exchange_s)         /* taug, of heat between gas and wall */                                        \
+    X(gas_exchange_s)         /* taug, gas to wall */                                                         \
     X(rest_Pa)                /* p00, without gas */                                                          \
     X(rest_Pa_K)              /* kp0 */                                                                       \
     X(air)                    /* volume fraction of bubbles at 1 atm */                                       \
@@ -34,7 +34,7 @@
     X(particle_share)         /* phi20 */                                                                     \
     X(walther_a)              /* Aw */                                                                        \
     X(walther_b)              /* Bw */                                                                        \
-    X(viscosity_scale)        /* of the whole */                                                              \
+    X(viscosity_scale)        /* of the fluid */                                                              \
     X(flow_index)             /* nhb */                                                                       \
     X(flow_rate_1_s)          /* gref */                                                                      \
     X(creep)                  /* viscosity ratio, before to after yield */                                    \
@@ -52,10 +52,10 @@
     X(turns)                  /* Nt */                                                                        \
     X(coil_ohm)               /* R20 */                                                                       \
     X(copper_per_K)                                                                                           \
-    X(leakage_henry)              /* Ls */                                                                        \
-    X(shell_1_siemens)              /* G1 */                                                                        \
-    X(shell_2_siemens)                                                                                              \
-    X(shell_3_siemens)                                                                                              \
+    X(leakage_henry)              /* Ls */                                                                    \
+    X(shell_1_siemens)              /* G1 */                                                                  \
+    X(shell_2_siemens)                                                                                        \
+    X(shell_3_siemens)                                                                                        \
     X(steel_per_K)            /* of the shells' resistivity */                                                \
     X(core_m2)                /* Ac */                                                                        \
     X(pole_m2)                /* Ag */                                                                        \
@@ -76,7 +76,7 @@
     X(highest_A)              /* Imax */                                                                      \
     X(command_lag_s)          /* tauc */                                                                      \
     X(piston_kg)              /* ms */                                                                        \
-    X(pin_N)              /* kH */                                                                        \
+    X(pin_N)              /* kH */                                                                            \
     X(pin_s_m)                /* alh */                                                                       \
     X(joint_gap_m)            /* gapj */                                                                      \
     X(joint_N_m)              /* kb */                                                                        \
@@ -109,8 +109,8 @@ typedef struct {
 
 #define HYDRAULIC_STATE                                                                                       \
     "coil_A", "command_A", "integral_V", "flux_1_Wb", "flux_2_Wb", "flux_3_Wb", "stop_11_T", "stop_12_T",     \
-        "stop_21_T", "stop_22_T", "stop_31_T", "stop_32_T", "field_T", "piston_m", "piston_m_s", "content_m3", \
-        "flow_m3_s", "gas", "seal_1_m", "seal_2_m", "seal_3_m", "seal_4_m", "rod_m", "rod_m_s", "wall_Pa",     \
+        "stop_21_T", "stop_22_T", "stop_31_T", "stop_32_T", "field_T", "piston_m", "piston_m_s", "content_m3",\
+        "flow_m3_s", "gas", "seal_1_m", "seal_2_m", "seal_3_m", "seal_4_m", "rod_m", "rod_m_s", "wall_Pa",    \
         "pressure_1_Pa", "pressure_2_Pa", "begun"
 
 /* Quantities that depend only on temperature. */
@@ -137,7 +137,7 @@ int hydraulic_step(const hydraulic_parameters *p, const hydraulic_climate *at, d
 int hydraulic_magnet(const hydraulic_parameters *p, const hydraulic_climate *at, double l, double command,
                      const hydraulic_state *was, hydraulic_state *now);
 
-/* Return the field strength [A/m] in the fluid at a flux density (an odd function), and its derivative. */
+/* Return the field strength [A/m] in the fluid at a flux density [T], and its derivative. The function is odd. */
 double hydraulic_fluid_field(const hydraulic_parameters *p, double density_T, double *slope);
 
 #endif

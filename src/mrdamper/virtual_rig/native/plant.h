@@ -1,4 +1,4 @@
-/* The lumped virtual damper's physics: parameters, state, and one step of time.
+/* Physics of the lumped virtual damper: parameters, state, and one time step.
  *
  * Plain C99 without memory of its own: the caller keeps the state. It shares no code with the identification kernel.
  * SI and kelvin; extension positive.
@@ -6,7 +6,7 @@
 #ifndef RIG_PLANT_H
 #define RIG_PLANT_H
 
-/* Names, order and meaning of the parameters. Python reads this order from the extension. */
+/* Names, order and symbols of the parameters; lumped.py describes them. Python reads the order from the extension. */
 #define RIG_PARAMETERS(X)                                                                                     \
     X(coil_ohm)               /* R0, at 20 C */                                                               \
     X(copper_per_K)           /* rise of R per kelvin */                                                      \
@@ -18,7 +18,7 @@
     X(eddy_rise_s)            /* lag of the flux behind a rising current, at 20 C */                          \
     X(eddy_fall_s)            /* lag of the flux behind a falling current */                                  \
     X(eddy_per_K)             /* both are divided by 1 + this (T - 20 C) */                                   \
-    X(fluid_lag_s)            /* of the fluid's structure behind the flux */                                  \
+    X(fluid_lag_s)            /* lag of the fluid structure behind the flux */                                  \
     X(play_share)             /* wp: fraction of the field with magnetic play */                              \
     X(play_A)                 /* r: half width of the play */                                                 \
     X(full_current_A)         /* current at which the field shape is 1 */                                     \
@@ -40,13 +40,13 @@
     X(viscosity_K)            /* B of exp(B / (T - pole)) */                                                  \
     X(viscosity_pole_K)       /* zero kelvin: Arrhenius */                                                    \
     X(friction_N)             /* Fc, sliding, at 20 C */                                                      \
-    X(friction_static)        /* static over sliding friction */                                              \
-    X(stribeck_m_s)           /* speed at which the static part has gone */                                   \
+    X(friction_static)        /* static divided by sliding friction */                                              \
+    X(stribeck_m_s)           /* vs, Stribeck velocity */                                   \
     X(friction_N_m)           /* stiffness of the seal before it slides */                                    \
     X(friction_loss_per_K)    /* fT */                                                                        \
     X(spring_N_m)             /* k1 */                                                                        \
     X(offset_N)               /* f0 */                                                                        \
-    X(leak_N_s_m)              /* c1: the oil's compliance, taken as a leak in series with the chain */
+    X(leak_N_s_m)              /* c1: oil compliance, modelled as a leak in series with yield and viscous force */
 
 typedef struct {
 #define X(name) double name;
@@ -54,18 +54,18 @@ typedef struct {
 #undef X
 } rig_parameters;
 
-/* All that the damper remembers. */
+/* State of the damper. */
 #define RIG_STATE(X)                                                                                          \
     X(coil_A)       /* current of the coil */                                                                 \
-    X(integral_V)   /* of the driver */                                                                       \
-    X(flux_A)       /* behind the eddy currents, as a current */                                              \
-    X(fluid_A)      /* behind the fluid's structure */                                                        \
+    X(integral_V)   /* integral of the current controller */                                                  \
+    X(flux_A)       /* flux behind the eddy currents, stated as a current */                                  \
+    X(fluid_A)      /* field behind the fluid structure, stated as a current */                               \
     X(play_at_A)    /* output of the magnetic play */                                                         \
     X(bristle_N)    /* the three bristles of the yield force */                                               \
     X(soft_N)                                                                                                 \
     X(stiff_N)                                                                                                \
     X(friction_N)   /* the friction bristle */                                                                \
-    X(chain_N)      /* force of the chain at the end of the last step */
+    X(chain_N)      /* yield and viscous force at the end of the last step */
 
 typedef struct {
 #define X(name) double name;
@@ -81,8 +81,8 @@ typedef struct {
 
 void rig_settle(const rig_parameters *p, double step, double kelvin, rig_climate *at);
 
-/* Advance a damper by one step; return the force [N]. Displacement [m], velocity [m/s] and commanded current [A] hold at
- * the end of the step. `field` receives the effective current behind all lags [A]. */
+/* Advance a damper by one step; return the force [N]. Displacement [m], velocity [m/s] and commanded current [A] are
+ * values at the end of the step. `field` receives the effective current behind all lags [A]. */
 double rig_step(const rig_parameters *p, const rig_climate *at, double step, double x, double v, double command,
                 rig_state *s, double *field);
 
