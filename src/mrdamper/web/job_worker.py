@@ -70,7 +70,7 @@ def _end_with_server() -> None:
 
 
 def run_job(folder: WorkFolder, job_id: str) -> None:
-    """Run one job and write its end into the record."""
+    """Run one job and record its end."""
     record = JobRecord(folder.results, job_id)
     try:
         record.begin()

@@ -251,7 +251,7 @@ def _toml(run: HeatsinkResult) -> str:
 
 def _show(run: HeatsinkResult, console: Console) -> None:
     """Print the verdict, then a table of the labelled designs and of evenly spaced designs of the front."""
-    design_count_max = 8  # max number of unlabelled designs; the report has all
+    design_count_max = 8  # max number of designs without a label; the report shows all designs
     for line in _verdict(run):
         console.print(escape(line))
     table = _front_table(run)

@@ -6,47 +6,14 @@
 #ifndef RIG_PLANT_H
 #define RIG_PLANT_H
 
-/* Names, order and symbols of the parameters; lumped.py describes them. Python reads the order from the extension. */
-#define RIG_PARAMETERS(X)                                                                                     \
-    X(coil_ohm)               /* R0, at 20 C */                                                               \
-    X(copper_per_K)           /* rise of R per kelvin */                                                      \
-    X(coil_henry)             /* L0, at zero current */                                                       \
-    X(inductance_fall)        /* L = L0 / (1 + this i^2), per A^2 */                                          \
-    X(supply_V)               /* limit of the driver */                                                       \
-    X(driver_V_A)             /* Kp */                                                                        \
-    X(driver_V_A_s)           /* Ki */                                                                        \
-    X(eddy_rise_s)            /* lag of the flux behind a rising current, at 20 C */                          \
-    X(eddy_fall_s)            /* lag of the flux behind a falling current */                                  \
-    X(eddy_per_K)             /* both are divided by 1 + this (T - 20 C) */                                   \
-    X(fluid_lag_s)            /* lag of the fluid structure behind the flux */                                  \
-    X(play_share)             /* wp: fraction of the field with magnetic play */                              \
-    X(play_A)                 /* r: half width of the play */                                                 \
-    X(full_current_A)         /* current at which the field shape is 1 */                                     \
-    X(field_current_A)        /* Is of tanh(m / Is) */                                                        \
-    X(field_exponent)         /* p */                                                                         \
-    X(yield_N)                /* Fy0, without field */                                                        \
-    X(yield_field_N)          /* Fym, at full field and 20 C */                                               \
-    X(yield_loss_per_K)       /* kT */                                                                        \
-    X(low_field_loss)         /* kx: the loss is (1 + kx) times as large without field */                     \
-    X(stiffness_N_m)          /* s0, before yield, without field */                                           \
-    X(stiffness_field_N_m)    /* s1 */                                                                        \
-    X(spread)                 /* weight of the softest and of the stiffest of three bristles */               \
-    X(asymmetry)              /* yield (1 + this) in extension, (1 - this) in compression */                  \
-    X(position)               /* yield (1 + this (x / 5 mm)^2) */                                             \
-    X(viscous_N)              /* Fv0, at the reference speed and 20 C */                                      \
-    X(viscous_m_s)            /* the reference speed */                                                       \
-    X(viscous_exponent)       /* nv */                                                                        \
-    X(viscous_field)          /* kvb: viscous force (1 + kvb g) */                                            \
-    X(viscosity_K)            /* B of exp(B / (T - pole)) */                                                  \
-    X(viscosity_pole_K)       /* zero kelvin: Arrhenius */                                                    \
-    X(friction_N)             /* Fc, sliding, at 20 C */                                                      \
-    X(friction_static)        /* static divided by sliding friction */                                              \
-    X(stribeck_m_s)           /* vs, Stribeck velocity */                                   \
-    X(friction_N_m)           /* stiffness of the seal before it slides */                                    \
-    X(friction_loss_per_K)    /* fT */                                                                        \
-    X(spring_N_m)             /* k1 */                                                                        \
-    X(offset_N)               /* f0 */                                                                        \
-    X(leak_N_s_m)              /* c1: oil compliance, modelled as a leak in series with yield and viscous force */
+/* Names and order of the parameters, which lumped.py describes. Python reads this order from the extension. */
+#define RIG_PARAMETERS(X)                                                                                         \
+    X(coil_ohm) X(copper_per_K) X(coil_henry) X(inductance_fall) X(supply_V) X(driver_V_A) X(driver_V_A_s)        \
+    X(eddy_rise_s) X(eddy_fall_s) X(eddy_per_K) X(fluid_lag_s) X(play_share) X(play_A) X(full_current_A)          \
+    X(field_current_A) X(field_exponent) X(yield_N) X(yield_field_N) X(yield_loss_per_K) X(low_field_loss)        \
+    X(stiffness_N_m) X(stiffness_field_N_m) X(spread) X(asymmetry) X(position) X(viscous_N) X(viscous_m_s)        \
+    X(viscous_exponent) X(viscous_field) X(viscosity_K) X(viscosity_pole_K) X(friction_N) X(friction_static)      \
+    X(stribeck_m_s) X(friction_N_m) X(friction_loss_per_K) X(spring_N_m) X(offset_N) X(leak_N_s_m)
 
 typedef struct {
 #define X(name) double name;
@@ -61,7 +28,7 @@ typedef struct {
     X(flux_A)       /* flux behind the eddy currents, stated as a current */                                  \
     X(fluid_A)      /* field behind the fluid structure, stated as a current */                               \
     X(play_at_A)    /* output of the magnetic play */                                                         \
-    X(bristle_N)    /* the three bristles of the yield force */                                               \
+    X(bristle_N)    /* three bristles of the yield force: bristle_N, soft_N, stiff_N */                       \
     X(soft_N)                                                                                                 \
     X(stiff_N)                                                                                                \
     X(friction_N)   /* the friction bristle */                                                                \

@@ -1,4 +1,4 @@
-// Channel map of one file: role, unit and gain of each column. The file is read again after each change.
+// Channel map of a file: role, unit and gain of each column. The file is read again after each change.
 
 import { at, get, put } from "./api.js";
 import { numberField, numberInput, readNumber } from "./forms.js";
@@ -84,7 +84,7 @@ function mapOf({ columns: entries, rest }, { columns }) {
 	return map;
 }
 
-/** Form for the channel map of a file. The map can also be saved for the files `others`. */
+/** Form for the channel map of a file, which can also be saved for the files `others`. */
 export function ChannelSheet({ name, others, close }) {
 	const [found, setFound] = useState(null);
 	const [entry, setEntry] = useState(null);
@@ -109,7 +109,7 @@ export function ChannelSheet({ name, others, close }) {
 			const beginning = await get(`${at`files/${name}/look`}?head=1`, asked.signal);
 			show(beginning);
 			if (beginning.head_share === undefined) return;
-			const whole = await get(at`files/${name}/look`, asked.signal); // The first preview read only the beginning of a large file.
+			const whole = await get(at`files/${name}/look`, asked.signal); // The first preview is only the beginning of a large file.
 			if (touched.current) setFound(whole);
 			else show(whole);
 		};

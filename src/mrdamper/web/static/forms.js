@@ -19,7 +19,7 @@ export function parseNumber(text) {
 	return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
 }
 
-/** Return the numbers in a list that is separated by semicolons, blanks, or commas with blanks. */
+/** Return the numbers in a list with semicolons, blanks, or commas and blanks. */
 function parseNumbers(text) {
 	const parts = text.split(text.includes(";") ? ";" : /,?\s+/).map((part) => part.trim());
 	const values = parts.filter(Boolean);
@@ -46,7 +46,7 @@ export function readNumber(words, entry, { many, needed, otherwise = many ? [] :
 	return many ? parseNumbers(text) : parseNumber(text);
 }
 
-/** Return the input element of a number, marked if the entry is invalid. `needed`: message if the entry is empty. */
+/** Return the input of a number, marked if it is invalid; `needed`: message if it is empty. */
 export function numberInput(entry, change, { many, needed, ...props } = {}) {
 	const title = faultOf(textOf(entry), { many, needed });
 	const oninput = (event) => change(event.target.value);
@@ -215,7 +215,6 @@ export function bringInput(words, suffixes, brought = () => {}) {
 	return p.small(filePicker(`${words} (${kinds})`, suffixes, bring));
 }
 
-/** Fill the form of a job with the options of an earlier job. */
 export function fillForm(kind, options, more = {}) {
 	const values = {};
 	for (const one of app.forms[kind]) {

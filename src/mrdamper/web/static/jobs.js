@@ -8,7 +8,7 @@ import { button, tags } from "./ui.js";
 
 const { b, div, form, p, progress } = tags;
 
-/** Return the job that the address names, or else a running job, or else the newest job with a result for the card. */
+/** Return the job in the address, else a running job, else the newest job with a result for the card. */
 export function jobOf(kind, card = null) {
 	const mine = app.state.jobs.filter((job) => job.kind === kind);
 	const isResult = (job) =>
@@ -63,7 +63,7 @@ export const formPanel = (words, fields, start, ...first) =>
 	);
 
 /**
- * Return two columns: the form of a kind of job, and the job with its progress and result.
+ * Return two columns: the form of a kind of job, and progress and result of the job.
  *
  * `card`: only jobs of this card; `first`: above the form; `nothing`: text without a job; `view(job)`: result;
  * the button gets all other properties
@@ -120,7 +120,7 @@ export async function keepInput(job, path, name) {
 export const putBack = (id, name = {}) =>
 	button("Put back", () => attempt(() => post(at`trash/${id}/restore`)), "quiet", name);
 
-/** Return a button that moves an item into the trash. A message then offers to restore the item. */
+/** Return a button that moves an item into the trash; a message offers to restore it. */
 export function removal(kind, name, removed = () => {}) {
 	const discard = async () => {
 		const answer = await attempt(() => remove(at`${kind}/${name}`));

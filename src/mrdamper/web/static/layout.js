@@ -36,7 +36,7 @@ export function tabbed(words, key, tabs) {
 
 export const fold = (title, ...children) => details(summary(title), children);
 
-/** Return a foldable section. Its state (open or closed) is a choice; `body()` is called only if it is open. */
+/** Return a foldable section. Its state is a choice; `body()` is called only if it is open. */
 export function keptFold(key, id, title, body) {
 	const open = chosen(key, false);
 	const toggle = ({ target }) => target.open !== open && choose({ [key]: target.open || null });
@@ -53,7 +53,7 @@ export const titled = (title, ...body) => section({ "aria-label": title }, h2(ti
 export const empty = (text, page = "") =>
 	div.empty(p(text), page && button(`Go to ${PAGES[page].title}`, () => go(page), "main"));
 
-/** Return a tile with a main value; `mark` states that the value is assumed or extrapolated. */
+/** Return a tile; `mark` states that its value is assumed or extrapolated. */
 export const tile = (name, value, mark = "", band = "") =>
 	div(
 		{ class: mark ? "tile marked" : "tile", title: mark },

@@ -1,4 +1,4 @@
-// Page Jobs: list of jobs with states and results, forms of jobs without their own page, inputs, and trash.
+// Page Jobs: jobs with states and results, forms of other jobs, inputs, and trash.
 
 import { at, get, remove } from "./api.js";
 import { bringInput, fillForm, formOf } from "./forms.js";
@@ -11,7 +11,7 @@ import { bytes, duration } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
 
 const { b, div, h2, p, span } = tags;
-/** The page of each kind of job, and the choices that select its tab. */
+/** Page of each kind of job, and choice of its tab. */
 const PAGE_OF = {
 	fit: ["model", {}],
 	heat: ["thermal", { "heat.tab": "Heating" }],
@@ -19,7 +19,7 @@ const PAGE_OF = {
 	track: ["controller", { "track.page": "Try" }],
 	export: ["controller", { "track.page": "Export" }],
 };
-/** Titles of the forms of jobs that have no page of their own. */
+/** Form titles of jobs that have no own page. */
 const OTHERS = {
 	evaluate: "Predict runs with a card",
 	compare: "Compare two cards",

@@ -1,4 +1,4 @@
-// Model: choice of the law and of held-out runs, the result of a fit, and the table of fits.
+// Page Model: choice of law and held-out runs, result of a fit, and table of fits.
 
 import { at, get, put } from "./api.js";
 import { fillForm, formOf, literal } from "./forms.js";

@@ -12,7 +12,7 @@ import { h, useEffect, useLayoutEffect, useRef, useState } from "./vendor/preact
 const { uPlot } = window;
 const { div, figcaption, figure, p, span } = tags;
 const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
-const PIECE_SAMPLES = 100000; // number of samples of a loop between two checks of the elapsed time
+const PIECE_SAMPLES = 100000; // samples of a loop between two checks of the elapsed time
 const FRAME_MS = 12; // time in each animation frame that is used to prepare loops
 const STEP_MAX_PX = 8; // Longer segments of a loop are checked pixel by pixel.
 const READOUT_MAX = 9;
@@ -96,7 +96,7 @@ function line(u, { x, y }, from = 0, to = x.length) {
 	return path;
 }
 
-/** Return the path of a time series. If there are many samples, the path has only the extremes of each pixel column. */
+/** Return the path of a time series; if it has many samples, only the extremes of each pixel column. */
 export function seriesPath(u, { x, y }) {
 	const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
 	const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
@@ -114,7 +114,7 @@ export function seriesPath(u, { x, y }) {
 }
 
 /**
- * Return the samples of a loop. If there are many, return only segments that touch a new pixel, with NaN at gaps.
+ * Return the samples of a loop; if it has many, only segments that touch a new pixel, with NaN at gaps.
  *
  * The generator yields after each piece of work, so that the page stays responsive.
  */
@@ -384,7 +384,7 @@ function Plot(props) {
 	);
 }
 
-/** Return the x and y ranges after a key press: null for the whole range, undefined if the key has no effect. */
+/** Return the ranges after a key press: null for the whole range, undefined for other keys. */
 function moved({ x, y }, key) {
 	const shift = { ArrowLeft: -0.1, ArrowRight: 0.1 }[key] * (x[1] - x[0]);
 	if (shift) return { x: x.map((value) => value + shift), y };
@@ -431,7 +431,6 @@ export function legendOf({ series, spans = [] }, hidden, toggle) {
 	return div.legend(named.map(entry), blocks.map(block));
 }
 
-/** Save a plot in light colours, with title and legend. */
 async function savePng(spec) {
 	const place = document.createElement("div");
 	place.className = "offscreen";

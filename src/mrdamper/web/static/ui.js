@@ -14,7 +14,7 @@ const element =
 		return props ? h(name, all, ...rest) : h(name, all, first, ...rest);
 	};
 
-/** Functions that create elements, with a class or properties: `p("text")`, `p.small("text")`, `p({id: "words"}, "text")`. */
+/** Functions that create elements: `p("text")`, `p.small("text")` with a class, `p({id: "words"}, "text")`. */
 export const tags = new Proxy(
 	{},
 	{ get: (_, name) => new Proxy(element(name), { get: (_tag, look) => element(name, look) }) },
@@ -42,7 +42,7 @@ export const select = (options, value, change, props = {}) =>
 			.map(([key, text]) => option({ value: key, key, selected: key === value }, text)),
 	);
 
-/** Return a drop-down list for a choice; the first option is the default. With `step`, Back undoes a change. */
+/** Return a drop-down list for a choice; its first option is the default. With `step`, Back undoes a change. */
 export const choice = (words, key, options, step = false) => {
 	const change = (value) => choose({ [key]: value || null }, step);
 	return field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }));

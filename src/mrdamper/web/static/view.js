@@ -1,4 +1,4 @@
-// Linked view: measured and modelled forces of runs as loops and versus time, with one cursor and one time span.
+// Linked view: forces of runs and cards as loops and versus time, with one cursor and one time span.
 //
 // Choices: `t` (time span), `d` and `v` (ranges of the loops), `hide`, `centre`, `cycles`. Each zoom is a step of the
 // browser's history, so that Back undoes it.
@@ -92,7 +92,7 @@ function useSamples(picked, cards, part) {
 	return found;
 }
 
-/** Return the columns, limited to the last complete cycles and with centred displacement if the user chose this. */
+/** Return the last complete cycles, with centred displacement, if the user chose this. */
 function prepared(columns, count, isCentred) {
 	const { displacement_mm: x } = columns;
 	if (!x || (!count && !isCentred)) return columns;
@@ -108,7 +108,7 @@ function prepared(columns, count, isCentred) {
 	return cut;
 }
 
-/** Return the property that determines the colours of runs: `command`, else `temperature_degC`, else `name`. */
+/** Return the property that colours the runs: `command`, else `temperature_degC`, else `name`. */
 function differenceOf(runs) {
 	const differ = (property) => new Set(runs.map(property)).size > 1;
 	if (differ((run) => run.command_unit)) return "name";
@@ -122,7 +122,7 @@ function colourOf(run, by, runs) {
 	if (by === "name") return { key: run.name, colour: nth(runs.indexOf(run)) };
 	const key = by === "command" ? commandOf(run) : temperatureOf(run);
 	const range = extent(runs.map((one) => one[by]).filter(has));
-	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
+	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour outside the ramp
 	const fraction = (run[by] - range[0]) / (range[1] - range[0] || 1);
 	return { key, colour: (colours) => rampColour(fraction, colours) };
 }
