@@ -74,7 +74,7 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
     yield from (_input(each) for each in job.inputs if each.option.flag != "-")
     has_maps = any("runs" in each.option.places and each.many for each in job.inputs)
     for each in (*job.reading, *job.fields):
-        if each.option.local or (each.type is Path and has_maps):  # Each run has a separate map.
+        if each.option.local or (each.type is Path and has_maps):  # Each run file has its own map.
             continue
         if each.type is Path:
             yield _input(each)

@@ -94,7 +94,7 @@ class WorkFolder:
         self.runs, self.records, self.inputs = (self.root / part for part in ("runs", "records", "inputs"))
         self.cards, self.results = self.root / "cards", self.root / "results"
         self.trash, self.cache = self.root / ".trash", self.root / ".cache"
-        self.dampers = self.root / "dampers"  # created by the first upload
+        self.dampers = self.root / "dampers"  # created with the first damper
         own = (self.runs, self.records, self.inputs, self.cards, self.results, self.trash, self.cache)
         try:
             for place in own:

@@ -43,7 +43,7 @@ typedef struct {
     union {
         rig_climate lumped;
         hydraulic_climate hydraulic;
-    } climate; /* values at the last temperature, cached because of their exponentials */
+    } climate; /* values at the last temperature, cached because exponentials are slow */
     double kelvin;
 } plant;
 
