@@ -404,7 +404,8 @@ def heatsink(
     materials : Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable. Default: the
         material of the geometry file.
     members : Show this number of designs of the Pareto front, and verify them with finite elements.
-    by_field : Evaluate the designs only with the fast zone network, without finite elements.
+    by_field : Evaluate designs only by the fast zone network, without finite elements. In Python:
+        by_field=False.
     """
     return _run("heatsink", locals())
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-DEVIATION_PER_MAD = 1.4826  # standard / median absolute deviation of a normal distribution
+DEVIATION_PER_MAD = 1.4826  # standard deviation / median absolute deviation, for a normal distribution
 
 
 def read_only(values: ArrayLike) -> FloatArray:
@@ -22,7 +22,7 @@ def read_only(values: ArrayLike) -> FloatArray:
 
 
 def inverse_sizes(matrix: FloatArray) -> FloatArray:
-    """Return the factors that scale rows and columns of matrices (.., n, n) to a unit diagonal, (.., n)."""
+    """Return factors (.., n) that scale rows and columns of matrices (.., n, n) to a unit diagonal."""
     return np.asarray(1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300)))
 
 

@@ -34,7 +34,7 @@ class MrdamperError(Exception):
     found, expected : the actual and the expected value
     place : file, run or field with the fault
     remedy : action of the user, as a sentence, or as a clause if it starts with a small letter
-    faults : several errors that are reported as one error, which then has no other parts
+    faults : several errors that are reported together; the other arguments are then empty
 
     The message consists of place, found, expected and remedy, in this order. Each of several faults has its
     own line. Very long texts are cut.
@@ -69,7 +69,7 @@ class MrdamperError(Exception):
         self.args = (self._message(),)
 
     def prepend_place(self, place: str | PurePath) -> Self:
-        """Return this error with a place in front of the error's place, such as the file before the field.
+        """Return this error with a place in front of its place, such as the file in front of the field.
 
         The place is not repeated if the error's place already begins with it.
         """
@@ -100,7 +100,7 @@ class MrdamperError(Exception):
 
 
 def _first(lines: Sequence[str], most: int, words: str) -> list[str]:
-    """Return the first lines, and one line with the number of further lines."""
+    """Return the first lines, and one line with the number of omitted lines."""
     return [*lines[:most], *([f"... and {len(lines) - most} more {words}"] if len(lines) > most else [])]
 
 
@@ -138,7 +138,7 @@ class MissingExtraError(InputError):
 
     @classmethod
     def for_package(cls, what: str, package: str, extra: str) -> Self:
-        """Return the error for a missing package of an extra that ``what`` requires."""
+        """Return the error for a missing ``package``, which ``what`` requires and the ``extra`` installs."""
         return cls(f"{package} is not installed", place=what, remedy=f"pip install 'mrdamper[{extra}]'")
 
 

@@ -30,7 +30,7 @@ ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
 )
 """Roughness Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], the geometric mean of each class."""
 
-_REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
+_REFERENCE_WAVENUMBER = 0.1  # n0 of ISO 8608 [cycles/m]
 _FINEST_WAVENUMBER = 2.83  # end of the range of ISO 8608 [cycles/m]
 _TONE_COUNT = 480
 
@@ -293,7 +293,7 @@ class RandomMotion(_Tones):
 
     amplitude: float  # [m]
     start: float  # lowest frequency [Hz]
-    stop: float  # highest [Hz]
+    stop: float  # highest frequency [Hz]
     seed: int = 1
     tones: Harmonics = field(init=False, repr=False, compare=False)
 
@@ -318,8 +318,8 @@ class RandomCurrent:
     """A commanded current with random levels, each held for a random time; reproducible by its seed.
 
     Levels are uniformly distributed between zero and the highest level, with a twelfth of the levels at
-    either end. Holding times are log-uniform. Only runs with a changing current show if a law is wrong for a
-    changing current.
+    either end. Holding times are log-uniform. Only runs with changing current show whether a hysteresis law
+    is correct while the current changes.
     """
 
     highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
@@ -406,10 +406,10 @@ MOTIONS: Mapping[str, Motion] = MappingProxyType(
 """Name -> motion. The motion ``steps`` is used with ``CURRENT_STEPS``."""
 
 CURRENT_STEPS = CurrentSteps((0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0), hold=0.8)
-"""0-1-2-1-0 A twice. With the motion ``steps``, each switch is at mid-stroke, at 30 mm/s."""
+"""Current steps 0-1-2-1-0 A, twice. With the motion ``steps``, each step is at mid-stroke, at 30 mm/s."""
 
 RANDOM_CURRENT = RandomCurrent()
-"""0 to 2 A, held for 20 to 300 ms."""
+"""Random currents from 0 to 2 A, each held for 20 to 300 ms."""
 
 _FORMS: Mapping[str, str] = MappingProxyType(
     {

@@ -18,7 +18,7 @@ from mrdamper.errors import InputError
 
 PathLike = str | Path
 
-_MOST_BYTES = 1 << 22  # maximum size of a document that people write
+_MOST_BYTES = 1 << 22  # max size of a document that users write by hand
 _PAST_INTEGERS = 1 << 63
 
 

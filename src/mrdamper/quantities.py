@@ -106,7 +106,8 @@ _TABLE = (
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity for quantity in _TABLE})
 
-# Spellings of units on rigs: lower case, without blanks, dots or parentheses. Names in Pint need no entry.
+# Spellings of units in rig files, in lower case, without blanks, dots and parentheses. Units that Pint can
+# interpret need no entry.
 _SPELLINGS: Mapping[str, str] = MappingProxyType(
     {
         "sec": "s", "secs": "s", "sek": "s", "seg": "s", "sn": "s", "second": "s", "seconds": "s",
@@ -323,7 +324,7 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
         return roles_without_pint
     bare = unit.strip("[]() ")
     named = _HEADER_WORDS.intersection((bare.lower(), *re.split(r"[\s_.-]", bare.lower(), maxsplit=1)[:1]))
-    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # time_s, force: not a unit
+    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # Names (time_s, force) are no units.
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
 
 

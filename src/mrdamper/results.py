@@ -59,7 +59,7 @@ class Picture:
     def _repr_html_(self) -> str:
         figure = self._figure()
         svg = "" if figure is None else vars(figure)["_repr_svg_"]()
-        from html import escape  # This import takes a tenth of the import time of the package.
+        from html import escape  # Only notebooks need this slow import.
 
         svg = svg.replace("<svg", '<svg style="max-width: 100%; height: auto"', 1)
         return f"<pre>{escape(repr(self))}</pre>{svg}"
@@ -72,11 +72,11 @@ class JobResult(Picture):
     _job: ClassVar[str]  # Name of the job.
 
     def summary(self) -> str:
-        """Return the answer in a few lines of text."""
+        """Return the main values of the result in a few lines of text."""
         return "\n".join(self._row().reported.lines(self))
 
     def save(self, folder: str | Path) -> dict[str, Any]:
-        """Write the files of the report into a folder, all or none; return the answer with the file paths."""
+        """Write all files of the report into a folder; return the JSON answer with the file paths."""
         answer: dict[str, Any] = self._row().save(self, folder)
         return answer
 

@@ -88,12 +88,12 @@ class Option:
     label: str = ""  # empty: derived from the name
     group: str = ""  # heading of the field; empty: above all headings
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
-    begins: Any = None  # initial value if it differs from the default
+    begins: Any = None  # initial value in the form if it differs from the default
     offers: str = ""  # group of proposed names (``jobs.previews.choices``)
     places: tuple[str, ...] = ()  # subfolders of the work folder with selectable files
     files: str = ".toml"  # suffix of selectable inputs
-    looks: tuple[str, ...] = ()  # accepted kinds of input (``web.inputs``)
-    word: str = ""  # name of the kind of input
+    looks: tuple[str, ...] = ()  # accepted kinds of input files (``jobs.previews.choices``)
+    word: str = ""  # name of the kind of input, such as "card"
     part: str = ""  # The field enables this part of the geometry file. It is locked if the part is missing.
 
     __is_annotated_types_grouped_metadata__: ClassVar[Literal[True]] = True
@@ -123,7 +123,7 @@ class Option:
 
     @property
     def remedy(self) -> str:
-        """Return the typical cause of a wrong name or value for messages; empty if there is none."""
+        """Return a hint for messages: typical cause of a wrong name or value; empty if there is none."""
         return _UNIT_HINTS.get(self.unit, "")
 
     @property
@@ -376,7 +376,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
 
 
 def _locate(record: type, place: Sequence[int | str]) -> tuple[tuple[Field, ...], Field | None]:
-    """Return the known fields at a location in a document, and the innermost field on its path."""
+    """Return the known fields at a location in a document, and the innermost field that contains it."""
     known, field = fields_of(record), None
     for part in place:
         inner = next((each for each in known if each.key == part), None)

@@ -89,7 +89,7 @@ def _replace_closed_streams() -> None:
 
 
 def _resource_message(error: Exception) -> str:
-    """Return the message about a full disk or missing memory; empty if the error has a different cause."""
+    """Return a message about a full disk or lack of memory; empty if the error has a different cause."""
     from mrdamper.runtime.outputs import no_room
 
     # SciPy's sparse solver reports a lack of memory as text.

@@ -149,7 +149,7 @@ class HelpfulCommand(click.Command):
 
 
 class JobCommand(HelpfulCommand):
-    """The command of a job. Parameters are built on first use because the list of commands needs none."""
+    """The command of a job. Its parameters are built on first use; the list of commands needs none."""
 
     def __init__(self, job: Job) -> None:
         super().__init__(job.name.split()[-1], help=job.help, callback=partial(_run, job))

@@ -2,7 +2,7 @@
 
 The FMU contains the unchanged C files of ``c_code``, and the file ``fmi2.c``, which includes them. Each
 instance of the FMU has separate parameters and a separate state. The same target gives the same sources and
-the same token (GUID). An FMU is written only if its sources passed the verification.
+the same GUID (*token*). An FMU is written only if its sources passed the verification.
 """
 
 from __future__ import annotations

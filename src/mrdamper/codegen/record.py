@@ -16,8 +16,8 @@ class Difference:
 
     ulp: int  # units in the last place of the number type
     relative: float  # difference divided by the value in Python
-    samples_differing: int  # number of different samples
-    first_sample: int | None  # index of the first different sample; None if all samples are equal
+    samples_differing: int  # number of samples with different outputs
+    first_sample: int | None  # index of the first such sample; None if all samples are equal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class Verification:
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()
     machine: str = ""
-    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # C functions
+    stack_bytes: Mapping[str, int] = field(default_factory=dict)  # stack frame of each C function
     sizes_bytes: Mapping[str, int] = field(default_factory=dict)  # sizes of code, tables and state
     mrdamper: str = ""
 

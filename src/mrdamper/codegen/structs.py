@@ -21,7 +21,7 @@ from mrdamper.control.tables.series import Power, SeriesTables
 from mrdamper.thermal.compact import PARTS, POINT_COUNT, UPDATE_S, CompactModel, sensor_gains, typical_power
 
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
-HORIZON_S = 7200.0  # MRD_THERMAL_HORIZON
+HORIZON_S = 7200.0  # longest predicted time to a limit; equal to MRD_THERMAL_HORIZON in thermal.h
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def _lookup(table: LookupTable) -> Nested:
 
 
 def steps_between_updates(period_s: float) -> int:
-    """Return the number of control periods in half a second, the time between two updates of the states."""
+    """Return the number of control periods between two updates of the thermal states (half a second)."""
     return max(round(UPDATE_S / period_s), 1)
 
 

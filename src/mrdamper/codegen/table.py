@@ -1,4 +1,4 @@
-"""The force map: force against temperature, command and velocity, for vehicle simulators.
+"""The force map: force versus temperature, command and velocity, for vehicle simulators.
 
 The force of a damper depends on the past motion, but a map has no memory. The map therefore contains three
 forces for each velocity. ``pick`` is the peak-velocity pick of a dynamometer: the force at mid-stroke of a

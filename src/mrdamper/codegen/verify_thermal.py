@@ -20,7 +20,7 @@ from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact import CompactLoad, simulate_compact, typical_power
 
 TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
-"""Tolerance of single (True) and double precision (False) [K]."""
+"""Max difference of a temperature in single (True) and double precision (False) [K]."""
 
 _COLUMNS = ("fluid", "gap", "coil", "seal")
 LOAD_COMMAND = 1.0

@@ -80,7 +80,7 @@ _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
     "session": lambda chosen: {"name": chosen.session} if chosen.session else {},
     "file": lambda chosen: write_record(chosen.file),
 }
-"""The tables of a map that hold for a file as a whole: its tests, its session, its form."""
+"""Functions that return the tables of a channel map about the whole file: segments, session and format."""
 
 
 def _file_constants(path: Path, file: RigFile) -> list[Inference]:

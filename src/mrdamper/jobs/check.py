@@ -142,7 +142,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
 
 
 def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
-    """Compare runs with each other and with their names; return findings, also about runs of other dampers.
+    """Compare runs with each other and with their names; return findings, also about mixed-up dampers.
 
     Invalid recordings are ignored, for example if time does not increase.
     """

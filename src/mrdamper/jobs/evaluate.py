@@ -1,9 +1,9 @@
 """The job ``evaluate``: compute the error of a model card on runs, and 90 % intervals.
 
-Modules for fits are not imported, so that the job starts fast.
+Modules that only a fit needs are not imported, so that the job starts fast.
 
 The intervals of forces and coefficients are computed from posterior samples (``models.card_draws``), which
-are equally likely dampers. They describe the uncertainty of the force due to the parameters, and exclude the
+are equally likely parameter sets. They describe the uncertainty of the force due to the parameters, not the
 model error of the law and the sensor noise. The expected error of a measured force is ``models.force_band``.
 """
 

@@ -386,7 +386,7 @@ class HeatsinkOptions(HeatingInputs):
     )
     """Show this number of designs of the Pareto front, and verify them with finite elements."""
     by_field: Annotated[bool, _NETWORK_ONLY, Option(label="verify with finite elements (slow)")] = True
-    """Evaluate the designs only with the fast zone network, without finite elements."""
+    """Evaluate designs only by the fast zone network, without finite elements. In Python: by_field=False."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

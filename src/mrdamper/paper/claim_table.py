@@ -161,7 +161,7 @@ def _fluid_over_wall_K(found: Findings) -> float:
 
 
 def _hotter_by(sweep: Sweep, first: int, second: int) -> float:
-    """Return the fluid temperature with the second heat sink minus the temperature with the first [K]."""
+    """Return the fluid temperature with heat sink ``second`` minus the temperature with ``first`` [K]."""
     return sweep.effects[second].finned - sweep.effects[first].finned
 
 

@@ -128,7 +128,7 @@ def slim_damper_degC(found: Findings) -> float:
 
 
 def half_hour(found: Findings) -> tuple[float, float]:
-    """Return two fluid temperatures after 30 min: with fins and without fins [degC]."""
+    """Return the fluid temperatures after 30 min with fins and without fins [degC]."""
     return temperature_at(found.warm_up.rise, "fluid", HALF_HOUR_S), temperature_at(
         bare(found), "fluid", HALF_HOUR_S
     )

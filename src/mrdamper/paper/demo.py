@@ -166,7 +166,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
 
 
 def _report_steps(on_progress: Progress) -> Iterator[None]:
-    """Report progress at each ``next``, which is called before each step."""
+    """Generate one value for each step of the demo, and report the progress at each value."""
     for done, text in enumerate(_STEPS):
         on_progress(ProgressUpdate(done=done, total=len(_STEPS), text=text))
         yield
@@ -180,7 +180,7 @@ def _read_back(campaign: RigResult) -> Dataset:
 
 
 def _paper_damper(settings: FitSettings, options: DemoOptions) -> ModelCard:
-    """Return a card of the preset ``paper``, whose loss of force with temperature is that in the paper."""
+    """Return a card of the preset ``paper``, whose force decreases with temperature as in the paper."""
     campaign = _QUICKLY_WARMED if options.quick else _WARMED
     runs = Dataset(tuple(run for run, _ in measure(find_preset("paper"), campaign, seed=NOISE_SEED)))
     return fit_law(FitData.prepare(runs, settings=settings)).card(title="the virtual rig's preset paper")

@@ -25,7 +25,7 @@ from mrdamper.report.figures.style import (
 from mrdamper.report.identification.campaign import Campaign
 
 _MOST_LOOPS = 4
-# Plotted duration of a tracked force, and time between two plotted points.
+# Plotted duration of a tracked force, and time between two plotted points [s]
 _SHOWN_S, _THIN_S = 2.0, 2e-3
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
 

@@ -61,7 +61,7 @@ class Job:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Return the options of the job. Without options, ``run`` has no argument ``options``."""
+        """Return the options of the job. If there are none, ``run`` has no argument ``options``."""
         return fields_of(self.options_type)
 
     @property

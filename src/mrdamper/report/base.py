@@ -36,7 +36,7 @@ NO_FILES = "No files were written. Use --out DIR to write a report."
 
 
 def interrupted(remaining: str = BEST_SO_FAR) -> Outcome:
-    """Return the outcome of an interrupted job; ``remaining`` is a sentence about its files."""
+    """Return the outcome of an interrupted job; ``remaining`` states which files remain."""
     return Outcome(exit_code=ConvergenceError.exit_code, messages=(f"Interrupted. {remaining}",))
 
 

@@ -238,7 +238,7 @@ def _verdict(result: CheckResult) -> tuple[str, str]:
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
-    """Group files by format and columns; return the first path and the number of others of each group."""
+    """Group files by format and columns; return the first path of each group and the number of the others."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)

@@ -42,7 +42,7 @@ def _fields(comparison: Comparison) -> dict[str, object]:
 
 
 def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
-    """Return each pair of temperature and current: both indices, and both values as columns of a table."""
+    """Return each pair of temperature and current: the two indices, and the two values as table cells."""
     return [
         (t, i, {"temperature_degC": in_degrees(kelvin), "command": command})
         for t, kelvin in enumerate(comparison.scope.temperatures)

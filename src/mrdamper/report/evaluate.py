@@ -143,7 +143,7 @@ def _sections(result: EvaluateResult) -> list[Section]:
 
 
 def _intervals(result: EvaluateResult) -> Figure | None:
-    panel_count_max = 8  # The worst runs are drawn with the interval of the force.
+    panel_count_max = 8  # max number of plotted runs with force intervals: the worst runs
     if not result.forces:
         return None
     error = {each.name: each.nrmse_percent for each in result.errors}

@@ -1,8 +1,8 @@
 """Result of ``track`` as JSON, terminal output, page, figures, traces and CSV file.
 
-The figures show force, error and current over time, as Figures 28 to 31 of the paper. The grey band is the
-attainable force between zero and maximum current. The lower panels are grey if the target is outside this
-band less a margin.
+The figures show force, error and current versus time, like Figures 28 to 31 of the paper. The grey band is
+the attainable force between zero and maximum current. The lower panels are grey while the target is
+infeasible: outside this band, or closer to its limits than a margin.
 """
 
 from __future__ import annotations
@@ -255,7 +255,7 @@ def _row(row: Row, plant: str) -> Json:
 def _trace(each: Traced) -> dict[str, object]:
     """Return evenly spaced samples of force and current at the highest temperature of a target."""
     course, reach = each.course, each.reach
-    part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer traces slowly.
+    part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer curves slowly.
     return {
         "target": each.target,
         "temperature_degC": each.temperature_degC,

@@ -259,7 +259,7 @@ def _move(whole: Path, place: Path) -> None:
 
 
 def _is_ours(fault: OSError, hidden: Path) -> bool:
-    """Return True if an error concerns a file of the job. Errors of writing have no file name."""
+    """Return True if an error concerns an output file of the job. Write errors have no file name."""
     return fault.filename is None or Path(os.fsdecode(fault.filename)).is_relative_to(hidden)
 
 

@@ -59,7 +59,7 @@ class Campaign:
     the campaign are removed from the lists. The current steps are made during the motion ``steps_motion``.
     Lags that are identified from these steps are valid near the speed of this motion
     (``identify.actuation``). The run with random current and random motion is logged for twice
-    ``duration_s``. Random current and random motion have a different seed at every temperature.
+    ``duration_s``. The seeds of random current and random motion are different at every temperature.
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
@@ -155,7 +155,7 @@ class Campaign:
         return {text: motion_from_text(text) for text in self.motions}
 
     def _times(self, motion: Motion) -> tuple[float, float]:
-        """Return two durations for a motion [s]: the log, and the run-in before the log."""
+        """Return the duration of the log of a motion, and the duration of the run-in before the log [s]."""
         if isinstance(motion, Sine | Triangle):
             period = motion.period
             logged, run_in = (

@@ -81,7 +81,7 @@ def find_damper(name: str | Path) -> VirtualDamper:
 
 def damper_to_toml(damper: VirtualDamper) -> str:
     """Return all parameters as TOML text. ``read_damper`` reads an equal damper from this text."""
-    # The preset only states the kind of damper, because all parameters are written.
+    # The preset in the text only determines the kind of damper, because all parameters are written.
     preset = next(iter(LUMPED if isinstance(damper, LumpedDamper) else HYDRAULIC))
     return toml_text(
         {"preset": preset, **write_record(damper, defaults=True)}, "a virtual damper, in SI and kelvin"

@@ -67,16 +67,16 @@ class LumpedDamper:
         0.4  # wp: fraction of the field with magnetic hysteresis (play operator)
     )
     play_A: NotNegative = 0.04  # r: half width of the play operator
-    full_current_A: Positive = 2.0  # current at which g = 1
+    full_current_A: Positive = 2.0  # current at which the field function g is 1
     field_current_A: Positive = 1.5  # Is: saturation current
-    field_exponent: Positive = 1.2  # p: exponent of g
+    field_exponent: Positive = 1.2  # p: exponent of the field function g
     # yield force and pre-yield stiffness
     yield_N: Positive = 12.0  # Fy0: yield force without field
-    yield_field_N: NotNegative = 1300.0  # Fym: additional yield force at g = 1
+    yield_field_N: NotNegative = 1300.0  # Fym: additional yield force at full field (g = 1)
     yield_loss_per_K: NotNegative = 0.0014  # kT: relative loss of the parts Fym and s1 per kelvin
     low_field_loss: NotNegative = 0.3  # kx: at low field, the loss increases to kT (1 + kx (1 - g))
     stiffness_N_m: Positive = 1.2e6  # s0: stiffness without field
-    stiffness_field_N_m: NotNegative = 5e6  # s1: additional stiffness at g = 1
+    stiffness_field_N_m: NotNegative = 5e6  # s1: additional stiffness at full field (g = 1)
     spread: Annotated[float, Option(least=0.0, most=0.5)] = (
         0.15  # weight of each of the bristles with 1/4 and 4 times the stiffness
     )

@@ -5,7 +5,7 @@ separate extension. The hydraulic damper is described in ``docs/hydraulic_rig.md
 describe the lumped damper (``native/plant.c``). The time step is 0.1 ms, and the inputs are the values at
 the end of the step:
 
-*Driver and coil.* I is the current command and i the coil current. The voltage is V = R0 I + Kp (I - i) + q,
+*Driver and coil.* I is the commanded current and i the coil current. The voltage V = R0 I + Kp (I - i) + q is
 limited to +-Vmax. The integral q' = Ki (I - i) stops while the voltage is limited. With
 R = R0 (1 + 0.00393 (T - 20 degC)) and L = L0 / (1 + 0.25 i^2), i relaxes to V / R at the rate R / L.
 
@@ -190,7 +190,7 @@ class Plant:
 
 
 def _input_samples(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
-    """Return a number or an array of samples, plus an offset."""
+    """Return a number or an array of samples, increased by the offset ``above``."""
     if isinstance(given, float):
         return float(given) + above
     values: FloatArray = np.ascontiguousarray(given, dtype=np.float64)

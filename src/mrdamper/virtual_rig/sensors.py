@@ -65,7 +65,7 @@ class Sensors:
         noise: np.random.Generator,
         acceleration: FloatArray | None = None,
     ) -> Readings:
-        """Return the sensor signals for reference signals at the time step of the plant.
+        """Return the sensor signals for reference signals that have the time step of the plant.
 
         The first logged sample is the first sample of the reference signals. If the ``acceleration`` of the
         rod [m/s^2] is given, the inertia force of the mass at the force cell is added to the force.

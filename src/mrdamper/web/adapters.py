@@ -42,7 +42,7 @@ def do(
         on_progress=progress,
         resume=resume,
     )
-    root = json.dumps(f"{folder.root}{os.sep}")[1:-1]  # Paths in the answer become relative to the folder.
+    root = json.dumps(f"{folder.root}{os.sep}")[1:-1]  # Paths in answers are relative to the folder.
     shown = json.loads(json.dumps(job.reported.for_page(result)).replace(root, ""))
     return {**answer, **shown, **(_packed(out, options["name"]) if kind == "export" else {})}
 

@@ -55,7 +55,7 @@ class AppContext:
         await self.queue.close()
 
     def change_numbers(self) -> dict[str, str]:
-        """Return a text for the files and one for all other items, which change if such an item changes."""
+        """Return two texts: one changes if a measured file changes, the other one if another item changes."""
         folder = self.folder
         others = (folder.records, folder.inputs, folder.cards, folder.results)
         files = f"{self.index.changes}-{_signature(folder.runs)}"
@@ -85,7 +85,7 @@ class Dampers:
         self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # contexts and folder locks
 
     def find(self, name: str | None) -> AppContext:
-        """Return the context of a damper; the first request opens it. None means the server's work folder."""
+        """Return the context of a damper; the first request opens it. None: the work folder itself."""
         if name is None:
             return self.main
         if name not in self._opened:

@@ -34,7 +34,7 @@ def all_forms(choices: Mapping[str, Any]) -> Json:
 
 
 def _written(field: Field, choices: Mapping[str, Any]) -> Json:
-    """Return a form field for an entry of a TOML input file. An empty field is not written to the file."""
+    """Return a form field for a key of a TOML input file. An empty entry is not written to the file."""
     default = None if field.required else field.default
     if field.option.key and isinstance(default, int | float):
         default = field.option.from_si(default)

@@ -20,7 +20,7 @@ from mrdamper.web.schemas import ORDER_JOBS, Order
 from mrdamper.web.workspace import ConflictError, WorkFolder
 
 JOBS_AT_ONCE_MAX = 2
-# Time from cancelling a job to killing its process [s], if the job (such as a fit) first saves a result.
+# Time from cancelling a job to killing its process [s], for jobs that first save a result (such as fits).
 _KEEPING_S = 20.0
 
 
@@ -86,7 +86,7 @@ class JobQueue:
         return job_id
 
     async def resume(self, job_id: str) -> None:
-        """Queue a job that ended early again. The job continues after its finished tasks."""
+        """Queue a job again that ended early. The job continues after its finished tasks."""
         record = await self._ended(job_id)
         if not record.is_resumable(record.read()):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
@@ -94,7 +94,7 @@ class JobQueue:
         self._start(job_id)
 
     async def _ended(self, job_id: str) -> JobRecord:
-        """Return the record of an ended job after its process has exited, which takes a moment."""
+        """Wait until the process of an ended job has exited; return the record of the job."""
         record = self.record(job_id)
         if job_id in self._jobs and record.read().has_ended:
             await asyncio.wait([self._jobs[job_id].task], timeout=GRACE_S)
@@ -148,7 +148,7 @@ class JobQueue:
         work.task.add_done_callback(lambda _: self._jobs.pop(job_id))
 
     async def _run(self, job_id: str, work: _Work) -> None:
-        """Wait for a slot, run the process of a job, and check the end in its record."""
+        """Wait for a slot, run the process of a job, and check that its record contains the end."""
         async with self._slots:
             work.waiting, code = False, None
             try:

@@ -95,11 +95,11 @@ class JobRecord:
             raise NotThereError(place=f"{self.id!r}", found="no job of that name") from fault
 
     def begin(self) -> None:
-        """Write the start of the job and the id of this process."""
+        """Record that the job has started, and the id of this process."""
         self._write(replace(self.read(), state="running", started_at=now(), pid=os.getpid()))
 
     def end(self, state: EndState, message: str | None = None) -> None:
-        """Write the end of the job."""
+        """Record the end of the job."""
         (self.folder / ".reserve").unlink(missing_ok=True)
         self._write(replace(self.read(), state=state, ended_at=now(), message=message))
 

@@ -70,7 +70,7 @@ def _end_with_server() -> None:
 
 
 def run_job(folder: WorkFolder, job_id: str) -> None:
-    """Run one job and write its end into the record."""
+    """Run one job and record its end."""
     record = JobRecord(folder.results, job_id)
     try:
         record.begin()
@@ -95,7 +95,7 @@ def run_job(folder: WorkFolder, job_id: str) -> None:
 
 
 def _fail(record: JobRecord, fault: BaseException) -> None:
-    """Write the reason of a failure into the record, for programming errors without the traceback."""
+    """Write the reason of a failure into the record. The traceback of a programming error is omitted."""
     if is_full(fault) or is_full(fault.__cause__ or fault):
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
     elif isinstance(fault, MrdamperError):

@@ -27,7 +27,7 @@ _QUERY_MAX_S = 120.0
 
 
 class QueryLine:
-    """Queries that are answered one after another."""
+    """A queue of queries, which are answered one after another."""
 
     def __init__(self) -> None:
         self._turn = asyncio.Lock()

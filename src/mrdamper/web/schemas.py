@@ -22,7 +22,7 @@ _NAME = Option(
     pattern=r"^[^/\\\x00-\x1f]{1,160}$", expected="a name in the folder, of at most 160 characters"
 )
 _WORD = Option(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", expected="a name of letters, digits and ._-")
-_ANNOTATED: Any = Annotated  # The types are built at run time.
+_ANNOTATED: Any = Annotated  # mypy would reject annotated types that are built at run time.
 Name = Annotated[str, _NAME]
 
 ORDER_JOBS: Mapping[str, Job] = {
@@ -74,7 +74,7 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
     yield from (_input(each) for each in job.inputs if each.option.flag != "-")
     has_maps = any("runs" in each.option.places and each.many for each in job.inputs)
     for each in (*job.reading, *job.fields):
-        if each.option.local or (each.type is Path and has_maps):  # Each run has a separate map.
+        if each.option.local or (each.type is Path and has_maps):  # Each run file has its own map.
             continue
         if each.type is Path:
             yield _input(each)

@@ -38,7 +38,7 @@ FAULT = "internal fault: this is a fault of mrdamper; the server's terminal show
 _SIGNS = frozenset(" ._-+=,()[]@#%&")
 _NAME_MAX_BYTES = 150  # Most file systems allow 255 bytes.
 INPUT_SUFFIXES = (".toml", ".csv", ".json")
-_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Some programs would decode these characters in a name.
+_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # Some programs would decode %41 in a name to A.
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
@@ -94,7 +94,7 @@ class WorkFolder:
         self.runs, self.records, self.inputs = (self.root / part for part in ("runs", "records", "inputs"))
         self.cards, self.results = self.root / "cards", self.root / "results"
         self.trash, self.cache = self.root / ".trash", self.root / ".cache"
-        self.dampers = self.root / "dampers"  # created by the first upload
+        self.dampers = self.root / "dampers"  # created with the first damper
         own = (self.runs, self.records, self.inputs, self.cards, self.results, self.trash, self.cache)
         try:
             for place in own:

@@ -29,7 +29,7 @@ from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 __all__ = ["WRITTEN", "HeatSink", "choices", "kind_of_input", "run_formats"]
 
 _HEAD_SIZE_BYTES = 1 << 14
-# Patterns of the beginning of a line; the first one that matches decides the kind.
+# Patterns of the beginning of a line; the first matching pattern decides the kind of the file.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
     ("drawing", r"\[body\]"),

@@ -1,7 +1,7 @@
-"""Comparison of the runs in a folder by their rows: copies, and runs that probably belong to another damper.
+"""Comparison of runs by their main values: copies, and runs that probably belong to another damper.
 
-Only the rows are compared, so that a server answers without reading files. The job ``check`` compares the
-samples.
+Only the main values are compared, so that a server answers without reading files. The job ``check`` compares
+the samples.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MEASURED = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Row:
-    """Values of a row by which runs are compared. They have the names of the row."""
+    """Main values of a run that are compared. The fields have the names of the table columns."""
 
     name: str
     error: str | None

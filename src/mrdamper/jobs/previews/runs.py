@@ -34,8 +34,8 @@ from mrdamper.schema import Json, finite_or_none
 if TYPE_CHECKING:  # This module is slow to load, and ``glance`` does not need it.
     from mrdamper.data.prepare import PreparedRun
 
-# Max number of points in a preview of a loop. They are chosen from the second number of samples in the
-# middle of a column.
+# Max number of points in the preview of a loop, and number of samples in the middle of a column from which
+# these points are chosen.
 _LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 

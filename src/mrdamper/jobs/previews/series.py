@@ -70,7 +70,7 @@ def keep_window(
     to_s: float | None = None,
     samples_of: Path | None = None,
 ) -> None:
-    """Write a part of a series file as a new series file, possibly with fewer samples.
+    """Write a time range of a series file as a new series file, with fewer samples if requested.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def keep_window(
     kept = np.arange(low, high)
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
-        kept = low + _telling(chosen, max(most, 64))  # A window has at least 64 samples.
+        kept = low + _telling(chosen, max(most, 64))  # A part has at least 64 samples.
     units = _units(header)
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 

@@ -103,7 +103,7 @@ def sweep(
     checkpoint: Store | None = None,
     on_progress: Progress = silent,
 ) -> SweepResult:
-    """Fit campaigns, test controllers on random dampers, or search a heat sink for each of several dampers.
+    """Fit campaigns, test controllers on random dampers, or search for heat sinks of several dampers.
 
     Parameters
     ----------

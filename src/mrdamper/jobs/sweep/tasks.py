@@ -43,7 +43,7 @@ from mrdamper.virtual_rig.plant import Plant
 DEATHS_MAX = 20
 """Number of worker deaths without a result in between that ends a sweep.
 
-A machine that is short of memory recovers after some deaths, but a task that kills every worker never ends.
+If memory is short, tasks succeed after some deaths. A task that kills every worker would be repeated forever.
 """
 CONNECT_MAX_S = 20
 WORKERS_WAIT_MAX_S = 600.0  # The scheduler of a cluster may wait for minutes until the first worker starts.
@@ -77,7 +77,7 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
 
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
-    """Return the tracking errors of the recommended controller on the nominal damper with random changes."""
+    """Return the tracking errors of ``recommended`` on the preset ``nominal`` with random parameters."""
     sampling_s = 1e-3  # sampling period of the controllers; the default of the job ``track``
     known = card_from_json(card)
     damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
@@ -106,7 +106,7 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
-    """Search a heat sink; return the best one, and temperatures without sink, with original and with best."""
+    """Search for a heat sink; return the best, and temperatures without, with original and with best sink."""
     run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions())
     best = run.best.sink
     assert best is not None  # The best design of a search has a sink.

@@ -98,7 +98,7 @@ def heat(
         If no calibrated geometry reproduces the measured curve in this load cycle.
     """
     longest_step_s = 60.0
-    most_steps = 1500  # The longest time step is increased for long load cycles to limit the number of steps.
+    most_steps = 1500  # max number of time steps; for long load cycles, the longest step is increased
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty))
     start_given = start_of(options)

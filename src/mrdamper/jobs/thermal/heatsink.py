@@ -74,7 +74,7 @@ def heatsink(
     *,
     on_progress: Progress = silent,
 ) -> HeatsinkResult:
-    """Search the best heat sinks of a damper for a load cycle.
+    """Search for the heat sinks of a damper with the lowest temperatures in a load cycle.
 
     Raises
     ------

@@ -31,8 +31,8 @@ class PickPanel:
 def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
     """Return a figure of force versus peak velocity, one panel for each temperature, coloured by current.
 
-    Extension is above zero, retraction below. The second of two dampers is dashed; the
-    legend shows their ``names``.
+    Forces in extension are above zero, in retraction below. Curves of a second damper are dashed, and a
+    legend shows the ``names`` of the dampers.
     """
     highest = max(abs(curve.command) for each in drawn for damper in each.dampers for curve in damper)
 

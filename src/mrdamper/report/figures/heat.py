@@ -144,7 +144,7 @@ def _panel_end(rise: Rise, interval: PredictionInterval | None) -> float:
 
 
 def _outlook(rise: Rise, interval: PredictionInterval) -> Line:
-    """Return the band of the fluid temperature. Its legend has the interval at the end."""
+    """Return the 90 % band of the fluid temperature. The legend states the interval at the end."""
     below, above = interval.low - ZERO_CELSIUS_K, interval.high - ZERO_CELSIUS_K
     low, high = (float(np.interp(rise.time[-1], interval.time, edge)) for edge in (below, above))
     label = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * interval.probability:.0f} %"

@@ -24,7 +24,7 @@ HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"
 INK = "#333333"
 LIMIT = "#a03020"
-SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # colours of lines that do not represent a level
+SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # colours of curves without a current or temperature
 DASHED = (0, (5, 2))
 WIDTH_INCH = 10.6  # The page is 1130 px wide.
 LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # margins for labels and titles
@@ -80,7 +80,7 @@ def colour_of(command: float | None, highest: float) -> str:
 
 
 def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
-    """Return the colour of a temperature [degC or K] among levels, from violet (cold) to orange."""
+    """Return the colour of a temperature [degC or K] in ``levels``, from violet (coldest) to orange."""
     low, high = min(levels), max(levels)
     ratio = 0.5 if low == high else (temperature - low) / (high - low)
     return to_hex(mpl.colormaps["plasma"](0.05 + 0.70 * ratio))
@@ -114,7 +114,7 @@ def svg_of(figure: Figure, label: str) -> str:
     text = re.sub(r'(?<=<g) id="[\w.]+"|(?<=<path) id="[\w.]+_\d+"', "", text)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r"\n\s*\n+|\n\s+", "\n", text)
-    # Differences of a hundredth of a point are invisible.
+    # Coordinates are rounded, because differences of a hundredth of a point are invisible.
     text = re.sub(r'(?<= )(d|x|y)="[^"]*"', lambda found: _DECIMALS.sub(r"\1", found[0]), text)
     escaped = re.sub(r"[^\w .,+-]", "_", label)  # A quotation mark would end the attribute.
     return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)

@@ -24,9 +24,8 @@ Drawn = tuple[str, str, RunError]  # title, colour, run
 def loop_pictures(campaign: Campaign) -> list[Picture]:
     """Return figures of force loops, one for each of at most four motions, at all temperatures or currents.
 
-    If no motion has such runs, the only figure has the worst run of each motion.
-
-    The first screen already has the loops of a few runs, and of the main motion at each current.
+    If no motion has runs at several temperatures or currents, the only figure has the worst run of each
+    motion. The first screen of the page already shows the loops of the main motion at each current.
     """
     if len(campaign.errors) <= PANEL_COLUMNS_MAX:
         return []
@@ -50,7 +49,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list[Drawn]:
-    """Return a run of a motion at each temperature: with the current ``command``, else with current steps."""
+    """Return a run of a motion at each temperature: with the constant ``command``, or else with steps."""
     picked = [
         (level, campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None))
         for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)

@@ -24,7 +24,7 @@ from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_fi
 from mrdamper.report.figures.style import colour_of, svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign, peak_force, pick_of, sine_of
 
-REFERENCE_DISTANCE_MAX_K = 2.5  # A measured level this close to 20 degC is the reference.
+REFERENCE_DISTANCE_MAX_K = 2.5  # A tested temperature this close to 20 degC is the reference.
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +144,7 @@ class Characteristics:
     svg: str
     titles: tuple[str, ...]  # title of each temperature; "" without temperature dependence
     motion: str
-    assumed: tuple[bool, ...]  # True for each temperature that was not tested if factors are assumed
+    assumed: tuple[bool, ...]  # True at temperatures that were not tested, if temperature factors are assumed
 
 
 def characteristics_section(campaign: Campaign) -> Characteristics:

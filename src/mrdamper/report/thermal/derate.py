@@ -58,7 +58,7 @@ def _cell(found: DerateResult, d: int, w: int, a: int) -> str:
 
 
 def _summary(found: DerateResult) -> list[str]:
-    """Return two lines: number of conditions that allow the full load, and value in the worst condition."""
+    """Return two lines: how many conditions permit the full load, and the value of the worst condition."""
     steady = found.largest[-1]
     allowed = int((steady >= found.whole * (1.0 - 1e-9)).sum())
     return [

@@ -75,7 +75,7 @@ def _comparison(run: HeatsinkResult) -> str:
 
 
 def _interval(run: HeatsinkResult) -> str:
-    """Return the interval of the temperature difference, positive in the direction of ``_comparison``."""
+    """Return the interval of the temperature difference to the reference; its middle is positive."""
     low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
     return f"{low:.1f} to {high:.1f} K"
 
@@ -251,7 +251,7 @@ def _toml(run: HeatsinkResult) -> str:
 
 def _show(run: HeatsinkResult, console: Console) -> None:
     """Print the verdict, then a table of the labelled designs and of evenly spaced designs of the front."""
-    design_count_max = 8  # max number of unlabelled designs; the report has all
+    design_count_max = 8  # max number of designs without a label; the report shows all designs
     for line in _verdict(run):
         console.print(escape(line))
     table = _front_table(run)

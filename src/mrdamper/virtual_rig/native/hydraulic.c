@@ -1,4 +1,4 @@
-/* Piston, chambers, valve, seal and joint of the hydraulic damper, and its step of time.
+/* Piston, chambers, valve, seal and joint of the hydraulic damper, and its time step.
  *
  * Alexander's two-stage implicit Runge-Kutta method of second order (L-stable, stiffly accurate): each stage solves
  * Y = C + l f(Y) with l = g h. The electric states are solved first because they do not depend on the mechanical
@@ -78,7 +78,7 @@ void hydraulic_settle(const hydraulic_parameters *p, double kelvin, hydraulic_cl
     at->volume_2 = at->area_2 * p->chamber_2_m;
     at->friction_N = p->friction_N * exp(-p->friction_per_K * warmer);
     settle_valve(p, kelvin, at);
-    /* Filled at 20 C against the gas; without gas, a slow compensator sets a pressure that rises with temperature. */
+    /* A damper with gas was filled at 20 C. Without gas, a slow compensator sets a pressure that rises with temperature. */
     const int gas = p->gas_m3 > 0.0;
     settle_mixture(p, gas ? room : kelvin, at);
     at->start_Pa = p->rest_Pa + p->rest_Pa_K * warmer;
@@ -92,7 +92,7 @@ static void begin(const hydraulic_parameters *p, const hydraulic_climate *at, do
 {
     static const hydraulic_state virgin = {0};
     const double filled = at->volume_1 + at->volume_2 + p->gas_m3 + (at->area_2 - at->area_1) * x;
-    const double warmth = p->gas_m3 > 0.0 ? at->gas_constant * at->kelvin : 0.0; /* p Vg */
+    const double warmth = p->gas_m3 > 0.0 ? at->gas_constant * at->kelvin : 0.0; /* product p Vg of the gas */
     const double pressure = positive_root(at->content * at->compliance, filled - at->content * at->liquid,
                                           at->content * at->bubbles + warmth);
     *s = virgin;
@@ -131,7 +131,7 @@ static slopes pressure_2(const hydraulic_parameters *p, const hydraulic_climate 
             volume = pow(*gas / pressure, 1.0 / p->gas_exponent);
             const double warmth = pressure * volume / at->gas_constant; /* the gas's temperature [K] */
             const double kept = gas_was / (1.0 + l * (1.0 - at->kelvin / warmth) / p->gas_exchange_s);
-            volume *= 1.0 + (kept / *gas - 1.0) / p->gas_exponent; /* first order: the change is small */
+            volume *= 1.0 + (kept / *gas - 1.0) / p->gas_exponent; /* first order, because the change is small */
             *gas = kept;
             const double excess = content * relative_volume(at, pressure) + volume - filled;
             moved = excess

@@ -1,4 +1,4 @@
-/* The hydraulic damper's physics: pressures, flows, flux and mass; parameters, state, and one step of time.
+/* Physics of the hydraulic damper: pressures, flows, flux and mass; parameters, state, and one time step.
  *
  * Plain C99 without memory of its own. It shares nothing with the identification kernel, nor with the lumped damper
  * of plant.c. SI and kelvin; extension positive. Equations: docs/hydraulic_rig.md.
@@ -6,90 +6,20 @@
 #ifndef RIG_HYDRAULIC_H
 #define RIG_HYDRAULIC_H
 
-#define HYDRAULIC_PARAMETERS(X)                                                                               \
-    X(bore_m)                                                                                                 \
-    X(rod_m)                                                                                                  \
-    X(through_rod)            /* 1: the rod goes through both chambers */                                     \
-    X(chamber_1_m)            /* length of the rod's chamber at x = 0 */                                      \
-    X(chamber_2_m)                                                                                            \
-    X(gas_m3)                 /* Vg0 at 20 C and x = 0; zero: no gas */                                       \
-    X(gas_Pa)                 /* pg0, its charge */                                                           \
-    X(gas_exponent)           /* gam */                                                                       \
-    X(gas_exchange_s)         /* taug, of heat between gas and wall */                                        \
-    X(rest_Pa)                /* p00, without gas */                                                          \
-    X(rest_Pa_K)              /* kp0 */                                                                       \
-    X(air)                    /* volume fraction of bubbles at 1 atm */                                       \
-    X(bulk_Pa)                /* El0, of the liquid */                                                        \
-    X(bulk_per_K)             /* kE */                                                                        \
-    X(expansion_per_K)        /* alT */                                                                       \
-    X(slot_diameter_m)        /* mean; the slot's width wv is pi times this */                                \
-    X(gap_m)                  /* hg */                                                                        \
-    X(active_m)               /* La */                                                                        \
-    X(passive_m)              /* Lp */                                                                        \
-    X(entrance_loss)          /* zeta */                                                                      \
-    X(bypass_m2)              /* CdAb */                                                                      \
-    X(bypass_Pa)              /* dp0: the flow is laminar below it */                                         \
-    X(density_kg_m3)          /* rho */                                                                       \
-    X(carrier_kg_m3)          /* rhoc */                                                                      \
-    X(particle_share)         /* phi20 */                                                                     \
-    X(walther_a)              /* Aw */                                                                        \
-    X(walther_b)              /* Bw */                                                                        \
-    X(viscosity_scale)        /* of the whole */                                                              \
-    X(flow_index)             /* nhb */                                                                       \
-    X(flow_rate_1_s)          /* gref */                                                                      \
-    X(creep)                  /* viscosity ratio, before to after yield */                                    \
-    X(passive_least)          /* cinf */                                                                      \
-    X(passive_thinning)       /* cv */                                                                        \
-    X(passive_s)              /* lam */                                                                       \
-    X(yield_Pa)               /* ts */                                                                        \
-    X(yield_A_m)              /* Ha */                                                                        \
-    X(yield_least_Pa)         /* t00 */                                                                       \
-    X(fade_degC)              /* Tm */                                                                        \
-    X(fade_K)                 /* wm */                                                                        \
-    X(fluid_T)                /* Js */                                                                        \
-    X(fluid_A_m)              /* Hsf */                                                                       \
-    X(fluid_lag_s)            /* tauf */                                                                      \
-    X(turns)                  /* Nt */                                                                        \
-    X(coil_ohm)               /* R20 */                                                                       \
-    X(copper_per_K)                                                                                           \
-    X(leakage_henry)              /* Ls */                                                                        \
-    X(shell_1_siemens)              /* G1 */                                                                        \
-    X(shell_2_siemens)                                                                                              \
-    X(shell_3_siemens)                                                                                              \
-    X(steel_per_K)            /* of the shells' resistivity */                                                \
-    X(core_m2)                /* Ac */                                                                        \
-    X(pole_m2)                /* Ag */                                                                        \
-    X(core_m)                 /* lc */                                                                        \
-    X(permeability)           /* mur */                                                                       \
-    X(knee_T)                 /* Bk */                                                                        \
-    X(knee_exponent)          /* ns */                                                                        \
-    X(stop_1_T)               /* r1 */                                                                        \
-    X(stop_2_T)               /* r2 */                                                                        \
-    X(stop_1_A_m)             /* a1 */                                                                        \
-    X(stop_2_A_m)             /* a2 */                                                                        \
-    X(stop_lag_s)             /* taum */                                                                      \
-    X(driver_V_A)             /* Kp */                                                                        \
-    X(driver_V_A_s)           /* Ki */                                                                        \
-    X(driver_release_1_s)     /* Kaw */                                                                       \
-    X(supply_low_V)           /* Vlo */                                                                       \
-    X(supply_V)               /* Vhi */                                                                       \
-    X(highest_A)              /* Imax */                                                                      \
-    X(command_lag_s)          /* tauc */                                                                      \
-    X(piston_kg)              /* ms */                                                                        \
-    X(pin_N)              /* kH */                                                                        \
-    X(pin_s_m)                /* alh */                                                                       \
-    X(joint_gap_m)            /* gapj */                                                                      \
-    X(joint_N_m)              /* kb */                                                                        \
-    X(joint_N_m3)             /* k3 */                                                                        \
-    X(joint_N_s_m)            /* cb */                                                                        \
-    X(friction_N)             /* Fc */                                                                        \
-    X(friction_static)        /* sr */                                                                        \
-    X(stribeck_m_s)           /* vs */                                                                        \
-    X(friction_1_Pa)          /* kps */                                                                       \
-    X(friction_share)         /* wps, of chamber 1 */                                                         \
-    X(friction_N_m)           /* kf */                                                                        \
-    X(friction_N_s_m)         /* cf */                                                                        \
-    X(friction_per_K)         /* fT */
+/* Names and order of the parameters, which hydraulic.py describes. Python reads this order from the extension. */
+#define HYDRAULIC_PARAMETERS(X)                                                                                   \
+    X(bore_m) X(rod_m) X(through_rod) X(chamber_1_m) X(chamber_2_m) X(gas_m3) X(gas_Pa) X(gas_exponent)           \
+    X(gas_exchange_s) X(rest_Pa) X(rest_Pa_K) X(air) X(bulk_Pa) X(bulk_per_K) X(expansion_per_K)                  \
+    X(slot_diameter_m) X(gap_m) X(active_m) X(passive_m) X(entrance_loss) X(bypass_m2) X(bypass_Pa)               \
+    X(density_kg_m3) X(carrier_kg_m3) X(particle_share) X(walther_a) X(walther_b) X(viscosity_scale)              \
+    X(flow_index) X(flow_rate_1_s) X(creep) X(passive_least) X(passive_thinning) X(passive_s) X(yield_Pa)         \
+    X(yield_A_m) X(yield_least_Pa) X(fade_degC) X(fade_K) X(fluid_T) X(fluid_A_m) X(fluid_lag_s) X(turns)         \
+    X(coil_ohm) X(copper_per_K) X(leakage_henry) X(shell_1_siemens) X(shell_2_siemens) X(shell_3_siemens)         \
+    X(steel_per_K) X(core_m2) X(pole_m2) X(core_m) X(permeability) X(knee_T) X(knee_exponent) X(stop_1_T)         \
+    X(stop_2_T) X(stop_1_A_m) X(stop_2_A_m) X(stop_lag_s) X(driver_V_A) X(driver_V_A_s) X(driver_release_1_s)     \
+    X(supply_low_V) X(supply_V) X(highest_A) X(command_lag_s) X(piston_kg) X(pin_N) X(pin_s_m) X(joint_gap_m)     \
+    X(joint_N_m) X(joint_N_m3) X(joint_N_s_m) X(friction_N) X(friction_static) X(stribeck_m_s) X(friction_1_Pa)   \
+    X(friction_share) X(friction_N_m) X(friction_N_s_m) X(friction_per_K)
 
 typedef struct {
 #define X(name) double name;
@@ -109,8 +39,8 @@ typedef struct {
 
 #define HYDRAULIC_STATE                                                                                       \
     "coil_A", "command_A", "integral_V", "flux_1_Wb", "flux_2_Wb", "flux_3_Wb", "stop_11_T", "stop_12_T",     \
-        "stop_21_T", "stop_22_T", "stop_31_T", "stop_32_T", "field_T", "piston_m", "piston_m_s", "content_m3", \
-        "flow_m3_s", "gas", "seal_1_m", "seal_2_m", "seal_3_m", "seal_4_m", "rod_m", "rod_m_s", "wall_Pa",     \
+        "stop_21_T", "stop_22_T", "stop_31_T", "stop_32_T", "field_T", "piston_m", "piston_m_s", "content_m3",\
+        "flow_m3_s", "gas", "seal_1_m", "seal_2_m", "seal_3_m", "seal_4_m", "rod_m", "rod_m_s", "wall_Pa",    \
         "pressure_1_Pa", "pressure_2_Pa", "begun"
 
 /* Quantities that depend only on temperature. */
@@ -137,7 +67,7 @@ int hydraulic_step(const hydraulic_parameters *p, const hydraulic_climate *at, d
 int hydraulic_magnet(const hydraulic_parameters *p, const hydraulic_climate *at, double l, double command,
                      const hydraulic_state *was, hydraulic_state *now);
 
-/* Return the field strength [A/m] in the fluid at a flux density (an odd function), and its derivative. */
+/* Return the field strength [A/m] in the fluid at a flux density [T], and its derivative. The function is odd. */
 double hydraulic_fluid_field(const hydraulic_parameters *p, double density_T, double *slope);
 
 #endif

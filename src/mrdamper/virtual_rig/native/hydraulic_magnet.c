@@ -1,4 +1,4 @@
-/* Driver, coil and flux of the hydraulic damper: a ladder of three shells with magnetic stops and a fluid gap. */
+/* Driver, coil and magnetic circuit of the hydraulic damper: three steel shells with hysteresis, and the fluid gap. */
 #include "hydraulic.h"
 
 #include <math.h>
@@ -25,7 +25,7 @@ static double power(double base, double exponent)
     return out;
 }
 
-/* A stop operator with a lag: the distance of the density from its anchor at the end of a stage. */
+/* Stop operator with a lag: return the distance of the flux density from its anchor at the end of a stage. */
 static double stop(double distance, double width, double lag, double *slope)
 {
     *slope = fabs(distance) > width ? 1.0 / (1.0 + lag) : 1.0;

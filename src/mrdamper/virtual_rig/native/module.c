@@ -1,4 +1,4 @@
-/* The extension mrdamper.virtual_rig._plant: a damper that keeps its state, moved on by a step or by a run.
+/* The extension mrdamper.virtual_rig._plant: a damper with a state, which advances by one step or by a whole run.
  *
  * Built against the stable ABI (CPython 3.11), without NumPy: anything that exports a contiguous buffer of C
  * doubles will do. A whole run works on a copy of the state with the GIL released; the copy is put back at its
@@ -43,15 +43,15 @@ typedef struct {
     union {
         rig_climate lumped;
         hydraulic_climate hydraulic;
-    } climate; /* values at the last temperature, cached because of their exponentials */
+    } climate; /* values at the last temperature, cached because exponentials are slow */
     double kelvin;
 } plant;
 
 struct plant_kind {
     const char *name;
     const char *const *parameter_names, *const *state_names;
-    Py_ssize_t parameters, states; /* the first state is the coil's current */
-    void (*settle)(plant *self);   /* at its temperature */
+    Py_ssize_t parameters, states; /* numbers of parameters and states; state 0 is the coil current */
+    void (*settle)(plant *self);   /* compute the climate at a temperature */
     int (*is_usable)(const plant *self, double x, double kelvin);
     int (*step)(plant *self, double x, double v, double command, double *force, double *field);
     const char *expected;
@@ -126,7 +126,7 @@ static int open_doubles(PyObject *object, Py_buffer *view, int writable, const c
     return 1;
 }
 
-/* A Python float, held over the run, as a buffer of one. */
+/* Convert a Python float, which is constant over the run, to a buffer with one value. */
 static int hold_double(PyObject *object, Py_buffer *view, double *held)
 {
     *held = PyFloat_AsDouble(object);
@@ -189,7 +189,7 @@ static int is_in_range(const plant *self, double x, double v, double command, do
         && self->kind->is_usable(self, x, kelvin);
 }
 
-/* One step with values that are checked. */
+/* Check the inputs and make one step. */
 static int move(plant *self, double x, double v, double command, double kelvin, double *force, double *field)
 {
     if (!is_in_range(self, x, v, command, kelvin)) return REFUSED;
@@ -400,7 +400,7 @@ static PyObject *names_of(const char *const *names, Py_ssize_t count)
     return out;
 }
 
-/* Names by kind of damper. Returns 0 with an exception set on failure. */
+/* Add the names of parameters and states of each kind of damper. Return 0 with an exception set on failure. */
 static int add_names(PyObject *module)
 {
     PyObject *parameters = PyDict_New(), *states = PyDict_New();

@@ -9,8 +9,8 @@
 #include <stdint.h>
 #include <string.h>
 
-static const double reference_K = 293.15; /* 20 C, where the parameters hold */
-static const double stroke_m = 5e-3;      /* scale of the yield force's dependence on position */
+static const double reference_K = 293.15; /* 20 C; the parameters are values at this temperature */
+static const double stroke_m = 5e-3;      /* position at which the yield force has increased by the parameter `position` */
 
 /* The C library's exp and ln differ between machines in the last bit. These two give the same bits everywhere, so that a
  * seed gives the same campaign on every machine. */
@@ -113,14 +113,14 @@ static double advance_currents(const rig_parameters *p, const rig_climate *at, d
 static double advance_yield(const rig_parameters *p, const rig_climate *at, double step, double x, double speed,
                             double sign, double g, rig_state *s)
 {
-    /* Heat takes away a part of the field's contribution to yield force and stiffness. */
+    /* The field's contribution to yield force and stiffness decreases with temperature. */
     const double kept = 1.0 - at->loss * (1.0 + p->low_field_loss * (1.0 - g));
     const double warm = g * (kept > 0.0 ? kept : 0.0);
     const double level = p->yield_N + p->yield_field_N * warm;
     const double stiffness = p->stiffness_N_m + p->stiffness_field_N_m * warm;
     const double shape = 1.0 + p->position * (x / stroke_m) * (x / stroke_m);
     const double target = sign * level * (1.0 + sign * p->asymmetry) * shape;
-    /* The rates are 1/4, 1 and 4: the decays are powers of one number. */
+    /* The rates of the bristles have the ratios 1/4, 1 and 4, so their decays are powers of one number. */
     const double soft = portable_exp(-0.25 * step * stiffness * speed / level);
     const double plain = soft * soft * soft * soft, stiff = plain * plain * plain * plain;
     s->bristle_N = target + (s->bristle_N - target) * plain;

@@ -89,7 +89,7 @@ def _require_items(folder: WorkFolder, options: Json) -> None:
     for name in options.get("files") or ():
         folder.run_file(name)
     finders = {"first": folder.card, "second": folder.card}
-    if "replace" not in options:  # The card in the request of a fit is an output.
+    if "replace" not in options:  # A fit writes the card, which need not exist.
         finders["card"] = folder.card
     if "record" in options:
         finders |= {"record": folder.record, "channels": folder.channel_map, "model": folder.card}

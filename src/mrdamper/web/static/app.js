@@ -1,4 +1,4 @@
-// Frame of the pages: navigation, dampers, keyboard shortcuts, messages and the printed head.
+// Frame of all pages: navigation, dampers, shortcuts, messages, and heading of printed pages.
 
 import { at, DAMPER_NAME, get, post } from "./api.js";
 import { removal } from "./jobs.js";
@@ -26,7 +26,7 @@ const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"]
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
 const FILES_MAX = 12; // Longer lists are shortened in print.
 
-/** Return state (`done`, `old`: out of date, or `open`) and remark of a page. */
+/** Return the state of a page (`done`, `old`: out of date, or `open`), and a remark. */
 function stepOf(page) {
 	const { files, jobs } = app.state;
 	const card = cardInUse();

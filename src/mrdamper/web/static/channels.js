@@ -1,4 +1,4 @@
-// Channel map of one file: role, unit and gain of each column. The file is read again after each change.
+// Channel map of a file: role, unit and gain of each column. The file is read again after each change.
 
 import { at, get, put } from "./api.js";
 import { numberField, numberInput, readNumber } from "./forms.js";
@@ -34,7 +34,7 @@ const labelOf = ({ name, index }) => name || `column ${index}`;
 const rounded = (value) => Number(value.toPrecision(12));
 const neededFor = (unit) => `enter how many ${unit.replace(/(\/| per )V$/, "")} are one volt.`;
 
-/** Return the entries: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
+/** Return the form entries of a channel map: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
 function entriesOf({ columns, map }) {
 	const one = ({ name, index, role: known, guess, unit: given }) => {
 		const isMapped = ([, entry]) => entry.name === name || entry.index === index;
@@ -59,7 +59,7 @@ function entriesOf({ columns, map }) {
 const gainOf = (column, one) =>
 	scaleOf(one) * readNumber(`${labelOf(column)} gain`, one.gain, { needed: neededFor(one.unit) });
 
-/** Return the channel map of the entries; an invalid number throws an error. */
+/** Return the channel map for the form entries; an invalid number throws an error. */
 function mapOf({ columns: entries, rest }, { columns }) {
 	const map = {};
 	for (const column of columns) {
@@ -84,11 +84,11 @@ function mapOf({ columns: entries, rest }, { columns }) {
 	return map;
 }
 
-/** Sheet for the channel map of a file, which can also be saved for `others`. */
+/** Form for the channel map of a file, which can also be saved for the files `others`. */
 export function ChannelSheet({ name, others, close }) {
 	const [found, setFound] = useState(null);
 	const [entry, setEntry] = useState(null);
-	const [previews, setPreviews] = useState([]); // previews from the server for the present entries
+	const [previews, setPreviews] = useState([]); // previews from the server with the present entries
 	const [fault, setFault] = useState("");
 	const [same, setSame] = useState([]);
 	const touched = useRef(false);
@@ -109,7 +109,7 @@ export function ChannelSheet({ name, others, close }) {
 			const beginning = await get(`${at`files/${name}/look`}?head=1`, asked.signal);
 			show(beginning);
 			if (beginning.head_share === undefined) return;
-			const whole = await get(at`files/${name}/look`, asked.signal); // The first preview read only the beginning of a large file.
+			const whole = await get(at`files/${name}/look`, asked.signal); // The first preview is only the beginning of a large file.
 			if (touched.current) setFound(whole);
 			else show(whole);
 		};

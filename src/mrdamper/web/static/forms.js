@@ -8,7 +8,7 @@ import { check, field, filePicker, rove, select, tags, textField } from "./ui.js
 
 const { div, h3, input, p, span } = tags;
 const MORE = "More";
-const BOXES_MAX = 6; // Longer lists of boxes scroll.
+const BOXES_MAX = 6; // A list with more check boxes is scrolled.
 
 const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 can mean 1234 or 1.234.
@@ -19,7 +19,7 @@ export function parseNumber(text) {
 	return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
 }
 
-/** Return the numbers of a list with semicolons, blanks, or commas with a blank. */
+/** Return the numbers in a list with semicolons, blanks, or commas and blanks. */
 function parseNumbers(text) {
 	const parts = text.split(text.includes(";") ? ";" : /,?\s+/).map((part) => part.trim());
 	const values = parts.filter(Boolean);
@@ -46,7 +46,7 @@ export function readNumber(words, entry, { many, needed, otherwise = many ? [] :
 	return many ? parseNumbers(text) : parseNumber(text);
 }
 
-/** Return the input of a number, marked if it is invalid. `needed`: message if it is empty. */
+/** Return the input of a number, marked if it is invalid; `needed`: message if it is empty. */
 export function numberInput(entry, change, { many, needed, ...props } = {}) {
 	const title = faultOf(textOf(entry), { many, needed });
 	const oninput = (event) => change(event.target.value);
@@ -58,14 +58,14 @@ export function numberInput(entry, change, { many, needed, ...props } = {}) {
 export const numberField = (words, entry, change, { unit, ...props } = {}) =>
 	field(words, numberInput(entry, change, props), unit);
 
-/** Return the key of the choice of a field. All forms share card, geometry, load cycle and controller. */
+/** Return the key of the choice that a field sets. All forms share card, geometry, load cycle and controller. */
 function keyOf(kind, { name, word, places }) {
 	if (["drawing", "duty"].includes(word)) return word;
 	if (name === "controller" || (name === "card" && places.includes("cards"))) return name;
 	return `${kind}.${name}`;
 }
 
-/** Return a pattern that matches a name literally. */
+/** Return a glob pattern that matches only this name. */
 export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 export const inputsOf = (suffix, kinds) =>
@@ -92,7 +92,7 @@ function itemsOf(one) {
  * Return the form of a kind of job: `{read(), nodes(), more(), pick(names), rest(names)}`.
  *
  * `given`: values that the page sets; `only`: allowed choices of a field; `offered`: offered names by kind;
- * `needed`: reasons why a field must not be empty; `preset`: initial values instead of the declared ones
+ * `needed`: messages if a field is empty; `preset`: initial values instead of the declared ones
  */
 export function formOf(kind, options = {}) {
 	const { given = {}, only = {}, offered = {}, needed = {}, preset = {} } = options;
@@ -215,7 +215,6 @@ export function bringInput(words, suffixes, brought = () => {}) {
 	return p.small(filePicker(`${words} (${kinds})`, suffixes, bring));
 }
 
-/** Fill the form of a job with the options of an earlier job. */
 export function fillForm(kind, options, more = {}) {
 	const values = {};
 	for (const one of app.forms[kind]) {

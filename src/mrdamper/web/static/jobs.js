@@ -8,7 +8,7 @@ import { button, tags } from "./ui.js";
 
 const { b, div, form, p, progress } = tags;
 
-/** Return the job in the address, else a running job, else the newest result of a card. */
+/** Return the job in the address, else a running job, else the newest job with a result for the card. */
 export function jobOf(kind, card = null) {
 	const mine = app.state.jobs.filter((job) => job.kind === kind);
 	const isResult = (job) =>
@@ -20,7 +20,7 @@ export function jobOf(kind, card = null) {
 	return found ?? null;
 }
 
-/** Return a job with its answer; null before its end. */
+/** Return a job with its answer; null if the job has not ended. */
 export function resultOf(job) {
 	if (!job || isRunning(job)) return null;
 	const found = once(`job ${job.id} ${job.ended_at}`, () => get(at`jobs/${job.id}`));
@@ -63,7 +63,7 @@ export const formPanel = (words, fields, start, ...first) =>
 	);
 
 /**
- * Return the form of a kind of job next to its job.
+ * Return two columns: the form of a kind of job, and progress and result of the job.
  *
  * `card`: only jobs of this card; `first`: above the form; `nothing`: text without a job; `view(job)`: result;
  * the button gets all other properties
@@ -120,7 +120,7 @@ export async function keepInput(job, path, name) {
 export const putBack = (id, name = {}) =>
 	button("Put back", () => attempt(() => post(at`trash/${id}/restore`)), "quiet", name);
 
-/** Return a button that moves an item into the trash and then offers to restore it. */
+/** Return a button that moves an item into the trash; a message offers to restore it. */
 export function removal(kind, name, removed = () => {}) {
 	const discard = async () => {
 		const answer = await attempt(() => remove(at`${kind}/${name}`));

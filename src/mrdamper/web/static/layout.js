@@ -5,7 +5,7 @@ import { button, rove, tags } from "./ui.js";
 
 const { b, caption, details, div, h1, h2, i, li, p, section, small, span, summary } = tags;
 const { table: sheet, tbody, td, th, thead, tr, ul } = tags;
-const ROWS_MAX = 12; // Longer tables scroll, and the Tab key stops only once in them.
+const ROWS_MAX = 12; // A longer table is scrolled, and the Tab key stops only once in it.
 
 /** Return a table; a column is `[title, cell(row), class (`n`: number), unit]`. */
 export function table(words, columns, rows, options = {}) {
@@ -22,7 +22,7 @@ export function table(words, columns, rows, options = {}) {
 	return div(about, sheet(remark && caption(remark), content));
 }
 
-/** Return tabs from `[title, body()]` pairs; empty ones are omitted. */
+/** Return tabs from pairs `[title, body()]`; null and false are ignored. */
 export function tabbed(words, key, tabs) {
 	const shown = tabs.filter(Boolean);
 	const [title, body] = shown.find(([one]) => one === chosen(key)) ?? shown[0];
@@ -36,7 +36,7 @@ export function tabbed(words, key, tabs) {
 
 export const fold = (title, ...children) => details(summary(title), children);
 
-/** Return a fold whose state is a choice; `body()` is called only if it is open. */
+/** Return a foldable section. Its state is a choice; `body()` is called only if it is open. */
 export function keptFold(key, id, title, body) {
 	const open = chosen(key, false);
 	const toggle = ({ target }) => target.open !== open && choose({ [key]: target.open || null });
@@ -53,7 +53,7 @@ export const titled = (title, ...body) => section({ "aria-label": title }, h2(ti
 export const empty = (text, page = "") =>
 	div.empty(p(text), page && button(`Go to ${PAGES[page].title}`, () => go(page), "main"));
 
-/** Return a tile; `mark` names assumptions and extrapolation. */
+/** Return a tile; `mark` states that its value is assumed or extrapolated. */
 export const tile = (name, value, mark = "", band = "") =>
 	div(
 		{ class: mark ? "tile marked" : "tile", title: mark },

@@ -12,7 +12,7 @@ import { button, field, select, tags } from "./ui.js";
 import { h, useMemo } from "./vendor/preact.js";
 
 const { div, p } = tags;
-const SHOWN_S = 4; // Time span that the plots show first.
+const SHOWN_S = 4; // initial time span of the plots
 const missingNote = (words) => words && p.small({ id: "missing-controllers" }, words);
 
 /** Return the default damper for tracking: the rig preset that made all runs of the card, else the card. */

@@ -1,4 +1,4 @@
-// Data: files and their channel maps, runs with findings, and the linked view of the ticked runs.
+// Page Data: files, channel maps, runs with findings, and linked plots.
 
 import { at, get, put } from "./api.js";
 import { ChannelSheet } from "./channels.js";
@@ -15,7 +15,7 @@ import { h } from "./vendor/preact.js";
 const { a, aside, div, h3, p, span } = tags;
 const STATES = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
-/** Return the runs drawn by default: runs of the fit of the card in the view, or runs with its unit. */
+/** Return the default runs: runs of the fit of the shown card, or else runs with its command unit. */
 function firstRuns(runs) {
 	const [name] = chosen("view.cards", []);
 	const fitted = name ? splitsOf(name) : new Map();

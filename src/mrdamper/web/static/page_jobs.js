@@ -1,4 +1,4 @@
-// Jobs: list of jobs with states and results, a form for any other job, inputs, and trash.
+// Page Jobs: jobs with states and results, forms of other jobs, inputs, and trash.
 
 import { at, get, remove } from "./api.js";
 import { bringInput, fillForm, formOf } from "./forms.js";
@@ -11,7 +11,7 @@ import { bytes, duration } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
 
 const { b, div, h2, p, span } = tags;
-/** Pages of jobs, with the choice of their tab. */
+/** Page of each kind of job, and choice of its tab. */
 const PAGE_OF = {
 	fit: ["model", {}],
 	heat: ["thermal", { "heat.tab": "Heating" }],
@@ -19,7 +19,7 @@ const PAGE_OF = {
 	track: ["controller", { "track.page": "Try" }],
 	export: ["controller", { "track.page": "Export" }],
 };
-/** Jobs without a page of their own: titles of their forms. */
+/** Form titles of jobs that have no own page. */
 const OTHERS = {
 	evaluate: "Predict runs with a card",
 	compare: "Compare two cards",

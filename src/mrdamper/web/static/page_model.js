@@ -1,4 +1,4 @@
-// Model: choice of the law and of held-out runs, the result of a fit, and the table of fits.
+// Page Model: choice of law and held-out runs, result of a fit, and table of fits.
 
 import { at, get, put } from "./api.js";
 import { fillForm, formOf, literal } from "./forms.js";
@@ -12,7 +12,7 @@ import { button, filePicker, opening, tags } from "./ui.js";
 import { linkedView } from "./view.js";
 
 const { a, b, div, h2, p, span } = tags;
-const RUNS_MAX = 3; // Runs that the loops of a fit show.
+const RUNS_MAX = 3; // max number of runs in the plotted loops of a fit
 const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
 const cardName = (text) => text.replace(NAME, "-");
@@ -62,7 +62,7 @@ function runOptions(runs, fitted) {
 	return { files, only: isWhole ? [] : fitted.map((run) => literal(run.name)) };
 }
 
-/** Show the options of an earlier fit in the form. */
+/** Fill the form with the options of an earlier fit. */
 async function again(card, job, runs) {
 	const { options } = await get(at`jobs/${job.id}`); // Only the record of a single job contains the file names.
 	const isWanted = ({ file, name }) =>

@@ -1,4 +1,4 @@
-// Thermal: heating in a load cycle, the geometry, and the search of a heat sink.
+// Page Thermal: heating in a load cycle, geometry, and search for a heat sink.
 
 import { at, get, post } from "./api.js";
 import { formOf, inputsOf, numberField, readNumber, readSine } from "./forms.js";
@@ -20,10 +20,10 @@ const FIRST_FIELDS = {
 	coil: ["resistance_ohm"],
 	fluid: ["preset"],
 };
-const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // tables of a geometry on which a calibration depends
-const NEAR_LIMIT_K = 40; // The plot shows the limit of the fluid if the coil is nearer.
+const CALIBRATED = ["body", "piston", "rod", "coil", "fluid", "seals"]; // geometry tables on which a calibration depends
+const NEAR_LIMIT_K = 40; // The plot shows the fluid limit if the coil comes closer to it.
 
-/** Return `{value, fault}` of the newest request. Requests are sent one after another. */
+/** Return `{value, fault}`: answer or error of the newest request. Requests are sent one after another. */
 function useLatest(key, ask) {
 	const [found, set] = useState({});
 	const { current: work } = useRef({});

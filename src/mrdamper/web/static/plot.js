@@ -12,11 +12,11 @@ import { h, useEffect, useLayoutEffect, useRef, useState } from "./vendor/preact
 const { uPlot } = window;
 const { div, figcaption, figure, p, span } = tags;
 const ALL_SAMPLES_MAX = 20000; // Loops with fewer samples are drawn completely.
-const PIECE_SAMPLES = 100000; // Samples of a loop between two checks of the time.
-const FRAME_MS = 12; // Time of an animation frame in which loops are prepared.
+const PIECE_SAMPLES = 100000; // samples of a loop between two checks of the elapsed time
+const FRAME_MS = 12; // time in each animation frame that is used to prepare loops
 const STEP_MAX_PX = 8; // Longer segments of a loop are checked pixel by pixel.
 const READOUT_MAX = 9;
-const LOW_PX = 140; // In lower plots, the y axis shows only the unit.
+const LOW_PX = 140; // In a plot of less height, the label of the y axis is only the unit.
 const FONT = '12px "Segoe UI", "DejaVu Sans", Helvetica, Arial, sans-serif';
 
 const keyOf = (one) => one.key ?? one.name;
@@ -96,7 +96,7 @@ function line(u, { x, y }, from = 0, to = x.length) {
 	return path;
 }
 
-/** Return the path of a time series: of many samples, only the extremes of each pixel column. */
+/** Return the path of a time series; if it has many samples, only the extremes of each pixel column. */
 export function seriesPath(u, { x, y }) {
 	const from = Math.max(0, lowerBound(x, u.scales.x.min) - 1);
 	const to = Math.min(x.length, lowerBound(x, u.scales.x.max) + 2);
@@ -114,7 +114,7 @@ export function seriesPath(u, { x, y }) {
 }
 
 /**
- * Return the samples of a loop: of many, only the segments that touch a new pixel, with NaN at gaps.
+ * Return the samples of a loop; if it has many, only segments that touch a new pixel, with NaN at gaps.
  *
  * The generator yields after each piece of work, so that the page stays responsive.
  */
@@ -164,7 +164,7 @@ function keepNew(kept, seen, { x, y }, from, to, range, width) {
 	}
 }
 
-/** Return the result of a generator without pauses. */
+/** Run a generator to its end without pauses; return its result. */
 export function finished(work) {
 	for (;;) {
 		const { done, value } = work.next();
@@ -200,7 +200,7 @@ function drawPoints(u, { series }, colours) {
 	}
 }
 
-/** Return a new uPlot; `heard` are the functions onRange(view) and onCursor(u). */
+/** Return a new uPlot; `heard` contains the callbacks onRange(view) and onCursor(u). */
 function* build(place, spec, colours, heard = {}) {
 	const { x, y, height, span: part, isLoop } = spec;
 	const unit = y.split(", ").at(-1);
@@ -303,7 +303,7 @@ function drawDue() {
 }
 
 /**
- * Plot with title, toolbar and legend. Without `view` it stores its range itself; with `hidden` its legend is elsewhere.
+ * Plot with title, toolbar and legend. Without `view` the plot stores its range; with `hidden` it draws no legend.
  *
  * `link`: shared cursor; `span`: time span of the loops; `fromZero`: the y axis contains zero.
  */
@@ -384,7 +384,7 @@ function Plot(props) {
 	);
 }
 
-/** Return the ranges after a key: null for the whole range, undefined without a change. */
+/** Return the ranges after a key press: null for the whole range, undefined for other keys. */
 function moved({ x, y }, key) {
 	const shift = { ArrowLeft: -0.1, ArrowRight: 0.1 }[key] * (x[1] - x[0]);
 	if (shift) return { x: x.map((value) => value + shift), y };
@@ -431,7 +431,6 @@ export function legendOf({ series, spans = [] }, hidden, toggle) {
 	return div.legend(named.map(entry), blocks.map(block));
 }
 
-/** Save a plot in light colours, with title and legend. */
 async function savePng(spec) {
 	const place = document.createElement("div");
 	place.className = "offscreen";

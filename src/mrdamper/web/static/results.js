@@ -8,9 +8,9 @@ import { button, opening, tags } from "./ui.js";
 
 const { a, b, div, p, span } = tags;
 
-const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // a note that a quantity is outside the range of the card's runs
+const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // note on a quantity outside the range of the card's runs
 
-/** Return the quantities in which a result exceeds the range of the card's runs. */
+/** Return the quantities of a load cycle that are outside the range of the card's runs. */
 export function beyondCard({ notes: texts = [] }) {
 	const found = texts.map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
 	return found.length ? `extrapolated: ${found.join(", ")}` : "";
@@ -34,7 +34,7 @@ export const groundsOf = ({ answer: { shown } }) =>
 
 const SHORT = 22; // Cells with at most this number of letters are not wrapped.
 
-/** Return a table of a result; `link(run)`: address of a run; `choice`: the first column chooses a row. */
+/** Return a table of a result; `link(run)`: address of a run; `choice`: buttons for the rows. */
 export function tableOf({ title, caption, folded, columns, rows }, { link, choice } = {}) {
 	const isPicked = (row) => choice?.isPicked(rows.indexOf(row));
 	const pick = (row) => {

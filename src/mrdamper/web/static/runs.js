@@ -63,7 +63,7 @@ export function filtersOf(runs, prefix) {
 	return div.fields(lists, search("Find a run", `${prefix}.find`, "part of a name"));
 }
 
-/** Return boxes of runs; `ids` are ticked, `marks(run)` are remarks. */
+/** Return check boxes of runs; `ids` are selected, `marks(run)` returns remarks. */
 export function runList(words, runs, all, ids, change, marks = () => []) {
 	const box = (run) => {
 		const id = idOf(run, all);

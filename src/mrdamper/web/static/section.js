@@ -10,7 +10,7 @@ export function sectionOf(facts, sink = facts.sink ?? NO_FINS) {
 	const { fins, width_mm: width, thickness_mm: thickness, pitch_mm: pitch } = sink;
 	const { wall_mm: wall, cap_mm: cap, rod_mm: rod } = facts;
 	const [piston, face] = facts.piston_mm;
-	const out = 0.16 * length; // Visible length of the rod.
+	const out = 0.16 * length; // length of the drawn part of the rod outside the body
 	const tall = radius + Math.max(width, 6);
 	const box = (colour, x, y, w, h) => rect({ fill: `var(--${colour})`, x, y, width: w, height: h });
 	const thin = { stroke: "var(--soft)", "stroke-width": 0.4, fill: "none" };

@@ -58,7 +58,7 @@ function remove(isWanted) {
 	for (const key of Object.keys(app.choice)) if (isWanted(key)) delete app.choice[key];
 }
 
-/** Set choices, null for the default; with `step` the Back button undoes the change. */
+/** Set choices (null: the default). With `step`, the Back button undoes the change. */
 export function choose(values, step = false) {
 	// The entries of the geometry form belong to the previous geometry.
 	if ("drawing" in values && values.drawing !== app.choice.drawing)
@@ -91,7 +91,7 @@ export function route() {
 	document.title = `${PAGES[app.page].title} · mrdamper`;
 	if (query) remove((key) => belongs(key) && !SHARED.includes(key));
 	for (const [key, text] of new URLSearchParams(query)) app.choice[key] = decode(text);
-	if (app.forms) write(false); // The forms decide which choices belong to a page.
+	if (app.forms) write(false); // The forms determine which choices belong to a page.
 	app.draw();
 }
 
@@ -105,7 +105,7 @@ export async function refresh(files = true) {
 const WATCH_MS = 1000;
 let before = null;
 
-/** Ask for changes every second. Fetch the state after a change, and during a job. */
+/** Request changes every second. Fetch the state after a change, and while a job runs. */
 export async function watch() {
 	try {
 		if (document.visibilityState === "visible") {
@@ -150,7 +150,7 @@ export async function attempt(action) {
 
 const fetched = new Map();
 
-/** Return the answer to the request `key`; null until the answer arrives and the page is drawn again. */
+/** Send the request `key` once; return its answer, or null until it arrives. */
 export function once(key, ask) {
 	if (!fetched.has(key)) {
 		const keep = (value) => fetched.set(key, value);

@@ -2,7 +2,7 @@
 
 export const has = (value) => value !== null && value !== undefined;
 
-/** Return a list without `value`, or with it if it was missing. */
+/** Return a list without `value`, or with `value` if it was missing. */
 export const toggled = (values, value) =>
 	values.includes(value) ? values.filter((one) => one !== value) : [...values, value];
 

@@ -14,7 +14,7 @@ const element =
 		return props ? h(name, all, ...rest) : h(name, all, first, ...rest);
 	};
 
-/** Functions of elements, with a class if wanted: `p("text")`, `p.small("text")`, `p({id: "words"}, "text")`. */
+/** Functions that create elements: `p("text")`, `p.small("text")` with a class, `p({id: "words"}, "text")`. */
 export const tags = new Proxy(
 	{},
 	{ get: (_, name) => new Proxy(element(name), { get: (_tag, look) => element(name, look) }) },
@@ -42,7 +42,7 @@ export const select = (options, value, change, props = {}) =>
 			.map(([key, text]) => option({ value: key, key, selected: key === value }, text)),
 	);
 
-/** Return a drop-down list of a choice, whose first option is the default; with `step` Back undoes it. */
+/** Return a drop-down list for a choice; its first option is the default. With `step`, Back undoes a change. */
 export const choice = (words, key, options, step = false) => {
 	const change = (value) => choose({ [key]: value || null }, step);
 	return field(words, select(options, chosen(key, ""), change, { id: key.replace(".", "-") }));
@@ -78,7 +78,7 @@ export const check = (text, checked, change, props = {}) =>
 export function filePicker(words, accept, taken, look = "quiet", props = {}) {
 	const onchange = (event) => {
 		const files = [...event.target.files];
-		event.target.value = ""; // The same file can be chosen again.
+		event.target.value = ""; // Reset, so that the same file can be chosen again.
 		taken(files);
 	};
 	const open = (event) => event.target.nextElementSibling.click();
@@ -86,7 +86,7 @@ export function filePicker(words, accept, taken, look = "quiet", props = {}) {
 	return span(button(words, open, look), input(about));
 }
 
-/** Let the Tab key stop only once in a list; arrow keys, Home and End move in it. */
+/** Make the Tab key stop only once in a list; arrow keys, Home and End move inside the list. */
 export function rove(place) {
 	if (!place) return;
 	const all = () =>

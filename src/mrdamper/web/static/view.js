@@ -1,4 +1,4 @@
-// Linked view: measured and modelled forces of runs as loops and versus time, with one cursor and one time span.
+// Linked view: forces of runs and cards as loops and versus time, with one cursor and one time span.
 //
 // Choices: `t` (time span), `d` and `v` (ranges of the loops), `hide`, `centre`, `cycles`. Each zoom is a step of the
 // browser's history, so that Back undoes it.
@@ -46,7 +46,7 @@ const CURSOR_ROWS_MAX = 8;
 export const splitsOf = (name) =>
 	new Map((cardDetails(name)?.evidence?.runs ?? []).map((run) => [run.name, run.split]));
 
-/** Return the runs of the most frequent motion with constant command at the lowest temperature. */
+/** Return the runs of the motion with the most constant-command runs, at the lowest temperature. */
 export function usualRuns(runs) {
 	const counts = Map.groupBy(runs, ({ motion }) => motion);
 	const constant = ([, group]) => group.filter(({ command }) => has(command)).length;
@@ -92,7 +92,7 @@ function useSamples(picked, cards, part) {
 	return found;
 }
 
-/** Return the columns of the last complete cycles, with centred displacement, if these are chosen. */
+/** Return the last complete cycles, with centred displacement, if the user chose this. */
 function prepared(columns, count, isCentred) {
 	const { displacement_mm: x } = columns;
 	if (!x || (!count && !isCentred)) return columns;
@@ -108,7 +108,7 @@ function prepared(columns, count, isCentred) {
 	return cut;
 }
 
-/** Return the property in which runs differ: command, else temperature, else the run itself. */
+/** Return the property that colours the runs: `command`, else `temperature_degC`, else `name`. */
 function differenceOf(runs) {
 	const differ = (property) => new Set(runs.map(property)).size > 1;
 	if (differ((run) => run.command_unit)) return "name";
@@ -122,7 +122,7 @@ function colourOf(run, by, runs) {
 	if (by === "name") return { key: run.name, colour: nth(runs.indexOf(run)) };
 	const key = by === "command" ? commandOf(run) : temperatureOf(run);
 	const range = extent(runs.map((one) => one[by]).filter(has));
-	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
+	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour outside the ramp
 	const fraction = (run[by] - range[0]) / (range[1] - range[0] || 1);
 	return { key, colour: (colours) => rampColour(fraction, colours) };
 }
