@@ -112,11 +112,7 @@ function choices(runs, ids, drawn) {
 	const set = (name) => (value) => choose({ [`view.${name}`]: value || null }, true);
 	const box = ({ name }) =>
 		check(name, drawn.includes(name), () => set("cards")(toggled(drawn, name)));
-	const cycles = [
-		["", "all"],
-		["1", "the last"],
-		["3", "the last 3"],
-	];
+	const cycles = ["", "1", "3"].map((count) => [count, count ? `last ${count}` : "all"]);
 	return [
 		filtersOf(runs, "list"),
 		runList("Runs drawn", found, runs, ids, take),

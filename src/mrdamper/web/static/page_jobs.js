@@ -154,10 +154,9 @@ function trashTable() {
 
 export function JobsPage() {
 	const { jobs } = app.state;
-	const nothing = () => empty("No jobs yet.", "data");
 	return [
 		pageHead("Jobs", "Two jobs run at a time. Their results are files in the folder."),
-		jobs.length ? jobTable(jobs) : nothing(),
+		jobs.length ? jobTable(jobs) : empty("No jobs yet.", "data"),
 		otherJobs(jobs),
 		inputTable(),
 		trashTable(),

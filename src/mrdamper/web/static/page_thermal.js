@@ -53,9 +53,9 @@ function tried(read) {
 	}
 }
 
-function drawingInUse() {
-	const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["drawing"])];
-	return names.includes(chosen("drawing")) ? chosen("drawing") : names[0];
+function geometryInUse() {
+	const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["geometry"])];
+	return names.includes(chosen("geometry")) ? chosen("geometry") : names[0];
 }
 
 function geometry(name) {
@@ -68,7 +68,7 @@ const saveGeometry = (base, entries, more = {}) =>
 	attempt(async () => {
 		const { name } = await post(at`dampers/${base}`, entries);
 		toast("good", `${name} is saved with the inputs. All pages use it now.`);
-		choose({ drawing: name, "heat.tab": "Heating", ...more });
+		choose({ geometry: name, "heat.tab": "Heating", ...more });
 	});
 
 function Heating({ card, form, facts }) {
@@ -143,7 +143,7 @@ function studyView(job) {
 	const name = `${job.id}-calibrated.toml`;
 	const take = async () => {
 		await attempt(() => keepInput(job, "calibrated.toml", name));
-		choose({ drawing: name });
+		choose({ geometry: name });
 	};
 	const isCalibrated = job.files.some(({ path }) => path === "calibrated.toml");
 	const own = isCalibrated && button("Take the calibrated geometry", take);
@@ -151,17 +151,17 @@ function studyView(job) {
 }
 
 function Geometry({ base, facts }) {
-	const changed = Object.keys(app.choice).filter((key) => key.startsWith("drawing-"));
+	const changed = Object.keys(app.choice).filter((key) => key.startsWith("geometry-"));
 	const isOther = CALIBRATED.some((kind) =>
-		changed.some((key) => key.startsWith(`drawing-${kind}.`)),
+		changed.some((key) => key.startsWith(`geometry-${kind}.`)),
 	);
 	const { calibration, sink, ...others } = facts.tables;
 	const isDropped = isOther && (calibration || (sink?.film_multiplier ?? 1) !== 1);
 	const bare = { ...others, sink: { ...sink, film_multiplier: undefined } };
 	const tables = isOther ? bare : facts.tables;
-	const names = Object.keys(app.forms).filter((name) => name.startsWith("drawing-"));
+	const names = Object.keys(app.forms).filter((name) => name.startsWith("geometry-"));
 	const forms = names.map((name) => {
-		const kind = name.slice("drawing-".length);
+		const kind = name.slice("geometry-".length);
 		return [kind, formOf(name, { preset: tables[kind] ?? {} })];
 	});
 	const read = () => {
@@ -196,9 +196,9 @@ function Geometry({ base, facts }) {
 			forms.map(first),
 			keptFold("heat.all", "all-fields", "All fields", () => forms.map(rest)),
 			div.gap(
-				textField("Name of the geometry", name, setName, { maxlength: 60, id: "drawing-name" }),
+				textField("Name of the geometry", name, setName, { maxlength: 60, id: "geometry-name" }),
 			),
-			div.actions(button(action, save, "main", { id: "save-drawing", disabled: Boolean(wrong) })),
+			div.actions(button(action, save, "main", { id: "save-geometry", disabled: Boolean(wrong) })),
 		),
 		div.stays(
 			drawn && sectionOf(drawn),
@@ -275,13 +275,7 @@ function Front({ job }) {
 		return saveGeometry(base, { name, replace: true, ...entries });
 	};
 	const { fins, mass_kg: mass, temperature_degC: fluid } = design;
-	const axes = {
-		x: "mass of the fins, g",
-		y: "fluid at the end, °C",
-		name: "front",
-		height: 260,
-		isLoop: true,
-	};
+	const axes = { x: "mass of the fins, g", y: "fluid at the end, °C", name: "front", height: 260 };
 	const isThere = facts && !facts.fault;
 	const [first, ...rest] = shown?.tables ?? [];
 	return div(
@@ -292,7 +286,7 @@ function Front({ job }) {
 			tile("fluid", `${fixed(fluid, 1)} °C`, beyondCard(job.answer)),
 		),
 		div.actions(isThere && button("Use this sink", use, "main", { id: "use-sink" })),
-		plot({ title: "Front", ...axes, data }),
+		plot({ title: "Front", ...axes, isLoop: true, data }),
 		isThere
 			? sectionOf(facts, finsOf(design))
 			: note("warning", "The geometry of this search is not in the folder."),
@@ -313,7 +307,7 @@ export function ThermalPage() {
 		"The temperature of the damper in a load cycle, and a heat sink for it.",
 	);
 	const card = cardInUse();
-	const base = drawingInUse();
+	const base = geometryInUse();
 	const facts = geometry(base);
 	const shape = () => facts?.tables && h(Geometry, { key: base, base, facts });
 	if (!card) {

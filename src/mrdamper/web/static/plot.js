@@ -221,7 +221,8 @@ function* build(place, spec, colours, heard = {}) {
 		ticks: { show: false },
 		values: (_u, values) => values.map((one) => String(Number(one.toPrecision(6)))),
 	};
-	const widest = (_u, texts) => 14 + 7 * Math.max(2, ...(texts ?? []).map((text) => text.length));
+	// Most plots then have the same width, so that the times of plots below each other are aligned.
+	const widest = (_u, texts) => 14 + 7 * Math.max(6, ...(texts ?? []).map((text) => text.length));
 	const path = (one) => (u) => {
 		if (one.kind === "points" && !one.line) return null;
 		const stroke = isSeries(one) ? seriesPath(u, one) : line(u, loops.get(one));

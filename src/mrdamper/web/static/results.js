@@ -84,17 +84,16 @@ const SEVERITIES = ["fault", "warning", "note"];
 /** Return a table of findings, worst first, with links to their locations in the plots. */
 export function findingList(findings) {
 	const rank = ({ severity }) => SEVERITIES.indexOf(severity);
+	const words = ({ effect, remedy }) => `${effect}. ${remedy}.`;
+	const sorted = findings.toSorted((x, y) => rank(x) - rank(y) || words(x).localeCompare(words(y)));
+	const isRepeated = (one) => words(one) === words(sorted[sorted.indexOf(one) - 1] ?? {});
 	const columns = [
 		["", ({ severity }) => tag(severity), "whole"],
 		["run", (one) => a({ href: placeOf(one) }, `${one.run}${whereOf(one)}`), "name"],
 		["finding", ({ found }) => found, "name"],
-		["effect and remedy", ({ effect, remedy }) => `${effect}. ${remedy}.`, "name"],
+		["effect and remedy", (one) => (isRepeated(one) ? "as above" : words(one)), "name"],
 	];
-	return table(
-		"Findings",
-		columns,
-		findings.toSorted((x, y) => rank(x) - rank(y)),
-	);
+	return table("Findings", columns, sorted);
 }
 
 function placeOf({ run, from_s: from, to_s: to }) {
