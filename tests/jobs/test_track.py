@@ -167,7 +167,9 @@ def test_notes_list_missing_parts_of_card(folder):
     options = TrackOptions(controllers=("paper",))
     run = track(narrow, options, targets=[folder / "short.toml"], plant=folder / "card.json")
     notes = " ".join(run.notes)
-    assert all(text in notes for text in ("beyond the card's data", "mm/s", "the damper is the card"))
+    assert all(
+        text in notes for text in ("degC; the card was", "mm/s; the card was", "the damper is the card")
+    )
     cold = track(folder / "cold.json", options, targets=[folder / "short.toml"])
     assert any("does not know temperature" in note for note in cold.notes)
 

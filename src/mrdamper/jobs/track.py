@@ -598,7 +598,8 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         if outside:
             said = ", ".join(f"{degrees:g}" for degrees in outside)
             notes.append(
-                f"{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
+                f"the temperature is {said} degC; the card was identified from {low:.0f} to {high:.0f} degC "
+                "and uses its values at the limit"
             )
     if damper.stroke is not None:
         notes.append(
@@ -610,6 +611,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
     for name, speed in speeds.items():
         if speed > 1.1 * known:
             notes.append(
-                f"{name}: speeds up to {1e3 * speed:.0f} mm/s; the card's data end at {1e3 * known:.0f} mm/s"
+                f"the velocity of {name} reaches {1e3 * speed:.0f} mm/s; the card was identified up to "
+                f"{1e3 * known:.0f} mm/s"
             )
     return tuple(notes)
