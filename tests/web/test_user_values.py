@@ -124,7 +124,7 @@ def test_new_geometry_removes_calibration_of_previous_damper(page, site):
 
 
 @pytest.mark.nightly
-def test_choices_are_kept_on_next_pages(page):
+def test_choices_are_kept_on_next_pages(browser, site, page):
     """Load cycle, geometry, design and controller stay selected when the user opens the next page."""
     go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&geometry=paper")
     page.fill("#geometry-sink-fins", "0")
@@ -156,6 +156,9 @@ def test_choices_are_kept_on_next_pages(page):
     page.get_by_role("link", name="Controller").click()
     page.get_by_role("tab", name="Export").click()
     expect(page.locator("#export-damper")).to_have_value(chosen)
+    with opened(browser, site[1].address) as later:
+        go(later, "thermal?card=own")
+        expect(later.locator("#heat-damper")).to_have_value(chosen)
 
 
 def test_chosen_runs_stay_on_the_model(page):

@@ -12,6 +12,7 @@ from playwright.sync_api import Page, ViewportSize, expect
 
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.support.campaigns import write_csv
+from tests.support.cards import write_card_of
 from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import VIEWS, a_logger_file, counted_actions, go, sine_columns
@@ -156,13 +157,14 @@ def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Return a client of a folder of 91 runs, seven of them copies."""
+    """Return a folder with a card and 91 runs, seven of them copies, and a client of its server."""
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
     for k in range(RUNS):
         k_of = min(k, RUNS - 1 - COPIES)
         columns = sine_columns(force_N=200.0 + k_of, mm=4.0 + 2.0 * (k_of % 2), currents_A=(k_of % 3,))
         write_csv(root / "runs" / f"run{k:03d}.csv", columns)
+    write_card_of(root / "cards" / "strong" / "card.json")
     with served(root) as client:
         yield root, client
 
@@ -175,7 +177,6 @@ def test_pages_with_many_runs_stay_short(browser, many):
         heights, tops, wide = {}, {}, []
         for _, address in VIEWS:
             go(page, address)
-            page.wait_for_timeout(300)
             heights[address] = page.evaluate("document.documentElement.scrollHeight")
             page.set_viewport_size(PHONE)
             page.wait_for_timeout(300)

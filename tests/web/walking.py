@@ -156,7 +156,7 @@ def go(page: Page, address: str) -> None:
     """Open a page and wait until it is filled."""
     page.goto(f"/#/{address}")
     page.wait_for_selector(f"[data-shown={address.partition('?')[0]}] h1")
-    page.wait_for_timeout(300)
+    page.wait_for_timeout(500)
 
 
 def plot(page: Page, title: str) -> Locator:

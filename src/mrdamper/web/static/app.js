@@ -24,7 +24,7 @@ const VIEWS = {
 };
 const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"] };
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
-const FILES_MAX = 12; // Longer lists are shortened in print.
+const FILES_MAX = 12;
 
 /** Return state (`done`, `old`: out of date, or `open`) and remark of a page. */
 function stepOf(page) {

@@ -57,7 +57,6 @@ function entriesOf({ columns, map }) {
 	};
 }
 
-/** Return the gain of a column in its unit, such as mm/V. */
 const gainOf = (column, { gain, unit }) =>
 	readNumber(`${labelOf(column)} gain`, gain, { needed: neededFor(unit) });
 
@@ -91,7 +90,7 @@ function mapOf({ columns: entries, rest }, { columns }) {
 export function ChannelSheet({ name, others, close }) {
 	const [found, setFound] = useState(null);
 	const [entry, setEntry] = useState(null);
-	const [previews, setPreviews] = useState([]); // previews from the server for the present entries
+	const [previews, setPreviews] = useState([]);
 	const [fault, setFault] = useState("");
 	const [same, setSame] = useState([]);
 	const touched = useRef(false);
@@ -112,7 +111,7 @@ export function ChannelSheet({ name, others, close }) {
 			const beginning = await get(`${at`files/${name}/look`}?head=1`, asked.signal);
 			show(beginning);
 			if (beginning.head_share === undefined) return;
-			const whole = await get(at`files/${name}/look`, asked.signal); // The first preview read only the beginning of a large file.
+			const whole = await get(at`files/${name}/look`, asked.signal);
 			if (touched.current) setFound(whole);
 			else show(whole);
 		};

@@ -14,7 +14,7 @@ const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 can mean 1234 or 1.234.
 
 /** Return the number in a text, with decimal point or comma; NaN if it is invalid or ambiguous. */
-export function parseNumber(text) {
+function parseNumber(text) {
 	const plain = text.trim().replace("−", "-");
 	return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
 }
@@ -217,7 +217,6 @@ export function bringInput(words, suffixes, brought = () => {}) {
 	return p.small(filePicker(`${words} (${kinds})`, suffixes, bring));
 }
 
-/** Fill the form of a job with the options of an earlier job. */
 export function fillForm(kind, options, more = {}) {
 	const values = {};
 	for (const one of app.forms[kind]) {

@@ -13,7 +13,6 @@ import { characteristics, linkedView, splitsOf, usualRuns } from "./view.js";
 import { h } from "./vendor/preact.js";
 
 const { a, aside, div, h3, p, span } = tags;
-const STATES = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
 /** Return the runs drawn by default: runs of the fit of the card in the view, or runs with its unit. */
 function firstRuns(runs) {
@@ -101,7 +100,7 @@ async function upload(files) {
 	if (files.length === 1) {
 		const [{ name }] = files;
 		const { error } = await get(at`files/${name}/look`).catch(() => ({}));
-		if (error) choose({ file: name }); // The user has to assign the channels of this file.
+		if (error) choose({ file: name });
 	}
 }
 
@@ -168,7 +167,9 @@ function fileTable(files) {
 	const state = ({ name, state: kind }) => {
 		const own = app.runs.filter((run) => run.file === name);
 		const isUseless = own.length > 0 && own.every((run) => run.error);
-		return isUseless ? tag("fault", "not usable") : tag(kind, STATES[kind]);
+		return isUseless
+			? tag("fault", "not usable")
+			: tag(kind, kind === "unreadable" ? "not understood" : kind);
 	};
 	const open = (name) => () => choose({ file: name });
 	const actions = ({ name, state: kind }) => {

@@ -11,7 +11,6 @@ import { bytes, duration } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
 
 const { b, div, h2, p, span } = tags;
-/** Pages of jobs, with the choice of their tab. */
 const PAGE_OF = {
 	fit: ["model", {}],
 	heat: ["thermal", { "heat.tab": "Heating" }],
@@ -40,7 +39,6 @@ function subjectOf({ options, card }) {
 	return options.card ?? card ?? record ?? both ?? input();
 }
 
-/** Open the page of a job with its options in the form. */
 function open({ id, kind, options }) {
 	if (!(kind in PAGE_OF))
 		return choose({ "show.job": id, "show.kind": kind in OTHERS ? kind : null });

@@ -53,9 +53,12 @@ function tried(read) {
 	}
 }
 
+/** Return the chosen geometry, or else the newest of the user; the preset if there is none. */
 function geometryInUse() {
 	const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["geometry"])];
-	return names.includes(chosen("geometry")) ? chosen("geometry") : names[0];
+	if (names.includes(chosen("geometry"))) return chosen("geometry");
+	const own = app.state.inputs.filter(({ name }) => names.includes(name));
+	return own.sort((x, y) => y.modified.localeCompare(x.modified))[0]?.name ?? names[0];
 }
 
 function geometry(name) {
@@ -63,7 +66,6 @@ function geometry(name) {
 	return once(`geometry ${name} ${file?.modified}`, () => get(at`dampers/${name}`));
 }
 
-/** Save a geometry as a new input and use it on all pages. */
 const saveGeometry = (base, entries, more = {}) =>
 	attempt(async () => {
 		const { name } = await post(at`dampers/${base}`, entries);
@@ -147,7 +149,8 @@ function studyView(job) {
 	};
 	const isCalibrated = job.files.some(({ path }) => path === "calibrated.toml");
 	const own = isCalibrated && button("Take the calibrated geometry", take);
-	return [h3.gap(`Full study: ${job.answer.duty}`), resultView(job, "heat.part", { own })];
+	const { damper, duty } = job.options;
+	return [h3.gap(`Full study: ${damper}, ${duty}`), resultView(job, "heat.part", { own })];
 }
 
 function Geometry({ base, facts }) {
@@ -213,18 +216,15 @@ function Geometry({ base, facts }) {
 }
 
 /** Return a design with its lengths in millimetres. */
-const finsOf = ({ fins, material, emissivity, ...one }) => {
-	const lengths = ["width", "thickness", "pitch"].map((name) => [
-		`${name}_mm`,
-		1e3 * one[`${name}_m`],
-	]);
-	return { fins, material, emissivity, ...Object.fromEntries(lengths) };
+const finsOf = ({ width_m: width, thickness_m: thickness, pitch_m: pitch, ...one }) => {
+	const { fins, material, emissivity } = one;
+	const lengths = { width_mm: 1e3 * width, thickness_mm: 1e3 * thickness, pitch_mm: 1e3 * pitch };
+	return { fins, material, emissivity, ...lengths };
 };
 const isSame = (one, other) => JSON.stringify(one) === JSON.stringify(other);
 
 function heatSink(card, shared, facts) {
-	const mass_g =
-		"enter the largest mass of the fins, because the geometry has no fins whose mass is the limit.";
+	const mass_g = "enter the largest mass of the fins, because the geometry has no fins.";
 	const needed = facts && !facts.sink ? { mass_g } : {};
 	const form = formOf("heatsink", { given: { card: card.name, damper: null, duty: null }, needed });
 	const read = () => {
@@ -279,6 +279,7 @@ function Front({ job }) {
 	const isThere = facts && !facts.fault;
 	const [first, ...rest] = shown?.tables ?? [];
 	return div(
+		h3(`${base}, ${job.options.duty}`),
 		firstScreen(job),
 		div.tiles(
 			tile("chosen", fins ? several(fins, "fin") : "no fins"),
@@ -314,7 +315,8 @@ export function ThermalPage() {
 		const words = "Heating needs a card. Fit a model first, or bring a card there.";
 		return [title, empty(words, "model"), shape()];
 	}
-	const preset = facts?.tables ? { ambient_degC: facts.ambient_degC, air_m_s: facts.air_m_s } : {};
+	const around = facts?.tables ? { ambient_degC: facts.ambient_degC, air_m_s: facts.air_m_s } : {};
+	const preset = { damper: base, ...around };
 	const isBare = facts?.tables && facts.sink === null;
 	const form = formOf("heat", { given: isBare ? { with_sink: false } : {}, preset });
 	const tabs = [

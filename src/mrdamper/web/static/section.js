@@ -25,7 +25,7 @@ export function sectionOf(facts, sink = facts.sink ?? NO_FINS) {
 	const measure = (from, to, y) =>
 		path({ ...thin, d: `M${from} ${y - 2}v4M${from} ${y}H${to}M${to} ${y - 2}v4` });
 	const pitched = fins > 1 ? `, pitch ${mm(pitch)}` : "";
-	const margin = 16 + size; // above and below the damper, for the dimensions
+	const margin = 16 + size;
 	const viewBox = [-out - 10, -tall - margin, length + 2 * out + 28, 2 * (tall + margin)].join(" ");
 	return figure.plot(
 		{ id: "section" },

@@ -124,7 +124,6 @@ export async function watch() {
 
 export const isRunning = ({ state }) => state === "queued" || state === "running";
 
-/** Show a message for some seconds; `actions` are buttons. */
 export function toast(kind, text, ...actions) {
 	const one = { kind, text, actions };
 	app.toasts = [...app.toasts, one];

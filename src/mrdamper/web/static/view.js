@@ -123,7 +123,7 @@ function colourOf(run, by, runs) {
 	if (by === "name") return { key: run.name, colour: nth(runs.findIndex(isRun)) };
 	const key = by === "command" ? commandOf(run) : temperatureOf(run);
 	const range = extent(runs.map((one) => one[by]).filter(has));
-	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour that is used neither for measured curves nor in the ramp
+	if (!has(run[by]) || !range) return { key, colour: nth(3) };
 	const fraction = (run[by] - range[0]) / (range[1] - range[0] || 1);
 	return { key, colour: (colours) => rampColour(fraction, colours) };
 }
