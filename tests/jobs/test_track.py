@@ -15,7 +15,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
-from tests.support.cards import rig_damper, write_card_of
+from tests.support.cards import CHAIN, rig_damper, write_card_of
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tiers import one_by_day
 
@@ -214,6 +214,8 @@ def test_card_without_actuation_is_refused(folder):
     write_card_of(folder / "unlagged.json", rig_damper(lag=None))
     message = refused(folder, card="unlagged.json")
     assert "unlagged.json: has no actuation, so recommended, recommended-causal" in message
+    write_card_of(folder / "implicit.json", replace(CHAIN, actuation=None))
+    assert "such as --controller clipped-on-off" in refused(folder, card="implicit.json")
     options = TrackOptions(controllers=("paper",))
     assert track(folder / "unlagged.json", options, targets=[folder / "short.toml"]).rows
 

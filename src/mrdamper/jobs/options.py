@@ -65,7 +65,7 @@ _ONE_FLUID = Option(default_help="none", label="Fluid, if the runs have one temp
 _TARGETS = Option(flag="--target", default_help="all", begins=("sine-900N-1Hz",), most_items=20)
 _THERMAL_MODEL = Option(default_help="no thermal model", label="Geometry file for the thermal model")
 _PAPER = Option(key="damper", label="Geometry file", default_help="paper", begins="paper")
-_DRAWINGS = Option(read="mrdamper.jobs.sweep.plan:read_drawings", word="drawings", most_items=20)
+_DRAWINGS = Option(read="mrdamper.jobs.sweep.plan:read_drawings", word="geometry file", most_items=20)
 _ANY_SINK = Option(looks=("sink", "geometry"), group=MORE, default_help="the heat sink of the geometry file")
 _TABLES = Option(argument=True, most_items=20, looks=("rheometer",), label="Rheometer tables")
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.controllers import NEED_LAG, check_name, controllers_for
+from mrdamper.control.controllers import NEED_LAG, check_name, controllers_for, names_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
@@ -551,12 +551,13 @@ def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
         if no_actuator_lag and name.removesuffix("-unaware") in NEED_LAG:
             late.setdefault(place, []).append(name)
     for place, names in late.items():
+        usable = names_for(cards[names[0]][1].damper.law.name, has_lag=False)[0]
         raise InputError(
             f"has no actuation, so {', '.join(names)} cannot know how late the force follows the current",
             place=place,
             expected="a card identified with runs whose current steps (`steps` in the campaigns of "
             "mrdamper rig)",
-            remedy="Add such a run, or name controllers that need none, such as --controller paper",
+            remedy=f"Add such a run, or name controllers that need none, such as --controller {usable}",
         )
 
 

@@ -26,7 +26,8 @@ export function sectionOf(facts, sink = facts.sink ?? NO_FINS) {
 		path({ ...thin, d: `M${from} ${y - 2}v4M${from} ${y}H${to}M${to} ${y - 2}v4` });
 	const pitched = fins > 1 ? `, pitch ${mm(pitch)}` : "";
 	const margin = 16 + size;
-	const viewBox = [-out - 10, -tall - margin, length + 2 * out + 28, 2 * (tall + margin)].join(" ");
+	const wide = length + 2 * out + 28 + size;
+	const viewBox = [-out - 10, -tall - margin, wide, 2 * (tall + margin)].join(" ");
 	return figure.plot(
 		{ id: "section" },
 		figcaption("To scale, section along the axis"),
