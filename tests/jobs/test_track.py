@@ -15,7 +15,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
-from tests.support.cards import rig_damper, write_card_of
+from tests.support.cards import CHAIN, rig_damper, write_card_of
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tiers import one_by_day
 
@@ -167,7 +167,9 @@ def test_tracking_notes_list_missing_parts_of_card(folder):
     options = TrackOptions(controllers=("paper",))
     run = track(narrow, options, targets=[folder / "short.toml"], plant=folder / "card.json")
     notes = " ".join(run.notes)
-    assert all(text in notes for text in ("beyond the card's data", "mm/s", "the damper is the card"))
+    assert all(
+        text in notes for text in ("degC; the card was", "mm/s; the card was", "the damper is the card")
+    )
     cold = track(folder / "cold.json", options, targets=[folder / "short.toml"])
     assert any("does not know temperature" in note for note in cold.notes)
 
@@ -212,6 +214,8 @@ def test_card_without_lag_model_is_rejected(folder):
     write_card_of(folder / "unlagged.json", rig_damper(lag=None))
     message = refused(folder, card="unlagged.json")
     assert "unlagged.json: has no actuation, so recommended, recommended-causal" in message
+    write_card_of(folder / "implicit.json", replace(CHAIN, actuation=None))
+    assert "such as --controller clipped-on-off" in refused(folder, card="implicit.json")
     options = TrackOptions(controllers=("paper",))
     assert track(folder / "unlagged.json", options, targets=[folder / "short.toml"]).rows
 

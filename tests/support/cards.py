@@ -260,7 +260,8 @@ def card_of(
 def write_card_of(
     path: Path, damper: Damper | None = None, *, envelope: OperatingEnvelope = RIG_ENVELOPE
 ) -> Path:
-    """Write a card of a damper (by default of ``rig_damper``) and return its path."""
+    """Write a card of a damper, by default of ``rig_damper``, into a new folder; return its path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_card(card_of(rig_damper() if damper is None else damper, envelope=envelope), path)
     return path
 

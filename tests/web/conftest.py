@@ -29,17 +29,16 @@ def browser(tool):
 def site(tmp_path_factory):
     """Return a folder with runs of the virtual rig and a card, and a client of its server."""
     root = tmp_path_factory.mktemp("pages") / "damper"
-    (root / "cards" / "strong").mkdir(parents=True)
     write_card_of(root / "cards" / "strong" / "card.json")
     campaign = root.with_suffix(".toml")
     campaign.write_text(CAMPAIGN, encoding="utf-8")
     assert mrdamper("rig", "--campaign", campaign, "--out", root / "runs").returncode == 0
     with served(root) as client:
-        client.read_all()
         yield root, client
 
 
 @pytest.fixture
 def page(browser, site):
+    """Return a window of the server of the fixture ``site``, which a module may replace."""
     with opened(browser, site[1].address) as window:
         yield window

@@ -108,6 +108,14 @@ async def _call(
     return Answer(begin["status"], answered, b"".join(m.get("body", b"") for m in outbox[1:]))
 
 
+def wait_until(condition: Callable[[], bool], longest_s: float) -> None:
+    """Wait until a condition is true; fail after a time."""
+    end = time.monotonic() + within_reach(longest_s)
+    while not condition():
+        assert time.monotonic() < end, f"not true after {longest_s} s"
+        time.sleep(0.05)
+
+
 class Client:
     """HTTP client of a server process."""
 
@@ -136,19 +144,14 @@ class Client:
         return self.until(job_id, {"done", "failed", "cancelled", "interrupted"}, longest_s)
 
     def until(self, job_id: str, states: set[str], longest_s: float = 60.0) -> Json:
-        end = time.monotonic() + within_reach(longest_s)
-        while time.monotonic() < end:
-            job: Json = self.get(f"/api/jobs/{job_id}")
-            if job["state"] in states:
-                return job
-            time.sleep(0.1)
-        raise AssertionError(f"{job_id} is {job['state']} after {longest_s} s")
+        wait_until(lambda: self.get(f"/api/jobs/{job_id}")["state"] in states, longest_s)
+        job: Json = self.get(f"/api/jobs/{job_id}")
+        return job
 
     def read_all(self) -> list[Json]:
-        """Wait until the server has read all files, and return the runs."""
-        while (answer := self.get("/api/runs"))["reading"]:
-            time.sleep(0.05)
-        runs: list[Json] = answer["runs"]
+        """Wait until the server has read all files; return the runs."""
+        wait_until(lambda: not self.get("/api/runs")["reading"], 60.0)
+        runs: list[Json] = self.get("/api/runs")["runs"]
         return runs
 
     def kill(self) -> None:
@@ -159,7 +162,7 @@ class Client:
 
 @contextmanager
 def served(folder: Path, *options: str) -> Iterator[Client]:
-    """Run ``mrdamper serve`` on a free port."""
+    """Run ``mrdamper serve`` on a free port until it has read all files of the folder."""
     process = subprocess.Popen(
         command("serve", "--port", "0", "--folder", folder, *options),
         stderr=subprocess.PIPE,
@@ -171,6 +174,7 @@ def served(folder: Path, *options: str) -> Iterator[Client]:
     assert " at http://" in line, line
     client = Client(process, line.split(" at ")[1].split(" (")[0])
     try:
+        client.read_all()
         yield client
     finally:
         client.http.close()

@@ -32,7 +32,6 @@ def folder(tmp_path):
     root = tmp_path / "work"
     WorkFolder(root)
     (root / "runs" / "a.csv").write_bytes(CSV)
-    (root / "cards" / "one").mkdir()
     write_heated_card(root / "cards" / "one")
     job = root / "results" / "check-001"
     job.mkdir()

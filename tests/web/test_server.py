@@ -23,10 +23,11 @@ from mrdamper.identify.fit_data import FitData
 from mrdamper.models.card_schema import write_card
 from mrdamper.web.queries import QueryLine
 from mrdamper.web.schemas import ORDER_JOBS, request_fields
-from tests.support.campaigns import short_runs, write_runs
+from tests.support.campaigns import short_runs, write_csv, write_runs
 from tests.support.cards import PAPER_DRAWING, write_heated_card
 from tests.support.rigs import answer_of, command, mrdamper
 from tests.web.served import series_of, served
+from tests.web.walking import sine_columns
 
 pytestmark = pytest.mark.system
 
@@ -54,16 +55,7 @@ def clean(site):
     return root, client
 
 
-def a_run(path, *, seconds=4.0, rate_Hz=200.0, header="time_s,displacement_mm,force_N,current_A"):
-    time_s = np.arange(int(seconds * rate_Hz)) / rate_Hz
-    speed = 0.0314 * np.cos(2.0 * np.pi * time_s)
-    columns = [time_s, 5.0 * np.sin(2.0 * np.pi * time_s), 400.0 * np.tanh(speed / 0.005) + 2e3 * speed]
-    table = np.column_stack([*columns, np.full_like(time_s, 1.0)])
-    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
-    return table
-
-
-# ------------------------------------------------------------------------------------------- default values
+# ------------------------------------------------------------------------------------------- initial state
 
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)
@@ -80,21 +72,22 @@ def test_request_defaults_equal_job_defaults(kind):
 
 def test_uploaded_run_keeps_its_samples(clean, tmp_path):
     _, client = clean
-    table = a_run(tmp_path / "run.csv")
-    content = (tmp_path / "run.csv").read_bytes()
+    sine = sine_columns()
+    content = write_csv(tmp_path / "run.csv", sine).read_bytes()
     assert client.ask("PUT", "/api/files/run 1.csv", content=content).status_code == 201
     (run,) = client.read_all()
     assert (run["name"], run["file"], run["usable"]) == ("run 1", "run 1.csv", True)
     assert run["motion"] == "sine 5 mm 1 Hz"
     assert run["peak_velocity_mm_s"] == pytest.approx(31.4, rel=0.01)  # 2 pi times 5 mm times 1 Hz
     header, columns = series_of(client.ask("GET", "/api/runs/run 1/series").content)
-    assert header["n"] == header["samples"] == len(table)
+    assert header["n"] == header["samples"] == len(sine["time_s"])
     assert header["step_s"] == pytest.approx(0.005)
-    assert list(columns) == ["time_s", "displacement_mm", "velocity_mm_s", "force_N", "command_A"]
-    for name, measured in zip(("time_s", "displacement_mm", "force_N", "command_A"), table.T, strict=True):
+    sine["command_A"] = sine.pop("current_A")
+    assert set(columns) == {*sine, "velocity_mm_s"}
+    for name, measured in sine.items():
         np.testing.assert_allclose(columns[name], measured.astype(np.float32), rtol=2e-7, atol=1e-6)
     inner = slice(20, -20)
-    expected = 10.0 * np.pi * np.cos(2.0 * np.pi * table[:, 0])
+    expected = 10.0 * np.pi * np.cos(2.0 * np.pi * sine["time_s"])
     np.testing.assert_allclose(columns["velocity_mm_s"][inner], expected[inner], atol=0.1)
 
 
@@ -117,9 +110,9 @@ def test_invalid_file_shows_error_and_columns(clean):
 
 def test_changed_run_file_is_read_again(clean, tmp_path):
     root, client = clean
-    a_run(root / "runs" / "run.csv")
+    write_csv(root / "runs" / "run.csv", sine_columns())
     assert client.read_all()[0]["samples"] == 800
-    a_run(tmp_path / "longer.csv", seconds=6.0)
+    write_csv(tmp_path / "longer.csv", sine_columns(seconds=6.0))
     shutil.copy(tmp_path / "longer.csv", root / "runs" / "run.csv")
     assert client.read_all()[0]["samples"] == 1200
     assert client.ask("DELETE", "/api/files/run.csv").status_code == 200
@@ -140,14 +133,14 @@ MAP = {
 }
 
 
-def silent_file(path, tmp_path):
-    table = a_run(tmp_path / "run.csv", header="x")
-    np.savetxt(path, table[:, :3] * [1.0, 1.0, -0.01], delimiter=" ", header="a b c", comments="", fmt="%.9g")
+def silent_file(path):
+    time, travel, force, *_ = sine_columns().values()
+    np.savetxt(path, np.column_stack([time, travel, -0.01 * force]), "%.9g", header="a b c", comments="")
 
 
 def test_saved_channel_map_works_on_command_line(clean, tmp_path):
     root, client = clean
-    silent_file(root / "runs" / "silent.txt", tmp_path)
+    silent_file(root / "runs" / "silent.txt")
     assert client.get("/api/files/silent.txt/look")["error"]
     tried = client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": MAP}).json()
     assert tried["saved"] is False
@@ -171,7 +164,7 @@ def test_saved_channel_map_works_on_command_line(clean, tmp_path):
 
 def test_unsuitable_channel_map_is_not_saved(clean, tmp_path):
     root, client = clean
-    silent_file(root / "runs" / "silent.txt", tmp_path)
+    silent_file(root / "runs" / "silent.txt")
     (root / "runs" / "two.txt").write_text("a b\n1 2\n3 4\n", encoding="utf-8")
     order = {"files": ["silent.txt", "two.txt"], "map": MAP, "save": True}
     answer = client.ask("PUT", "/api/channels", json=order).json()
@@ -212,7 +205,6 @@ def test_model_error_on_page_equals_evaluate(clean, runs, tmp_path):
 
 def test_uploaded_geometry_is_used_for_heating(clean):
     root, client = clean
-    (root / "cards" / "plain").mkdir()
     write_heated_card(root / "cards" / "plain")
     drawing = PAPER_DRAWING.read_text(encoding="utf-8").replace("ambient_degC = 20", "ambient_degC = 33")
     assert client.ask("PUT", "/api/inputs/mine.toml", content=drawing.encode()).status_code == 201

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
-import numpy as np
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Route, expect
 
 from mrdamper.models.card_schema import write_card
+from tests.support.campaigns import write_csv
 from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper
 from tests.web.browser import opened, shoot
 from tests.web.served import TOKENS, served
-from tests.web.walking import VIEWS, a_logger_file
+from tests.web.walking import VIEWS, a_logger_file, go, sine_columns
 
 pytestmark = pytest.mark.system
 
@@ -46,28 +45,15 @@ RESIDUAL_RANGE = """async () => {
 }"""
 
 
-def write_run(
-    path: Path, levels_A: tuple[float, float], *, force_N: float = 400.0, comment: str = ""
-) -> None:
-    """Write a sinusoidal run of 3 s at 20 degC whose current steps after half of the time."""
-    time = np.arange(600) / 200.0
-    travel = 4.0 * np.sin(2.0 * np.pi * time)
-    current = np.where(time < 1.5, *levels_A)
-    force = force_N * current * np.tanh(0.1 * np.gradient(travel, time))
-    columns = [time, travel, force, current, np.full_like(time, 20.0)]
-    head = f"{comment}time_s,displacement_mm,force_N,current_A,temperature_degC"
-    np.savetxt(path, np.column_stack(columns), "%.6g", ",", header=head, comments="")
-
-
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Return a folder with three runs and five cards, and a client of its server."""
+def site(tmp_path_factory):
+    """Return a folder with three runs and six cards, and a client of its server."""
     root = tmp_path_factory.mktemp("values") / "damper"
     (root / "runs").mkdir(parents=True)
-    write_run(root / "runs" / "steady.csv", (1.0, 1.0))
-    write_run(root / "runs" / "stepped.csv", (0.5, 1.5))
-    simulated = "# simulated: virtual damper hard, seed 0; not measured\n"
-    write_run(root / "runs" / "rig.csv", (0.5, 1.5), force_N=500.0, comment=simulated)
+    write_csv(root / "runs" / "steady.csv", sine_columns())
+    write_csv(root / "runs" / "stepped.csv", sine_columns(currents_A=(0.5, 1.5)))
+    rig = write_csv(root / "runs" / "rig.csv", sine_columns(force_N=500.0, currents_A=(0.5, 1.5)))
+    rig.write_text(f"# simulated: virtual damper hard, seed 0; not measured\n{rig.read_text()}")
     runs = ({**RUN, "name": "steady"}, {**RUN, "name": "stepped", "split": "held_out"})
     own = card_of(rig_damper(), envelope=RIG_ENVELOPE)
     own = replace(own, evidence=replace(own.evidence, runs=runs), sources=("steady.csv", "stepped.csv"))
@@ -78,25 +64,12 @@ def folder(tmp_path_factory):
         "stopped": stopped,
         "late": card_of(rig_damper(lag=None), envelope=RIG_ENVELOPE),
         "chain": card_of(CHAIN, envelope=RIG_ENVELOPE),
+        "real": card_of(replace(CHAIN, actuation=None), envelope=RIG_ENVELOPE),
     }.items():
         (root / "cards" / name).mkdir(parents=True)
         write_card(card, root / "cards" / name / "card.json")
     with served(root) as client:
-        client.read_all()
         yield root, client
-
-
-@pytest.fixture
-def page(browser, folder):
-    with opened(browser, folder[1].address) as window:
-        yield window
-
-
-def go(page: Page, address: str) -> None:
-    """Open a page and wait until its contents are complete."""
-    page.goto(f"/#/{address}")
-    page.wait_for_selector(f"[data-shown={address.partition('?')[0]}] h1")
-    page.wait_for_timeout(300)
 
 
 def test_typed_numbers_are_used_or_marked(page):
@@ -128,35 +101,35 @@ def test_typed_numbers_are_used_or_marked(page):
     assert sent.value.post_data_json["options"]["width_mm"] == 2.5
 
 
-def test_new_geometry_removes_old_calibration(page, folder):
+def test_new_geometry_removes_old_calibration(page, site):
     """Calibration factors are valid only for the damper on which they were measured."""
     go(page, "thermal?card=own")
     expect(page.locator("#calibration")).to_contain_text("heat capacity × 0.9663")
     page.get_by_role("tab", name="Geometry").click()
     page.get_by_text("All fields").click()
-    expect(page.locator("#drawing-calibration-film")).to_have_value("0.823")
-    page.fill("#drawing-body-outer-diameter-mm", "50")
+    expect(page.locator("#geometry-calibration-film")).to_have_value("0.823")
+    page.fill("#geometry-body-outer-diameter-mm", "50")
     expect(page.get_by_text("The calibration factors of paper were removed")).to_be_visible()
-    expect(page.locator("#drawing-calibration-film")).to_have_value("")
+    expect(page.locator("#geometry-calibration-film")).to_have_value("")
     shoot(page, "values-geometry")
-    page.fill("#drawing-name", "wide")
-    page.click("#save-drawing")
+    page.fill("#geometry-name", "wide")
+    page.click("#save-geometry")
     page.wait_for_selector("[data-asked]")
     expect(page.locator("#heat-damper")).to_have_value("wide.toml")
     expect(page.locator("#calibration")).to_be_empty()
-    text = (folder[0] / "inputs" / "wide.toml").read_text()
+    text = (site[0] / "inputs" / "wide.toml").read_text()
     assert "outer_diameter_mm = 50" in text
     assert "calibration" not in text
     assert "film_multiplier" not in text
 
 
 @pytest.mark.nightly
-def test_choices_are_kept_on_next_pages(page):
-    """Load cycle, geometry, heat sink and controller stay selected when the user opens the next page."""
-    go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&drawing=paper")
-    page.fill("#drawing-sink-fins", "0")
-    page.fill("#drawing-name", "bare")
-    page.click("#save-drawing")
+def test_choices_are_kept_on_next_pages(browser, site, page):
+    """Load cycle, geometry, design and controller stay selected when the user opens the next page."""
+    go(page, "thermal?card=own&heat.tab=Geometry&heat.all=true&geometry=paper")
+    page.fill("#geometry-sink-fins", "0")
+    page.fill("#geometry-name", "bare")
+    page.click("#save-geometry")
     page.wait_for_selector("[data-asked]")
     page.get_by_label("Amplitude, mm").fill("7")
     page.get_by_role("button", name="Search a heat sink").click()
@@ -183,6 +156,9 @@ def test_choices_are_kept_on_next_pages(page):
     page.get_by_role("link", name="Controller").click()
     page.get_by_role("tab", name="Export").click()
     expect(page.locator("#export-damper")).to_have_value(chosen)
+    with opened(browser, site[1].address) as later:
+        go(later, "thermal?card=own")
+        expect(later.locator("#heat-damper")).to_have_value(chosen)
 
 
 def test_selected_runs_stay_selected_on_page(page):
@@ -200,16 +176,16 @@ def test_selected_runs_stay_selected_on_page(page):
 def test_tracked_controller_is_preselected_for_export(page):
     """Tracking offers the controllers that the card supports. Export preselects the tracked controller."""
     plants = {}
-    for card in ("own", "simulated", "chain", "late"):
+    for card in ("own", "simulated", "chain", "real", "late"):
         go(page, f"controller?card={card}")
         plants[card] = page.locator("#track-plant").input_value()
         offered = page.get_by_role("group", name="Controllers").get_by_role("checkbox")
         names = page.get_by_role("group", name="Controllers").locator("label").all_inner_texts()
-        assert ("paper" in names) == (card != "chain")
-        assert ("recommended" in names) == (card != "late")
+        assert ("paper" in names) == (card not in {"chain", "real"})
+        assert ("recommended" in names) == (card not in {"late", "real"})
         assert any(offered.nth(k).is_checked() for k in range(offered.count()))
-        assert page.locator("#missing-controllers").count() == (card in {"chain", "late"})
-    assert plants == {"own": "own", "simulated": "hard", "chain": "chain", "late": "late"}
+        assert page.locator("#missing-controllers").count() == (card in {"chain", "late", "real"})
+    assert plants == {**{card: card for card in plants}, "simulated": "hard"}
     page.fill("#track-temperatures-degC", "20")
     page.get_by_role("button", name="Track", exact=True).click()
     page.get_by_role("button", name="Export paper").click(timeout=300_000)
@@ -287,9 +263,9 @@ def test_channels_in_volts_offer_common_gains(browser, tmp_path):
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 
 
-def test_token_leaves_address_and_print_names_source(browser, folder):
-    """The token leaves the address, the navigation does not scroll, and printed pages name their source."""
-    _, client = folder
+def test_token_leaves_address_and_print_names_source(browser, site):
+    """The token is removed from the address, the navigation does not scroll, printed pages have a source."""
+    _, client = site
     with opened(browser, client.address) as page:
         page.goto(f"{client.address}?token={TOKENS[client.address]}#/data")
         page.wait_for_selector("[data-shown=data] h1")

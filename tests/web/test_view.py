@@ -95,7 +95,9 @@ def test_two_million_samples_do_not_block_page(browser, tmp_path):
         page.evaluate(WATCH)
         for begin in (0.1, 0.3, 0.2):
             _drag(page, "Force over time", begin, begin + 0.5)
+            page.wait_for_url(lambda url: "view.t=" in url)
             page.get_by_role("button", name="Undo zoom").click()
+            page.wait_for_url(lambda url: "view.t=" not in url)
             _ready(page)
         blocks = page.evaluate("window.blocks")
         shoot(page, "view-long", whole=True)
@@ -117,6 +119,8 @@ def test_address_restores_view_and_back_undoes(browser, site, page):
     assert part != whole
     _drag(page, "Velocity loops", 0.3, 0.6)
     page.wait_for_url(lambda url: "view.v=" in url)
+    # A change of a file renews the list of runs.
+    page.evaluate("import('/static/state.js').then(({ refresh }) => refresh())")
     page.get_by_role("button", name="measured").click()
     page.get_by_label("Cycles").select_option("3")
     last = _pictures(page)
@@ -139,6 +143,7 @@ def test_cursor_shows_values_of_all_curves(page):
     _ready(page)
     plot(page, "Force over time").locator(".u-over").hover()
     cells = page.locator(".readout-table tbody tr").first.locator("td.n")
+    expect(cells.first).not_to_have_text("")
     assert float(cells.first.inner_text().replace("−", "-")) != 0.0
     page.get_by_role("tab", name="Characteristic").click()
     row = page.locator("tr", has_text=RUN).last

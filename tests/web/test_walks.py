@@ -11,12 +11,12 @@ from playwright.sync_api import expect
 
 from mrdamper.data.readers import read_file
 from mrdamper.models.card_schema import read_card
-from tests.support.campaigns import short_runs, write_runs
+from tests.support.campaigns import short_runs, write_csv, write_runs
 from tests.support.cards import rig_damper, write_card_of
 from tests.support.pace import within_reach
 from tests.web.browser import log_in, opened, shoot
-from tests.web.served import python_processes_of, served
-from tests.web.walking import a_sine_run, drop_files
+from tests.web.served import python_processes_of, served, wait_until
+from tests.web.walking import drop_files, sine_columns
 
 pytestmark = pytest.mark.nightly
 
@@ -26,34 +26,22 @@ SECOND = "Dämpfer 2 (RD-8040)"
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory):
+def site(tmp_path_factory):
     """Return a folder with short runs and two cards, and a client of its server."""
     root = tmp_path_factory.mktemp("walks") / "damper"
     (root / "runs").mkdir(parents=True)
     write_runs(root / "runs", short_runs())
     for name, damper in (("strong", rig_damper()), ("cold", rig_damper(temperature_dependent=False))):
-        (root / "cards" / name).mkdir(parents=True)
         write_card_of(root / "cards" / name / "card.json", damper)
     with served(root) as client:
-        client.read_all()
         yield root, client
-
-
-@pytest.fixture
-def page(browser, rig):
-    with opened(browser, rig[1].address) as window:
-        yield window
-
-
-def newest(client, kind):
-    return next(job for job in client.get("/api/state")["jobs"] if job["kind"] == kind)
 
 
 # -------------------------------------------------------------------------------------------- files and maps
 
 
-def test_dropped_file_is_stored_and_removed(page, rig, tmp_path):
-    root, _ = rig
+def test_dropped_file_is_stored_and_removed(page, site, tmp_path):
+    root, _ = site
     path = tmp_path / "dropped run, 2.csv"
     shutil.copy(next((root / "runs").glob("*.csv")), path)
     page.goto("/#/data?view.tab=Files")
@@ -96,8 +84,8 @@ def test_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, file,
 # ------------------------------------------------------------------------------------------- fits and dampers
 
 
-def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
-    root, _ = rig
+def test_uploaded_card_is_compared_and_removed(page, site, tmp_path):
+    root, _ = site
     path = write_card_of(tmp_path / "brought one.json", rig_damper(lag=None))
     page.goto("/#/model")
     page.get_by_label("Bring a card").set_input_files(path)
@@ -118,7 +106,7 @@ def test_uploaded_card_is_compared_and_removed(page, rig, tmp_path):
     assert not (root / "cards" / "brought one").exists()
 
 
-def test_fit_can_be_started_by_keyboard(page, rig):
+def test_fit_can_be_started_by_keyboard(page, site):
     """Tab moves the visible focus in page order, Space selects a box, and Enter starts the fit."""
     page.goto("/#/model")
     page.select_option("#fit-law", "bouc-wen")
@@ -142,7 +130,8 @@ def test_fit_can_be_started_by_keyboard(page, rig):
     assert all(step["seen"] and step["inside"] for step in steps)
     page.keyboard.press("Enter")
     page.wait_for_selector("#fit-tiles", timeout=240_000)
-    answer = rig[1].get(f"/api/jobs/{newest(rig[1], 'fit')['id']}")
+    newest = site[1].get("/api/state")["jobs"][0]["id"]
+    answer = site[1].get(f"/api/jobs/{newest}")
     assert answer["card"] == "by keyboard"
     assert [run["split"] for run in answer["answer"]["runs"]].count("held_out") == 1
     page.select_option("#fit-law", "dahl")
@@ -155,7 +144,7 @@ def test_dampers_have_separate_files(browser, tmp_path):
     """A second damper has its own runs. The user can remove and restore the damper."""
     root = tmp_path / "first"
     (root / "runs").mkdir(parents=True)
-    a_sine_run(root / "runs" / "one.csv", 300.0)
+    write_csv(root / "runs" / "one.csv", sine_columns(force_N=300.0))
     with served(root) as client, opened(browser, client.address) as page:
         page.goto("/")
         page.locator("#folder", has_text="first").click()
@@ -164,13 +153,12 @@ def test_dampers_have_separate_files(browser, tmp_path):
         page.get_by_role("button", name="Create").click()
         expect(page.locator("#folder")).to_have_text(SECOND)
         expect(page.get_by_text("No runs yet")).to_be_visible()
-        a_sine_run(tmp_path / "second.csv", 500.0)
+        write_csv(tmp_path / "second.csv", sine_columns(force_N=500.0))
         page.locator("#picker").set_input_files(tmp_path / "second.csv")
         expect(page.get_by_label("second", exact=True)).to_be_checked()
         own = root / "dampers" / SECOND
         assert (own / "runs" / "second.csv").is_file()
-        (own / "cards" / "soft").mkdir()
-        write_card_of(own / "cards" / "soft" / "card.json")  # Another program writes this file.
+        write_card_of(own / "cards" / "soft" / "card.json")  # A different program writes the file.
         expect(page.get_by_label("soft", exact=True)).to_be_visible()
         page.locator("#folder").click()
         page.get_by_role("link", name="first", exact=True).click()
@@ -196,12 +184,10 @@ def test_open_page_recovers_after_power_failure(browser, tmp_path):
         port = str(one.getsockname()[1])
     (root / "runs").mkdir(parents=True)
     write_runs(root / "runs", short_runs())
-    (root / "cards" / "strong").mkdir(parents=True)
     write_card_of(root / "cards" / "strong" / "card.json")
     with browser.new_context() as context:
         page = context.new_page()
         with served(root, "--port", port) as client:
-            client.read_all()
             log_in(context, client.address)
             page.goto(f"{client.address}#/thermal?card=strong&heat.tab=Heat sink")
             page.get_by_label("Length, mm").fill("30")
@@ -222,15 +208,12 @@ def test_open_page_recovers_after_power_failure(browser, tmp_path):
             expect(page.locator("#busy")).to_be_hidden()
             page.goto(f"{client.address}#/thermal?card=strong&heat.tab=Heat sink")
             page.wait_for_selector("#use-sink")  # The finished search is displayed.
-    deadline = time.monotonic() + within_reach(8.0)
-    while python_processes_of(root):
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    wait_until(lambda: not python_processes_of(root), 8.0)
 
 
-def test_many_tabs_get_fast_answers(browser, rig):
+def test_many_tabs_get_fast_answers(browser, site):
     """All tabs show the progress of the same fit. Cancel and the slowest request take less than 0.5 s."""
-    client = rig[1]
+    client = site[1]
     job = client.job("fit", card="long", law="chain")
     client.until(job, {"running"})
     with browser.new_context(base_url=client.address) as context:

@@ -11,9 +11,11 @@ import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
 from mrdamper.thermal.drawing_file import read_drawing
+from tests.support.campaigns import write_csv
+from tests.support.cards import write_card_of
 from tests.web.browser import opened, shoot
 from tests.web.served import served
-from tests.web.walking import VIEWS, a_logger_file, a_sine_run, counted_actions
+from tests.web.walking import VIEWS, a_logger_file, counted_actions, go, sine_columns
 
 pytestmark = pytest.mark.nightly
 
@@ -32,7 +34,7 @@ GEOMETRY = {
 }
 """Numbers of an own damper, by field."""
 FIELDS = (
-    ("model", "fit-hold-out"), ("thermal?heat.tab=Geometry", "drawing-body-length-mm"),
+    ("model", "fit-hold-out"), ("thermal?heat.tab=Geometry", "geometry-body-length-mm"),
     ("thermal?heat.tab=Heating", "heat-duty-amplitude_mm"),
     ("thermal?heat.tab=Heat sink", "heatsink-span-mm"),
 )  # fmt: skip
@@ -82,8 +84,8 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         press(page, "How hot does it get?")
         press(page, "Geometry", "tab")
         for name, value in GEOMETRY.items():
-            page.fill(f"#drawing-{name}", value)
-        page.select_option("#drawing-fluid-preset", "lord-mrf-132dg")
+            page.fill(f"#geometry-{name}", value)
+        page.select_option("#geometry-fluid-preset", "lord-mrf-132dg")
         press(page, "Save and use it")
         page.wait_for_selector("[data-asked]")
         assert page.locator("#heat-damper").input_value() == "damper.toml"
@@ -155,15 +157,15 @@ def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Return a client of a folder with 91 runs, including seven copies."""
+    """Return a folder with a card and 91 runs, seven of them copies, and a client of its server."""
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
     for k in range(RUNS):
         k_of = min(k, RUNS - 1 - COPIES)
-        mm = 4.0 + 2.0 * (k % 2 if k < RUNS - COPIES else (RUNS - 1 - COPIES) % 2)
-        a_sine_run(root / "runs" / f"run{k:03d}.csv", 200.0 + k_of, mm=mm, current_A=float(k_of % 3))
+        columns = sine_columns(force_N=200.0 + k_of, mm=4.0 + 2.0 * (k_of % 2), currents_A=(k_of % 3,))
+        write_csv(root / "runs" / f"run{k:03d}.csv", columns)
+    write_card_of(root / "cards" / "strong" / "card.json")
     with served(root) as client:
-        client.read_all()
         yield root, client
 
 
@@ -173,10 +175,8 @@ def test_pages_with_many_runs_stay_short(browser, many):
         desk = page.viewport_size
         assert desk is not None
         heights, tops, wide = {}, {}, []
-        for name, address in VIEWS:
-            page.goto(f"/#/{address}")
-            page.wait_for_selector(f"[data-shown={name}] h1")
-            page.wait_for_timeout(600)
+        for _, address in VIEWS:
+            go(page, address)
             heights[address] = page.evaluate("document.documentElement.scrollHeight")
             page.set_viewport_size(PHONE)
             page.wait_for_timeout(300)
@@ -242,8 +242,7 @@ def test_address_restores_form_values(browser, site):
             page.fill(f"[id='{field}']", "20")
             page.wait_for_timeout(300)  # The browser updates the address with a delay.
             copied = page.url
-            page.goto("/#/jobs")
-            page.wait_for_selector("[data-shown=jobs] h1")
+            go(page, "jobs")
             page.go_back()
             expect(page.locator(f"[id='{field}']")).to_have_value("20")
             other.goto(copied)

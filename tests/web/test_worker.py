@@ -12,9 +12,8 @@ import pytest
 
 from tests.support.campaigns import short_runs, write_runs
 from tests.support.cards import write_card_of, write_heated_card
-from tests.support.pace import within_reach
 from tests.support.rigs import mrdamper
-from tests.web.served import Client, is_alive, python_processes_of, served
+from tests.web.served import Client, is_alive, python_processes_of, served, wait_until
 
 pytestmark = pytest.mark.system
 
@@ -28,9 +27,7 @@ def runs(tmp_path_factory):
 
 def a_folder(root, runs):
     shutil.copytree(runs[0].parent, root / "runs")
-    (root / "cards" / "plain").mkdir(parents=True)
     write_heated_card(root / "cards" / "plain", temperature_dependent=False)
-    (root / "cards" / "strong").mkdir()
     write_card_of(root / "cards" / "strong" / "card.json")
     return root
 
@@ -45,7 +42,6 @@ def shared(tmp_path_factory, runs):
     """Return a folder and a client of its server for tests that do not change it."""
     root = a_folder(tmp_path_factory.mktemp("shared") / "work", runs)
     with served(root) as client:
-        client.read_all()
         yield root, client
 
 
@@ -63,20 +59,8 @@ def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
     """Start a fit that takes minutes, wait for its start, and return its ID and process."""
     job_id = client.job("fit", card=name, **LONG)
     pid = int(client.until(job_id, {"running"})["pid"])
-    end = time.monotonic() + within_reach(30.0)
-    while client.get(f"/api/jobs/{job_id}")["progress"] is None:
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until(lambda: client.get(f"/api/jobs/{job_id}")["progress"] is not None, 30.0)
     return job_id, pid
-
-
-def gone_within(pid: int, seconds: float) -> bool:
-    end = time.monotonic() + within_reach(seconds)
-    while is_alive(pid):
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.05)
-    return True
 
 
 def test_cancel_keeps_best_fit(idle):
@@ -84,7 +68,7 @@ def test_cancel_keeps_best_fit(idle):
     job_id, pid = a_long_fit(client, "kept")
     assert is_alive(pid)
     assert client.ask("POST", f"/api/jobs/{job_id}/cancel").status_code == 200
-    assert gone_within(pid, 8.0)
+    wait_until(lambda: not is_alive(pid), 8.0)
     job = client.ended(job_id, 3.0)
     assert job["state"] == "cancelled"
     if job["answer"] is None:  # A slow machine may not finish the evaluation in time.
@@ -111,7 +95,6 @@ def test_dead_process_fails_its_job(idle):
 @pytest.mark.nightly
 def test_third_job_waits_for_others(folder):
     with served(folder) as client:
-        client.read_all()
         first, _ = a_long_fit(client, "first")
         second, _ = a_long_fit(client, "second")
         third = client.job("check")
@@ -130,13 +113,12 @@ def test_third_job_waits_for_others(folder):
 @pytest.mark.nightly
 def test_stopped_server_ends_its_processes(folder):
     with served(folder) as client:
-        client.read_all()
         second = mrdamper("serve", "--port", "0", "--folder", folder)
         assert second.returncode == 3
         assert "another server" in second.stderr
         job_id, pid = a_long_fit(client)
         waiting = client.job("fit", card="other", **LONG)
-    assert gone_within(pid, 1.0)
+    wait_until(lambda: not is_alive(pid), 1.0)
     assert python_processes_of(folder) == []
     with served(folder) as client:
         assert client.get(f"/api/jobs/{job_id}")["state"] == "interrupted"
@@ -150,10 +132,7 @@ def test_only_ended_jobs_are_removed(idle):
     assert client.ask("DELETE", f"/api/jobs/{job_id}").status_code == 409
     client.ask("POST", f"/api/jobs/{job_id}/cancel")
     client.ended(job_id)
-    end = time.monotonic() + within_reach(3.0)
-    while (status := client.ask("DELETE", f"/api/jobs/{job_id}").status_code) == 409:
-        assert time.monotonic() < end
-    assert status == 200
+    wait_until(lambda: client.ask("DELETE", f"/api/jobs/{job_id}").status_code == 200, 3.0)
     assert client.ask("GET", f"/api/jobs/{job_id}").status_code == 404
     assert not (folder / "results" / job_id).exists()
     after = client.job("check")
@@ -184,7 +163,7 @@ def test_cancelled_job_leaves_no_partial_files(idle, kind, options):
     time.sleep(1.5)  # The job is computing.
     client.ask("POST", f"/api/jobs/{job_id}/cancel")
     assert client.ended(job_id, 5.0)["state"] == "cancelled"
-    assert gone_within(pid, 6.0)
+    wait_until(lambda: not is_alive(pid), 6.0)
     assert not [path for path in root.rglob(".mrdamper-*") if ".cache" not in path.parts]
     if kind == "rig":
         assert {path.name for path in (root / "runs").iterdir()} == before

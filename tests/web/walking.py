@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Keyboard, Locator, Page
 
+from mrdamper.arrays import FloatArray
+
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
 
 PAGES = ("data", "model", "thermal", "controller", "jobs")
@@ -150,6 +152,13 @@ def saved_table(page: Page, figure: Locator) -> tuple[list[str], list[list[str]]
     return header, rows
 
 
+def go(page: Page, address: str) -> None:
+    """Open a page and wait until it is filled."""
+    page.goto(f"/#/{address}")
+    page.wait_for_selector(f"[data-shown={address.partition('?')[0]}] h1")
+    page.wait_for_timeout(500)
+
+
 def plot(page: Page, title: str) -> Locator:
     """Return the plot with this title."""
     return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
@@ -172,11 +181,20 @@ def drop_files(page: Page, where: str, files: list[Path]) -> None:
         page.dispatch_event(where, event, {"dataTransfer": dragged})
 
 
-def a_sine_run(path: Path, force_N: float, *, mm: float = 4.0, current_A: float = 1.0) -> None:
-    """Write two seconds of a sinusoidal run whose hysteretic force is a tanh of velocity."""
-    second = np.arange(400) / 200.0
-    travel = mm * np.sin(2.0 * np.pi * second)
-    force = force_N * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel
-    table = np.column_stack([second, travel, force, np.full_like(second, current_A)])
-    head = "time_s,displacement_mm,force_N,current_A"
-    np.savetxt(path, table, "%.6g", ",", comments="", header=head)
+def sine_columns(
+    *, force_N: float = 400.0, mm: float = 5.0, currents_A: tuple[float, ...] = (1.0,), seconds: float = 4.0
+) -> dict[str, FloatArray]:
+    """Return the columns of a sine run of 1 Hz at 20 degC, whose force is a tanh of velocity times a current.
+
+    ``force_N`` is the force at 1 A; each current lasts for an equal part of the time.
+    """
+    time = np.arange(round(200 * seconds)) / 200.0
+    speed = 2.0 * np.pi * mm * np.cos(2.0 * np.pi * time)
+    current = np.repeat(currents_A, len(time) // len(currents_A))
+    return {
+        "time_s": time,
+        "displacement_mm": mm * np.sin(2.0 * np.pi * time),
+        "force_N": force_N * (0.5 + 0.5 * current) * np.tanh(0.2 * speed) + 2.0 * speed,
+        "current_A": current,
+        "temperature_degC": np.full_like(time, 20.0),
+    }

@@ -45,7 +45,7 @@ _CARD = _input("card", "models.card_schema:read_card", "CARD", "cards")
 _RECORD = _input("record", "data.readers:read_file", "RECORD", "records", "runs")
 _FLUID = _input("fluid", "models.fluids.fluid_file:find_fluid", "PRESET|FILE", offers="fluids")
 _DRAWING = _input(
-    "drawing", "thermal.drawing_file:read_drawing", "FILE|paper", offers="dampers", flag="--damper"
+    "geometry", "thermal.drawing_file:read_drawing", "FILE|paper", offers="dampers", flag="--damper"
 )
 _SINK = _input("sink", "thermal.drawing_file:read_sink", "FILE", label="Heat sink")
 _CYCLE = _input("duty", "thermal.duty:read_duty", "DUTY", files=".csv")
@@ -65,8 +65,8 @@ _ONE_FLUID = Option(default_help="none", label="Fluid, if the runs have one temp
 _TARGETS = Option(flag="--target", default_help="all", begins=("sine-900N-1Hz",), most_items=20)
 _THERMAL_MODEL = Option(default_help="no thermal model", label="Geometry file for the thermal model")
 _PAPER = Option(key="damper", label="Geometry file", default_help="paper", begins="paper")
-_DRAWINGS = Option(read="mrdamper.jobs.sweep.plan:read_drawings", word="drawings", most_items=20)
-_ANY_SINK = Option(looks=("sink", "drawing"), group=MORE, default_help="the heat sink of the geometry file")
+_DRAWINGS = Option(read="mrdamper.jobs.sweep.plan:read_drawings", word="geometry file", most_items=20)
+_ANY_SINK = Option(looks=("sink", "geometry"), group=MORE, default_help="the heat sink of the geometry file")
 _TABLES = Option(argument=True, most_items=20, looks=("rheometer",), label="Rheometer tables")
 
 # Inputs, outputs and options of several jobs

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.controllers import NEED_LAG, check_name, controllers_for
+from mrdamper.control.controllers import NEED_LAG, check_name, controllers_for, names_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
@@ -551,12 +551,13 @@ def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
         if no_actuator_lag and name.removesuffix("-unaware") in NEED_LAG:
             late.setdefault(place, []).append(name)
     for place, names in late.items():
+        usable = names_for(cards[names[0]][1].damper.law.name, has_lag=False)[0]
         raise InputError(
             f"has no actuation, so {', '.join(names)} cannot know how late the force follows the current",
             place=place,
             expected="a card identified with runs whose current steps (`steps` in the campaigns of "
             "mrdamper rig)",
-            remedy="Add such a run, or name controllers that need none, such as --controller paper",
+            remedy=f"Add such a run, or name controllers that need none, such as --controller {usable}",
         )
 
 
@@ -598,7 +599,8 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         if outside:
             said = ", ".join(f"{degrees:g}" for degrees in outside)
             notes.append(
-                f"{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
+                f"the temperature is {said} degC; the card was identified from {low:.0f} to {high:.0f} degC "
+                "and uses its values at the limit"
             )
     if damper.stroke is not None:
         notes.append(
@@ -610,6 +612,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
     for name, speed in speeds.items():
         if speed > 1.1 * known:
             notes.append(
-                f"{name}: speeds up to {1e3 * speed:.0f} mm/s; the card's data end at {1e3 * known:.0f} mm/s"
+                f"the velocity of {name} reaches {1e3 * speed:.0f} mm/s; the card was identified up to "
+                f"{1e3 * known:.0f} mm/s"
             )
     return tuple(notes)

@@ -6,6 +6,7 @@ the pages declares no options.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -47,7 +48,7 @@ def label_of(field: Field) -> str:
     """Return the declared label of a field, or else a label made from its name without the unit."""
     if field.option.label:
         return field.option.label
-    unit = field.option.unit.replace("/", "_").replace(" ", "_")
+    unit = re.sub(r"\W+", "_", field.option.unit).strip("_")
     words = field.name.removesuffix(f"_{unit}").replace("_", " ")
     return words[:1].upper() + words[1:]
 
@@ -65,7 +66,7 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "default": default,
         "begins": default if option.begins is None else option.begins,
         "none": option.default_help or ("none" if option.places else ""),
-        "unit": _SHOWN_UNITS.get(option.unit, option.unit),
+        "unit": _SHOWN_UNITS.get(option.unit, option.unit).replace("^2", "²").replace("^3", "³"),
         "choices": _choices(field, choices),
         # True if values that are not among the choices are allowed.
         "free": not field.choices and not option.places and option.offers in {"", "runs"},

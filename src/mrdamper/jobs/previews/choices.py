@@ -32,7 +32,7 @@ _HEAD_SIZE_BYTES = 1 << 14
 # Patterns of the beginning of a line; the first matching pattern decides the kind of the file.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
-    ("drawing", r"\[body\]"),
+    ("geometry", r"\[body\]"),
     ("scenario", r"\[(target|sensors|disturbance)\]|target\s*="),
     ("campaign", r"motions\s*="),
     ("fluid", r"\[(viscosity|yield_stress|magnetisation|induction)\b.*|particle_fraction\s*="),
@@ -44,7 +44,7 @@ _CSV: tuple[tuple[str, str], ...] = (
     ("curve", r"(fluid|body|coil|wall)_(degC|K)\b"),
     ("duty", r"(current|voltage|velocity|displacement)_"),
 )
-WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
+WRITTEN: Mapping[str, type] = MappingProxyType({"geometry": DrawingTables})
 """Kinds of files that a web form can edit table by table, with the class of the content of each kind."""
 
 

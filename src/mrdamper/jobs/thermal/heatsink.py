@@ -171,7 +171,7 @@ def _notes(
     if own is not None and own.film_multiplier != 1.0:
         notes.append(
             f"the fins' heat-transfer coefficient is {own.film_multiplier:g} times the correlation's, as in "
-            "the drawing; that this factor holds at narrower gaps is an assumption"
+            "the geometry file; that this factor holds at narrower gaps is an assumption"
         )
     if best is not None and best.thickness <= limits.least_thickness * (1.0 + 1e-6):
         notes.append("the best fins are as thin as can be made: the smallest thickness decides")

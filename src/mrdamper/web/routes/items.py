@@ -115,7 +115,7 @@ async def _derive_geometry(name: str, request: Request, context: Context) -> Res
     file = f"{order.name}.toml"
     path = context.folder.new(context.folder.inputs, file) if order.name is not None else None
     if path is not None and path.exists() and not order.replace:
-        raise ConflictError(f"there is a drawing {file!r} already; choose another name, or replace it")
+        raise ConflictError(f"there is a geometry file {file!r} already; choose another name, or replace it")
     asked, shown = write_record(order, defaults=True, nulls=True), file if path else name
     changes = {"tables": asked["tables"], "fins": asked["fins"]}
     drawn = await context.heater.ask(

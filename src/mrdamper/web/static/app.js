@@ -24,7 +24,7 @@ const VIEWS = {
 };
 const JOBS_OF = { thermal: ["heat", "heatsink"], controller: ["export", "track"] };
 const USES_GEOMETRY = ["heat", "heatsink", "export"];
-const FILES_MAX = 12; // Longer lists are shortened in print.
+const FILES_MAX = 12;
 
 /** Return the state of a page (`done`, `old`: out of date, or `open`), and a remark. */
 function stepOf(page) {
@@ -52,7 +52,7 @@ function reasonOf({ kind, asked_at: asked, options: { damper } }, card) {
 	if (!USES_GEOMETRY.includes(kind) || !damper) return "";
 	const geometry = app.state.inputs.find(({ name }) => name === damper);
 	if (geometry?.modified > asked) return `${damper} has changed since`;
-	const now = chosen("drawing", damper);
+	const now = chosen("geometry", damper);
 	return now === damper ? "" : `it is of ${damper}, the geometry is ${now} now`;
 }
 
@@ -79,7 +79,7 @@ function printed() {
 	const { files, folder_name: damper, version } = app.state;
 	const names = files.slice(0, FILES_MAX).map(({ name }) => name);
 	const more = files.length > FILES_MAX ? ` and ${files.length - FILES_MAX} more` : "";
-	const used = [cardInUse()?.name, chosen("drawing")].filter(Boolean).join(", ") || "none";
+	const used = [cardInUse()?.name, chosen("geometry")].filter(Boolean).join(", ") || "none";
 	return p(
 		{ id: "printed" },
 		`Damper: ${damper} · Printed: ${new Date().toLocaleString()} · In use: ${used} · ` +

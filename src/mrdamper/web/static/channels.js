@@ -32,7 +32,8 @@ const gainUnits = (role) => (role ? (GAIN_UNITS[role] ?? { [`${roleOf(role).unit
 const scaleOf = ({ role, unit }) => gainUnits(role)[unit];
 const labelOf = ({ name, index }) => name || `column ${index}`;
 const rounded = (value) => Number(value.toPrecision(12));
-const neededFor = (unit) => `enter how many ${unit.replace(/(\/| per )V$/, "")} are one volt.`;
+const quantityOf = (unit) => unit.replace(/(\/| per )V$/, "");
+const neededFor = (unit) => `enter how many ${quantityOf(unit)} are one volt.`;
 
 /** Return the form entries of a channel map: `{columns: {index: {role, unit, gain, sign, offset}}, rest}`. */
 function entriesOf({ columns, map }) {
@@ -56,8 +57,8 @@ function entriesOf({ columns, map }) {
 	};
 }
 
-const gainOf = (column, one) =>
-	scaleOf(one) * readNumber(`${labelOf(column)} gain`, one.gain, { needed: neededFor(one.unit) });
+const gainOf = (column, { gain, unit }) =>
+	readNumber(`${labelOf(column)} gain`, gain, { needed: neededFor(unit) });
 
 /** Return the channel map for the form entries; an invalid number throws an error. */
 function mapOf({ columns: entries, rest }, { columns }) {
@@ -67,7 +68,8 @@ function mapOf({ columns: entries, rest }, { columns }) {
 		if (!one?.role) continue;
 		const isUnique = column.name && columns.filter(({ name }) => name === column.name).length === 1;
 		const entry = isUnique ? { name: column.name } : { index: column.index };
-		if (scaleOf(one)) Object.assign(entry, { unit: "V", gain: rounded(gainOf(column, one)) });
+		if (scaleOf(one))
+			Object.assign(entry, { unit: "V", gain: rounded(scaleOf(one) * gainOf(column, one)) });
 		else if (one.unit) entry.unit = one.unit;
 		if (one.offset) entry.offset = one.offset;
 		if (one.sign === -1) entry.sign = -1;
@@ -88,7 +90,7 @@ function mapOf({ columns: entries, rest }, { columns }) {
 export function ChannelSheet({ name, others, close }) {
 	const [found, setFound] = useState(null);
 	const [entry, setEntry] = useState(null);
-	const [previews, setPreviews] = useState([]); // previews from the server with the present entries
+	const [previews, setPreviews] = useState([]);
 	const [fault, setFault] = useState("");
 	const [same, setSame] = useState([]);
 	const touched = useRef(false);
@@ -109,7 +111,7 @@ export function ChannelSheet({ name, others, close }) {
 			const beginning = await get(`${at`files/${name}/look`}?head=1`, asked.signal);
 			show(beginning);
 			if (beginning.head_share === undefined) return;
-			const whole = await get(at`files/${name}/look`, asked.signal); // The first preview is only the beginning of a large file.
+			const whole = await get(at`files/${name}/look`, asked.signal);
 			if (touched.current) setFound(whole);
 			else show(whole);
 		};
@@ -262,10 +264,10 @@ function QuickLoop({ columns, entries }) {
 	if (!data) return null;
 	const words = ({ index }) => {
 		const { role, unit } = entries[index];
-		return `${role}, ${scaleOf(entries[index]) ? roleOf(role).unit : unit || "as in the file"}`;
+		return `${role}, ${scaleOf(entries[index]) ? quantityOf(unit) : unit || "as in the file"}`;
 	};
 	const axes = { x: words(x), y: words(y), name: "columns", height: 240, isLoop: true };
-	return plot({ title: "Loop of these columns", ...axes, data });
+	return plot({ title: "Loop of these columns in the middle of the file", ...axes, data });
 }
 
 function restFields({ columns }, rest, set) {

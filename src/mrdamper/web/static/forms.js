@@ -14,7 +14,7 @@ const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 can mean 1234 or 1.234.
 
 /** Return the number in a text, with decimal point or comma; NaN if it is invalid or ambiguous. */
-export function parseNumber(text) {
+function parseNumber(text) {
 	const plain = text.trim().replace("−", "-");
 	return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
 }
@@ -60,7 +60,7 @@ export const numberField = (words, entry, change, { unit, ...props } = {}) =>
 
 /** Return the key of the choice that a field sets. All forms share card, geometry, load cycle and controller. */
 function keyOf(kind, { name, word, places }) {
-	if (["drawing", "duty"].includes(word)) return word;
+	if (["geometry", "duty"].includes(word)) return word;
 	if (name === "controller" || (name === "card" && places.includes("cards"))) return name;
 	return `${kind}.${name}`;
 }
@@ -175,7 +175,9 @@ function severalControl(one) {
 	const names = options.map(([value]) => value);
 	const many = one.type !== "text";
 	const values = one.entry ?? (one.required ? names : []);
-	const picked = values.filter((value) => names.includes(value));
+	const offered = values.filter((value) => names.includes(value));
+	const isLimited = names.length < one.choices.length; // The card does not support all choices.
+	const picked = offered.length || !isLimited ? offered : names.slice(0, 1);
 	const others = values.filter((value) => !names.includes(value));
 	const typed = chosen(`${key}.text`) ?? (many ? textOf(others) : others.join(", "));
 	const change = (value) => choose({ [key]: toggled(picked, value), [`${key}.text`]: typed });

@@ -62,12 +62,7 @@ export const formPanel = (words, fields, start, ...first) =>
 		div.actions(start),
 	);
 
-/**
- * Return two columns: the form of a kind of job, and progress and result of the job.
- *
- * `card`: only jobs of this card; `first`: above the form; `nothing`: text without a job; `view(job)`: result;
- * the button gets all other properties
- */
+/** Return the form of a kind of job next to its job; `card`: only jobs of this card; `first`: above the form. */
 export function jobColumns(kind, title, action, form, options) {
 	const { card, read = form.read, first, nothing, view, ...props } = options;
 	const job = jobOf(kind, card);
@@ -120,7 +115,7 @@ export async function keepInput(job, path, name) {
 export const putBack = (id, name = {}) =>
 	button("Put back", () => attempt(() => post(at`trash/${id}/restore`)), "quiet", name);
 
-/** Return a button that moves an item into the trash; a message offers to restore it. */
+/** Return a button that moves an item into the trash. */
 export function removal(kind, name, removed = () => {}) {
 	const discard = async () => {
 		const answer = await attempt(() => remove(at`${kind}/${name}`));

@@ -13,7 +13,6 @@ import { characteristics, linkedView, splitsOf, usualRuns } from "./view.js";
 import { h } from "./vendor/preact.js";
 
 const { a, aside, div, h3, p, span } = tags;
-const STATES = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
 /** Return the default runs: runs of the fit of the shown card, or else runs with its command unit. */
 function firstRuns(runs) {
@@ -101,7 +100,7 @@ async function upload(files) {
 	if (files.length === 1) {
 		const [{ name }] = files;
 		const { error } = await get(at`files/${name}/look`).catch(() => ({}));
-		if (error) choose({ file: name }); // The user has to assign the channels of this file.
+		if (error) choose({ file: name });
 	}
 }
 
@@ -112,11 +111,7 @@ function choices(runs, ids, drawn) {
 	const set = (name) => (value) => choose({ [`view.${name}`]: value || null }, true);
 	const box = ({ name }) =>
 		check(name, drawn.includes(name), () => set("cards")(toggled(drawn, name)));
-	const cycles = [
-		["", "all"],
-		["1", "the last"],
-		["3", "the last 3"],
-	];
+	const cycles = ["", "1", "3"].map((count) => [count, count ? `last ${count}` : "all"]);
 	return [
 		filtersOf(runs, "list"),
 		runList("Runs drawn", found, runs, ids, take),
@@ -172,7 +167,9 @@ function fileTable(files) {
 	const state = ({ name, state: kind }) => {
 		const own = app.runs.filter((run) => run.file === name);
 		const isUseless = own.length > 0 && own.every((run) => run.error);
-		return isUseless ? tag("fault", "not usable") : tag(kind, STATES[kind]);
+		return isUseless
+			? tag("fault", "not usable")
+			: tag(kind, kind === "unreadable" ? "not understood" : kind);
 	};
 	const open = (name) => () => choose({ file: name });
 	const actions = ({ name, state: kind }) => {

@@ -11,7 +11,6 @@ import { bytes, duration } from "./text.js";
 import { button, field, opening, select, tags } from "./ui.js";
 
 const { b, div, h2, p, span } = tags;
-/** Page of each kind of job, and choice of its tab. */
 const PAGE_OF = {
 	fit: ["model", {}],
 	heat: ["thermal", { "heat.tab": "Heating" }],
@@ -40,7 +39,6 @@ function subjectOf({ options, card }) {
 	return options.card ?? card ?? record ?? both ?? input();
 }
 
-/** Open the page of a job with its options in the form. */
 function open({ id, kind, options }) {
 	if (!(kind in PAGE_OF))
 		return choose({ "show.job": id, "show.kind": kind in OTHERS ? kind : null });
@@ -154,10 +152,9 @@ function trashTable() {
 
 export function JobsPage() {
 	const { jobs } = app.state;
-	const nothing = () => empty("No jobs yet.", "data");
 	return [
 		pageHead("Jobs", "Two jobs run at a time. Their results are files in the folder."),
-		jobs.length ? jobTable(jobs) : nothing(),
+		jobs.length ? jobTable(jobs) : empty("No jobs yet.", "data"),
 		otherJobs(jobs),
 		inputTable(),
 		trashTable(),

@@ -54,7 +54,6 @@ function runChoice(runs, fitted, without) {
 	return div(filtersOf(runs, "choose"), keptFold("choose.open", "chosen-runs", words, list));
 }
 
-/** Return the chosen runs as options of the job. */
 function runOptions(runs, fitted) {
 	if (fitted.length === runs.length) return { files: null, only: [] };
 	const files = [...new Set(fitted.map((run) => run.file))];

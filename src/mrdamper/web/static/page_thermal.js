@@ -53,9 +53,12 @@ function tried(read) {
 	}
 }
 
-function drawingInUse() {
-	const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["drawing"])];
-	return names.includes(chosen("drawing")) ? chosen("drawing") : names[0];
+/** Return the chosen geometry, or else the newest of the user; the preset if there is none. */
+function geometryInUse() {
+	const names = [...app.state.choices.dampers, ...inputsOf(".toml", ["geometry"])];
+	if (names.includes(chosen("geometry"))) return chosen("geometry");
+	const own = app.state.inputs.filter(({ name }) => names.includes(name));
+	return own.sort((x, y) => y.modified.localeCompare(x.modified))[0]?.name ?? names[0];
 }
 
 function geometry(name) {
@@ -63,12 +66,11 @@ function geometry(name) {
 	return once(`geometry ${name} ${file?.modified}`, () => get(at`dampers/${name}`));
 }
 
-/** Save a geometry as a new input and use it on all pages. */
 const saveGeometry = (base, entries, more = {}) =>
 	attempt(async () => {
 		const { name } = await post(at`dampers/${base}`, entries);
 		toast("good", `${name} is saved with the inputs. All pages use it now.`);
-		choose({ drawing: name, "heat.tab": "Heating", ...more });
+		choose({ geometry: name, "heat.tab": "Heating", ...more });
 	});
 
 function Heating({ card, form, facts }) {
@@ -143,25 +145,26 @@ function studyView(job) {
 	const name = `${job.id}-calibrated.toml`;
 	const take = async () => {
 		await attempt(() => keepInput(job, "calibrated.toml", name));
-		choose({ drawing: name });
+		choose({ geometry: name });
 	};
 	const isCalibrated = job.files.some(({ path }) => path === "calibrated.toml");
 	const own = isCalibrated && button("Take the calibrated geometry", take);
-	return [h3.gap(`Full study: ${job.answer.duty}`), resultView(job, "heat.part", { own })];
+	const { damper, duty } = job.options;
+	return [h3.gap(`Full study: ${damper}, ${duty}`), resultView(job, "heat.part", { own })];
 }
 
 function Geometry({ base, facts }) {
-	const changed = Object.keys(app.choice).filter((key) => key.startsWith("drawing-"));
+	const changed = Object.keys(app.choice).filter((key) => key.startsWith("geometry-"));
 	const isOther = CALIBRATED.some((kind) =>
-		changed.some((key) => key.startsWith(`drawing-${kind}.`)),
+		changed.some((key) => key.startsWith(`geometry-${kind}.`)),
 	);
 	const { calibration, sink, ...others } = facts.tables;
 	const isDropped = isOther && (calibration || (sink?.film_multiplier ?? 1) !== 1);
 	const bare = { ...others, sink: { ...sink, film_multiplier: undefined } };
 	const tables = isOther ? bare : facts.tables;
-	const names = Object.keys(app.forms).filter((name) => name.startsWith("drawing-"));
+	const names = Object.keys(app.forms).filter((name) => name.startsWith("geometry-"));
 	const forms = names.map((name) => {
-		const kind = name.slice("drawing-".length);
+		const kind = name.slice("geometry-".length);
 		return [kind, formOf(name, { preset: tables[kind] ?? {} })];
 	});
 	const read = () => {
@@ -196,9 +199,9 @@ function Geometry({ base, facts }) {
 			forms.map(first),
 			keptFold("heat.all", "all-fields", "All fields", () => forms.map(rest)),
 			div.gap(
-				textField("Name of the geometry", name, setName, { maxlength: 60, id: "drawing-name" }),
+				textField("Name of the geometry", name, setName, { maxlength: 60, id: "geometry-name" }),
 			),
-			div.actions(button(action, save, "main", { id: "save-drawing", disabled: Boolean(wrong) })),
+			div.actions(button(action, save, "main", { id: "save-geometry", disabled: Boolean(wrong) })),
 		),
 		div.stays(
 			drawn && sectionOf(drawn),
@@ -213,18 +216,15 @@ function Geometry({ base, facts }) {
 }
 
 /** Return a design with its lengths in millimetres. */
-const finsOf = ({ fins, material, emissivity, ...one }) => {
-	const lengths = ["width", "thickness", "pitch"].map((name) => [
-		`${name}_mm`,
-		1e3 * one[`${name}_m`],
-	]);
-	return { fins, material, emissivity, ...Object.fromEntries(lengths) };
+const finsOf = ({ width_m: width, thickness_m: thickness, pitch_m: pitch, ...one }) => {
+	const { fins, material, emissivity } = one;
+	const lengths = { width_mm: 1e3 * width, thickness_mm: 1e3 * thickness, pitch_mm: 1e3 * pitch };
+	return { fins, material, emissivity, ...lengths };
 };
 const isSame = (one, other) => JSON.stringify(one) === JSON.stringify(other);
 
 function heatSink(card, shared, facts) {
-	const mass_g =
-		"enter the largest mass of the fins, because the geometry has no fins whose mass is the limit.";
+	const mass_g = "enter the largest mass of the fins, because the geometry has no fins.";
 	const needed = facts && !facts.sink ? { mass_g } : {};
 	const form = formOf("heatsink", { given: { card: card.name, damper: null, duty: null }, needed });
 	const read = () => {
@@ -275,16 +275,11 @@ function Front({ job }) {
 		return saveGeometry(base, { name, replace: true, ...entries });
 	};
 	const { fins, mass_kg: mass, temperature_degC: fluid } = design;
-	const axes = {
-		x: "mass of the fins, g",
-		y: "fluid at the end, °C",
-		name: "front",
-		height: 260,
-		isLoop: true,
-	};
+	const axes = { x: "mass of the fins, g", y: "fluid at the end, °C", name: "front", height: 260 };
 	const isThere = facts && !facts.fault;
 	const [first, ...rest] = shown?.tables ?? [];
 	return div(
+		h3(`${base}, ${job.options.duty}`),
 		firstScreen(job),
 		div.tiles(
 			tile("chosen", fins ? several(fins, "fin") : "no fins"),
@@ -292,7 +287,7 @@ function Front({ job }) {
 			tile("fluid", `${fixed(fluid, 1)} °C`, beyondCard(job.answer)),
 		),
 		div.actions(isThere && button("Use this sink", use, "main", { id: "use-sink" })),
-		plot({ title: "Front", ...axes, data }),
+		plot({ title: "Front", ...axes, isLoop: true, data }),
 		isThere
 			? sectionOf(facts, finsOf(design))
 			: note("warning", "The geometry of this search is not in the folder."),
@@ -313,14 +308,15 @@ export function ThermalPage() {
 		"The temperature of the damper in a load cycle, and a heat sink for it.",
 	);
 	const card = cardInUse();
-	const base = drawingInUse();
+	const base = geometryInUse();
 	const facts = geometry(base);
 	const shape = () => facts?.tables && h(Geometry, { key: base, base, facts });
 	if (!card) {
 		const words = "Heating needs a card. Fit a model first, or bring a card there.";
 		return [title, empty(words, "model"), shape()];
 	}
-	const preset = facts?.tables ? { ambient_degC: facts.ambient_degC, air_m_s: facts.air_m_s } : {};
+	const around = facts?.tables ? { ambient_degC: facts.ambient_degC, air_m_s: facts.air_m_s } : {};
+	const preset = { damper: base, ...around };
 	const isBare = facts?.tables && facts.sink === null;
 	const form = formOf("heat", { given: isBare ? { with_sink: false } : {}, preset });
 	const tabs = [

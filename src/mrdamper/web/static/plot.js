@@ -113,11 +113,7 @@ export function seriesPath(u, { x, y }) {
 	return line(u, kept);
 }
 
-/**
- * Return the samples of a loop; if it has many, only segments that touch a new pixel, with NaN at gaps.
- *
- * The generator yields after each piece of work, so that the page stays responsive.
- */
+/** Return the samples of a loop: of many, only the segments that touch a new pixel. Yields between pieces. */
 export function* thinned(one, range, part, width, height) {
 	const [from, to] = samplesOf(one, part);
 	if (to - from <= ALL_SAMPLES_MAX) return { x: one.x.slice(from, to), y: one.y.slice(from, to) };
@@ -221,7 +217,8 @@ function* build(place, spec, colours, heard = {}) {
 		ticks: { show: false },
 		values: (_u, values) => values.map((one) => String(Number(one.toPrecision(6)))),
 	};
-	const widest = (_u, texts) => 14 + 7 * Math.max(2, ...(texts ?? []).map((text) => text.length));
+	// The min width aligns the times of most plots.
+	const widest = (_u, texts) => 14 + 7 * Math.max(6, ...(texts ?? []).map((text) => text.length));
 	const path = (one) => (u) => {
 		if (one.kind === "points" && !one.line) return null;
 		const stroke = isSeries(one) ? seriesPath(u, one) : line(u, loops.get(one));

@@ -8,9 +8,9 @@ import { button, opening, tags } from "./ui.js";
 
 const { a, b, div, p, span } = tags;
 
-const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // note on a quantity outside the range of the card's runs
+const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/;
 
-/** Return the quantities of a load cycle that are outside the range of the card's runs. */
+/** Return the quantities in which a result exceeds the range of the card's runs, from its notes. */
 export function beyondCard({ notes: texts = [] }) {
 	const found = texts.map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
 	return found.length ? `extrapolated: ${found.join(", ")}` : "";
@@ -53,7 +53,7 @@ export function tableOf({ title, caption, folded, columns, rows }, { link, choic
 	return [caption && p.small(caption), folded ? fold(folded, made) : made];
 }
 
-export function tabsOf(key, { answer }, first = [], link = null) {
+function tabsOf(key, { answer }, first = [], link = null) {
 	const { tables = [], notes: texts = answer.notes } = answer.shown ?? {};
 	const tabs = tables.map((one) => [one.title, () => tableOf(one, { link })]);
 	const last = ["Notes", () => notes(texts) ?? p.small("No notes.")];
@@ -79,22 +79,20 @@ export const resultView = (job, key, { own, tabs, link, only } = {}) => [
 ];
 
 const AROUND_S = 0.5; // Time that is shown before and after a finding.
-const SEVERITIES = ["fault", "warning", "note"];
 
 /** Return a table of findings, worst first, with links to their locations in the plots. */
 export function findingList(findings) {
-	const rank = ({ severity }) => SEVERITIES.indexOf(severity);
+	const rank = ({ severity }) => "fault, warning, note".indexOf(severity);
+	const words = ({ effect, remedy }) => `${effect}. ${remedy}.`;
+	const sorted = findings.toSorted((x, y) => rank(x) - rank(y) || words(x).localeCompare(words(y)));
+	const isRepeated = (one) => words(one) === words(sorted[sorted.indexOf(one) - 1] ?? {});
 	const columns = [
 		["", ({ severity }) => tag(severity), "whole"],
 		["run", (one) => a({ href: placeOf(one) }, `${one.run}${whereOf(one)}`), "name"],
 		["finding", ({ found }) => found, "name"],
-		["effect and remedy", ({ effect, remedy }) => `${effect}. ${remedy}.`, "name"],
+		["effect and remedy", (one) => (isRepeated(one) ? "as above" : words(one)), "name"],
 	];
-	return table(
-		"Findings",
-		columns,
-		findings.toSorted((x, y) => rank(x) - rank(y)),
-	);
+	return table("Findings", columns, sorted);
 }
 
 function placeOf({ run, from_s: from, to_s: to }) {

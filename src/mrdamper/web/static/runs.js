@@ -7,7 +7,7 @@ import { check, choice, rove, search, tags } from "./ui.js";
 const { div } = tags;
 
 const unitOf = (run) => (run.command_unit ? `in ${run.command_unit}` : "unknown");
-export const motionOf = (run) => run.motion || "other";
+const motionOf = (run) => run.motion || "other";
 export const commandOf = (run) =>
 	has(run.command) ? `${fixed(run.command, 2)} ${run.command_unit}` : "varying";
 export const temperatureOf = (run) =>

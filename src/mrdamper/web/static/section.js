@@ -25,7 +25,9 @@ export function sectionOf(facts, sink = facts.sink ?? NO_FINS) {
 	const measure = (from, to, y) =>
 		path({ ...thin, d: `M${from} ${y - 2}v4M${from} ${y}H${to}M${to} ${y - 2}v4` });
 	const pitched = fins > 1 ? `, pitch ${mm(pitch)}` : "";
-	const viewBox = [-out - 10, -tall - 22, length + 2 * out + 28, 2 * tall + 52].join(" ");
+	const margin = 16 + size;
+	const wide = length + 2 * out + 28 + size;
+	const viewBox = [-out - 10, -tall - margin, wide, 2 * (tall + margin)].join(" ");
 	return figure.plot(
 		{ id: "section" },
 		figcaption("To scale, section along the axis"),
@@ -43,7 +45,7 @@ export function sectionOf(facts, sink = facts.sink ?? NO_FINS) {
 			words(length + 3, -radius + size, `⌀ ${mm(2 * radius)}`, "start"),
 			fins > 0 && [
 				measure(left, left + span, -tall - 9),
-				words(length / 2, -tall - 12, `${fins} × ${mm(thickness)}${pitched}, ${mm(width)} wide`),
+				words(length / 2, -tall - 14, `${fins} × ${mm(thickness)}${pitched}, ${mm(width)} wide`),
 			],
 		),
 	);

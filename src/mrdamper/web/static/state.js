@@ -5,7 +5,7 @@
 
 import { at, DAMPER, get } from "./api.js";
 
-const SHARED = ["card", "drawing", "duty", "controller"];
+const SHARED = ["card", "geometry", "duty", "controller"];
 
 const page = (title, keys) => ({ title, letter: title[0].toLowerCase(), keys: keys.split(" ") });
 
@@ -13,9 +13,9 @@ const page = (title, keys) => ({ title, letter: title[0].toLowerCase(), keys: ke
 export const PAGES = {
 	data: page("Data", "view list file rig"),
 	model: page("Model", "card fit choose loops fits"),
-	thermal: page("Thermal", "card drawing duty heat heatsink design"),
-	controller: page("Controller", "card drawing controller track export"),
-	jobs: page("Jobs", "card drawing duty show"),
+	thermal: page("Thermal", "card geometry duty heat heatsink design"),
+	controller: page("Controller", "card geometry controller track export"),
+	jobs: page("Jobs", "card geometry duty show"),
 };
 
 export const app = {
@@ -61,8 +61,8 @@ function remove(isWanted) {
 /** Set choices (null: the default). With `step`, the Back button undoes the change. */
 export function choose(values, step = false) {
 	// The entries of the geometry form belong to the previous geometry.
-	if ("drawing" in values && values.drawing !== app.choice.drawing)
-		remove((key) => key.startsWith("drawing-"));
+	if ("geometry" in values && values.geometry !== app.choice.geometry)
+		remove((key) => key.startsWith("geometry-"));
 	Object.assign(app.choice, values);
 	remove((key) => (app.choice[key] ?? null) === null);
 	write(step);
@@ -124,7 +124,6 @@ export async function watch() {
 
 export const isRunning = ({ state }) => state === "queued" || state === "running";
 
-/** Show a message for some seconds; `actions` are buttons. */
 export function toast(kind, text, ...actions) {
 	const one = { kind, text, actions };
 	app.toasts = [...app.toasts, one];

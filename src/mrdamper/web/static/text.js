@@ -9,7 +9,6 @@ export const toggled = (values, value) =>
 export const fixed = (value, decimals = 1) =>
 	Number.isFinite(value) ? value.toFixed(decimals).replace("-", "−") : "–";
 
-/** Return a number with `digits` significant digits. */
 export function number(value, digits = 3) {
 	if (!Number.isFinite(value)) return "–";
 	const size = Math.abs(Number(value.toPrecision(digits)));

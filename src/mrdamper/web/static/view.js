@@ -119,10 +119,11 @@ function differenceOf(runs) {
 
 /** Return key and colour of a run by its command, temperature or name. */
 function colourOf(run, by, runs) {
-	if (by === "name") return { key: run.name, colour: nth(runs.indexOf(run)) };
+	const isRun = ({ file, name }) => file === run.file && name === run.name; // A refresh renews `runs`.
+	if (by === "name") return { key: run.name, colour: nth(runs.findIndex(isRun)) };
 	const key = by === "command" ? commandOf(run) : temperatureOf(run);
 	const range = extent(runs.map((one) => one[by]).filter(has));
-	if (!has(run[by]) || !range) return { key, colour: nth(3) }; // a colour outside the ramp
+	if (!has(run[by]) || !range) return { key, colour: nth(3) };
 	const fraction = (run[by] - range[0]) / (range[1] - range[0] || 1);
 	return { key, colour: (colours) => rampColour(fraction, colours) };
 }
