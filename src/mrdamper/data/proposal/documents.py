@@ -23,6 +23,7 @@ from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.labels import Place, labels_in
 from mrdamper.errors import InputError
+from mrdamper.files import MAP_SUFFIX
 from mrdamper.quantities import is_any_unit
 
 _ROLES = ("current", "voltage", "temperature")
@@ -107,7 +108,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
         each
         for folder in folders
         for each in sorted(folder.iterdir())
-        if not each.name.startswith((".", "~$"))
+        if not each.name.startswith((".", "~$")) and not f".{each.name}".endswith(MAP_SUFFIX)
     }
     suffixes = {file.suffix for file in files}
     found = []
