@@ -36,18 +36,10 @@ def runs(tmp_path_factory):
     return write_runs(tmp_path_factory.mktemp("files") / "runs", short_runs())
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Return a folder and a client of its server."""
-    root = tmp_path_factory.mktemp("site") / "work"
-    with served(root) as client:
-        yield root, client
-
-
 @pytest.fixture
-def clean(site):
+def clean(plain_site):
     """Return the server with an empty folder."""
-    root, client = site
+    root, client = plain_site
     for part in ("runs", "inputs", "cards"):
         for path in (root / part).iterdir():
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -253,8 +245,8 @@ def test_query_after_dead_process_succeeds():
 # ------------------------------------------------------------------------------------------- the command
 
 
-def test_unusable_address_ends_server_with_message(site, tmp_path):
-    _, client = site
+def test_unusable_address_ends_server_with_message(plain_site, tmp_path):
+    _, client = plain_site
     port = client.address.rstrip("/").rpartition(":")[2]
     for options, said in (
         (("--port", port), "another --port"),

@@ -27,6 +27,8 @@ def runs(tmp_path_factory):
 
 
 def a_folder(root, runs):
+    for part in ("runs", "cards"):
+        shutil.rmtree(root / part, ignore_errors=True)
     shutil.copytree(runs[0].parent, root / "runs")
     (root / "cards" / "plain").mkdir(parents=True)
     write_heated_card(root / "cards" / "plain", temperature_dependent=False)
@@ -41,12 +43,11 @@ def folder(tmp_path, runs):
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory, runs):
-    """Return a folder and a client of its server for tests that do not change it."""
-    root = a_folder(tmp_path_factory.mktemp("shared") / "work", runs)
-    with served(root) as client:
-        client.read_all()
-        yield root, client
+def shared(plain_site, runs):
+    """Return a folder with runs and cards, and a client of its server."""
+    a_folder(plain_site[0], runs)
+    plain_site[1].read_all()
+    return plain_site
 
 
 @pytest.fixture
