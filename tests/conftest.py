@@ -41,6 +41,7 @@ settings.load_profile("usual")
 _MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
 _SHARE_SESSIONS = {
     "campaigns": {f"tests/acceptance/test_{name}.py" for name in ("tempered_rig", "tracking")},
+    "plain_site": {f"tests/web/test_{name}.py" for name in ("server", "worker")},
     "site": {f"tests/web/test_{name}.py" for name in ("pages", "view", "workbench")},
 }
 """Modules that share the fixtures of a session run on one worker."""
@@ -116,8 +117,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_finish() -> None:
-    """Let the garbage collector ignore the collected tests, and start it."""
+    """Let the garbage collector ignore the collected tests, and start it with rare passes."""
     gc.freeze()
+    gc.set_threshold(20_000, 20, 50)
     gc.enable()
 
 

@@ -26,18 +26,9 @@ ATTRIBUTES = {
 }
 OF_MODULES = {"os": {"system", "popen"}, "np": {"load"}, "numpy": {"load"}}
 NETWORK = {
-    *(
-        "socket",
-        "ssl",
-        "urllib.request",
-        "urllib3",
-        "http.client",
-        "http.server",
-        "requests",
-        "httpx",
-        "aiohttp",
-    ),
-    *("pooch", "distributed", "dask", "uvicorn", "ftplib", "smtplib", "socketserver", "webbrowser"),
+    *("socket", "ssl", "urllib.request", "urllib3", "http.client", "http.server", "requests", "httpx"),
+    *("aiohttp", "pooch", "distributed", "dask", "uvicorn", "ftplib", "smtplib", "socketserver"),
+    "webbrowser",
 }
 KEYWORDS = {"allow_pickle", "shell"}
 

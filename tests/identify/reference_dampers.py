@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import lsim
 
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
@@ -151,6 +151,5 @@ def changed(run: PreparedRun, kind: str, size: float, peak: float = 1.0) -> Prep
     elif kind == "force_offset_of_run":
         force = force + size
     else:
-        pole = np.exp(-path.step / size)
-        force = lfilter([1.0 - pole], [1.0, -pole], force, zi=[pole * force[0]])[0]
+        force = force[0] + lsim(([1.0], [size, 1.0]), force - force[0], path.time - path.time[0])[1]
     return replace(run, force=np.asarray(force))

@@ -177,14 +177,14 @@ def test_element_surfaces_have_exact_areas():
 @pytest.mark.parametrize("longest_step", [60.0, 20.0])
 def test_elements_conserve_energy_with_any_step(longest_step: float):
     loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
-    course = heat_field(DRAWING, loads, size=0.016, longest_step=longest_step)[1]
+    course = heat_field(DRAWING, loads, size=0.05, longest_step=longest_step)[1]
     assert course.closure <= 1e-9
     assert course.energy_in[-1] == pytest.approx(course.energy_out[-1] + course.stored[-1], rel=1e-9)
 
 
 @pytest.mark.system
 def test_steady_heat_paths_sum_to_losses():
-    model = build_field(DRAWING, size=0.016)
+    model = build_field(DRAWING, size=0.05)
     course = simulate_field(model.equation, [DUTY], start=steady_field(model.equation, DUTY))
     lost = sum(float(watts[-1]) for watts in course.paths_W.values())
     assert lost == pytest.approx(float(course.mechanical_W[-1] + course.coil_W[-1]), rel=1e-8)

@@ -37,6 +37,14 @@ def site(tmp_path_factory):
         yield root, client
 
 
+@pytest.fixture(scope="session")
+def plain_site(tmp_path_factory):
+    """Return a folder, which each test fills, and a client of its server."""
+    root = tmp_path_factory.mktemp("site") / "work"
+    with served(root) as client:
+        yield root, client
+
+
 @pytest.fixture
 def page(browser, site):
     """Return a window of the server of the fixture ``site``, which a module may replace."""

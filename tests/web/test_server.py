@@ -37,18 +37,10 @@ def runs(tmp_path_factory):
     return write_runs(tmp_path_factory.mktemp("files") / "runs", short_runs())
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Return a folder and a client of its server."""
-    root = tmp_path_factory.mktemp("site") / "work"
-    with served(root) as client:
-        yield root, client
-
-
 @pytest.fixture
-def clean(site):
-    """Return the server after its folder has been emptied."""
-    root, client = site
+def clean(plain_site):
+    """Return the server with an empty folder."""
+    root, client = plain_site
     for part in ("runs", "inputs", "cards"):
         for path in (root / part).iterdir():
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -245,8 +237,8 @@ def test_query_succeeds_after_dead_process():
 # ------------------------------------------------------------------------------------------ command ``serve``
 
 
-def test_unusable_address_ends_server_with_message(site, tmp_path):
-    _, client = site
+def test_unusable_address_ends_server_with_message(plain_site, tmp_path):
+    _, client = plain_site
     port = client.address.rstrip("/").rpartition(":")[2]
     for options, said in (
         (("--port", port), "another --port"),

@@ -237,28 +237,28 @@ def test_unchecked_run_is_not_marked_good(page):
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_channels_in_volts_offer_common_gains(browser, tmp_path):
+def test_channels_in_volts_offer_common_gains(folder, page):
     """Buttons answer the questions for columns and units. The user then enters gains in mm/V and kN/V."""
-    with served(tmp_path / "volts") as client, opened(browser, client.address) as page:
-        a_logger_file(tmp_path / "volts" / "runs" / "raw.txt")
-        page.goto("/#/data?file=raw.txt")
-        page.get_by_label("Which column is the displacement? CHANNEL0").click()
-        page.get_by_label("Which column is the force? CHANNEL1").click()
-        page.get_by_label("In which unit is the displacement? V").click()
-        gain = page.get_by_label("CHANNEL0 gain", exact=True)
-        expect(gain).to_have_attribute("aria-invalid", "true")
-        expect(page.get_by_text("CHANNEL0 gain: enter how many mm are one volt")).to_be_visible()
-        shoot(page, "values-volts", whole=True)
-        gain.fill("10")
-        page.get_by_label("CHANNEL1 in").select_option("kN/V")
-        page.get_by_label("CHANNEL1 gain", exact=True).fill("0,980665")
-        page.get_by_label("Sampling rate, Hz").fill("500")
-        page.get_by_label("A new test begins at").fill("Resume")
-        page.get_by_label("Currents of the tests, A").fill("0; 0,9")
-        page.wait_for_selector("#preview .notice.good")
-        page.click("#save-map")
-        page.get_by_text("The map of raw.txt is saved").wait_for()
-        runs = client.read_all()
+    root, client = folder
+    a_logger_file(root / "runs" / "raw.txt")
+    page.goto("/#/data?file=raw.txt")
+    page.get_by_label("Which column is the displacement? CHANNEL0").click()
+    page.get_by_label("Which column is the force? CHANNEL1").click()
+    page.get_by_label("In which unit is the displacement? V").click()
+    gain = page.get_by_label("CHANNEL0 gain", exact=True)
+    expect(gain).to_have_attribute("aria-invalid", "true")
+    expect(page.get_by_text("CHANNEL0 gain: enter how many mm are one volt")).to_be_visible()
+    shoot(page, "values-volts", whole=True)
+    gain.fill("10")
+    page.get_by_label("CHANNEL1 in").select_option("kN/V")
+    page.get_by_label("CHANNEL1 gain", exact=True).fill("0,980665")
+    page.get_by_label("Sampling rate, Hz").fill("500")
+    page.get_by_label("A new test begins at").fill("Resume")
+    page.get_by_label("Currents of the tests, A").fill("0; 0,9")
+    page.wait_for_selector("#preview .notice.good")
+    page.click("#save-map")
+    page.get_by_text("The map of raw.txt is saved").wait_for()
+    runs = [run for run in client.read_all() if run["name"].startswith("raw")]
     assert [run["command"] for run in runs] == [0.0, 0.9]
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 

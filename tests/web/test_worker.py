@@ -26,6 +26,8 @@ def runs(tmp_path_factory):
 
 
 def a_folder(root, runs):
+    for part in ("runs", "cards"):
+        shutil.rmtree(root / part, ignore_errors=True)
     shutil.copytree(runs[0].parent, root / "runs")
     write_heated_card(root / "cards" / "plain", temperature_dependent=False)
     write_card_of(root / "cards" / "strong" / "card.json")
@@ -38,11 +40,11 @@ def folder(tmp_path, runs):
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory, runs):
-    """Return a folder and a client of its server for tests that do not change it."""
-    root = a_folder(tmp_path_factory.mktemp("shared") / "work", runs)
-    with served(root) as client:
-        yield root, client
+def shared(plain_site, runs):
+    """Return a folder with runs and cards, and a client of its server."""
+    a_folder(plain_site[0], runs)
+    plain_site[1].read_all()
+    return plain_site
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.labels import Place, labels_in
 from mrdamper.errors import InputError
+from mrdamper.files import MAP_SUFFIX
 from mrdamper.quantities import is_any_unit
 
 _ROLES = ("current", "voltage", "temperature")
@@ -100,8 +101,12 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     folders : folders with further files to search
     """
     inside = {
-        each for folder in folders for each in folder.iterdir() if not each.name.startswith((".", "~$"))
+        each
+        for folder in folders
+        for each in sorted(folder.iterdir())
+        if not each.name.startswith((".", "~$")) and not f".{each.name}".endswith(MAP_SUFFIX)
     }
+    suffixes = {file.suffix for file in files}
     found = []
     for path in (*files, *sorted(inside - {*files})):
         siblings = [file for file in files if file.parent == path.parent and file != path]
@@ -110,13 +115,14 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             lines = _lines_of(path)
         except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
             continue
-        about = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
+        has_samples = path.suffix in suffixes and any(holds_samples(lines, sign) for sign in DELIMITERS)
+        is_run = path in files or has_samples  # The user may have chosen some runs of a folder.
+        about = _lines_by_file(path, lines, siblings or below, is_run=is_run) if lines else {}
         stating = {
             file: tuple(line for line in each if any(labels_in(line, role) for role in _ROLES))
             for file, each in about.items()
         }
-        is_run = path in files and any(holds_samples(lines, delimiter) for delimiter in DELIMITERS)
-        whole = () if is_run else tuple(lines)
+        whole = () if has_samples else tuple(lines)
         if any(stating.values()) or whole:
             found.append(Document(path, {file: each for file, each in stating.items() if each}, whole))
     return tuple(found)

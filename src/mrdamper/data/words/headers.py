@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Literal
 
@@ -80,6 +81,7 @@ def word_and_unit(header: str) -> tuple[str, str]:
     return text, ""
 
 
+@lru_cache(maxsize=10_000)  # All files of a folder have the same documents.
 def legend_in(line: str) -> list[tuple[int | None, str, str]]:
     """Return the columns that a sentence or a row explains: number (None if missing), word, and unit.
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamper import core
 from mrdamper.arrays import FloatArray, pseudoinverse
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
@@ -190,8 +191,5 @@ def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
 
     The derivative is the difference quotient between a typical time constant and zero.
     """
-    from scipy.signal import lfilter
-
-    pole = float(np.exp(-step / DEFAULTS.filter_time_constant_s))
-    filtered, _ = lfilter([1.0 - pole], [1.0, -pole], model, zi=[pole * model[0]])
-    return np.asarray((filtered - model) / DEFAULTS.filter_time_constant_s)
+    filtered, _ = core.first_order_lag(model, step, DEFAULTS.filter_time_constant_s)
+    return (filtered - model) / DEFAULTS.filter_time_constant_s

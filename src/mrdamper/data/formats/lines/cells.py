@@ -32,6 +32,7 @@ def _form(point: str, group: str) -> re.Pattern[str]:
     )
 
 
+_PLAIN = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?")
 _FORMS = {".": _form(".", ","), ",": _form(",", ".")}
 
 
@@ -50,6 +51,8 @@ def number_in(cell: str, decimal: str) -> float | None:
 
 def is_number(cell: str) -> bool:
     """Return True if a cell is a number, with either decimal sign."""
+    if _PLAIN.fullmatch(cell):  # Most cells are plain numbers.
+        return True
     return number_in(cell, ".") is not None or number_in(cell, ",") is not None
 
 
