@@ -374,10 +374,46 @@ def test_statement_without_single_run_is_ignored(tmp_path, text):
         read_runs(tmp_path)
 
 
-def test_contradictory_run_list_requires_an_answer(tmp_path):
-    write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
-    write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
-    with pytest.raises(AskingError, match=r"0\.5 A and 1\.5 A"):
+LISTS = {"list.md": "| File | Current (A) |\n|---|---|\n| {} | 1.5 |\n", "plan.txt": "{}: coil 500 mA\n"}
+
+
+@pytest.mark.parametrize(("name", "lists"), [("run_0.5A.csv", ["list.md"]), ("run_1.csv", [*LISTS])])
+def test_contradictory_statements_require_an_answer(tmp_path, name, lists):
+    """The question has the sources and the values of all statements."""
+    write(tmp_path, name, BARE + table(*columns(RUNS[0])[:3]))
+    for each_list in lists:
+        write(tmp_path, each_list, LISTS[each_list].format(name))
+    with pytest.raises(AskingError, match=r"document 'list\.md' .* says 1\.5 A") as fault:
+        read_runs(tmp_path)
+    assert {*fault.value.questions[0].candidates} == {"0.5 A", "1.5 A"}
+    assert len(lists) == 1 or "document 'plan.txt'" in str(fault.value)
+
+
+@pytest.mark.parametrize("name", ["RUN.OUT", "run.log", "run.json"])
+def test_motion_and_force_without_current_is_a_question(tmp_path, name):
+    """A file with any suffix is a run if it has a motion and a force. Only other files are left out."""
+    full(tmp_path)
+    write(
+        tmp_path,
+        "pump.DTA",
+        "Pt Time (s) Pressure (bar)\n" + table(*np.ones((3, 1)) * np.arange(60), sign=" "),
+    )
+    t, x, f, _ = columns(RUNS[1])
+    as_json = json.dumps({"time_s": [*t], "displacement_mm": [*x], "force_N": [*f]})
+    write(tmp_path, name, as_json if "json" in name else "millis,stroke_mm,load_N\n" + table(1e3 * t, x, f))
+    with pytest.raises(AskingError, match="no current or voltage") as fault:
+        read_runs(tmp_path)
+    assert [question.file for question in fault.value.questions] == [name]
+
+
+def test_folder_without_runs_states_a_reason(tmp_path):
+    write(
+        tmp_path,
+        "pump.DTA",
+        "Pt Time (s) Pressure (bar)\n" + table(*np.ones((3, 1)) * np.arange(60), sign=" "),
+    )
+    write(tmp_path, "list.csv", "file,current [A]\npump.DTA,1.5\n")
+    with pytest.raises(InputError, match=r"pump\.DTA: no displacement column"):
         read_runs(tmp_path)
 
 

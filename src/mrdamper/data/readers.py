@@ -16,7 +16,7 @@ from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents
-from mrdamper.data.proposal.folders import distinct_names, find_files, format_suffixes
+from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, distinct_names, find_files
 from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.proposal.temperature_logs import join_temperature_logs
@@ -25,8 +25,6 @@ from mrdamper.data.tables import read_tables
 from mrdamper.data.words.labels import Place
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
-
-_GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})  # Programs write any object in these formats.
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +152,9 @@ def _read_all(
         path for path in given if is_folder(path)
     }
     documents = read_documents(files, sorted(folders))
-    stating = {document.path for document in documents if document.lines}
+    stating = {document.path for document in documents if document.lines} & {*files}
+    if len(stating) == len(files):  # A folder with documents alone has no run.
+        stating = set()
     for path in (*frames, *(path for path in files if path not in stating)):
         try:
             if path in frames:
@@ -181,15 +181,11 @@ def _read_all(
         shown = path.relative_to(space) if path.is_relative_to(space) else path
         read.append((shown, replace(file, recordings=tuple(kept))))
     runs = tuple(recording for _, file in read for recording in file.recordings)
-    objects = {path.suffix.lower() for path, _ in read} & _GENERIC_SUFFIXES
-    may_be_runs = bool(read) or any(
-        not isinstance(item.fault, NoRunError | NoTableError) for item in unreadable
-    )
-    ignored = [
-        item
-        for item in unreadable
-        if may_be_runs and _is_ignored(item, given | {*frames}, {*_GENERIC_SUFFIXES} - objects)
-    ]
+    objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
+    foreign = {*GENERIC_SUFFIXES} - objects
+    ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
+    if not read and len(ignored) == len(unreadable):  # The errors state why there is no run.
+        ignored = []
     faulty = tuple(item for item in unreadable if item not in ignored)
     stating_findings = (document.finding for document in documents if document.lines)
     folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
@@ -204,10 +200,9 @@ def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bo
     given : paths that the user named; these files are never ignored
     foreign : generic suffixes, such as .json, that no file with a run has
     """
-    suffix = file.path.suffix.lower()
-    is_unknown = suffix not in format_suffixes() and isinstance(file.fault, AskingError)
-    has_no_run = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
-    return has_no_run and file.path not in given
+    has_no_run = isinstance(file.fault, NoRunError | NoTableError)
+    is_object = file.path.suffix.lower() in foreign and not isinstance(file.fault, AskingError)
+    return (has_no_run or is_object) and file.path not in given
 
 
 def _no_run_finding(file: UnreadableFile) -> Finding:
