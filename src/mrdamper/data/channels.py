@@ -26,7 +26,7 @@ from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
 from mrdamper.schema import did_you_mean, read_record, unknown_name
 
-_COMMANDS = ("current", "voltage")
+COMMANDS = ("current", "voltage")  # roles of the command of a damper
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +64,8 @@ class Channel(ChannelTable):
         if self.sign not in {1, -1}:
             raise InputError(place=f"channel.{self.role}", found=f"sign is {self.sign}", expected="1 or -1")
         if self.gain is not None and not (math.isfinite(self.gain) and self.gain != 0.0):
-            raise InputError(
-                place=f"channel.{self.role}",
-                found=f"gain is {self.gain}",
-                expected="a finite number, not zero",
-            )
+            found = f"gain is {self.gain}"
+            raise InputError(place=f"channel.{self.role}", found=found, expected="a finite number, not zero")
         if self.gain is not None and self.unit and spell_unit(self.unit, self.role) != quantity.unit:
             try:
                 to_si(0.0, self.unit, self.role)
@@ -195,7 +192,7 @@ class ChannelMap:
                         place=place, found=f"constant.{key} is {rate:g}", expected="a positive number"
                     )
                 continue
-            role_of, unit = _quantity_unit(key, f"{place}: constant", (*_COMMANDS, "temperature"))
+            role_of, unit = _quantity_unit(key, f"{place}: constant", (*COMMANDS, "temperature"))
             constant[role_of] = _to_si(value, unit, role_of, f"{place}: constant.{key}")
         return cls(
             MappingProxyType(channels),
@@ -236,7 +233,7 @@ def _segments(table: Mapping[str, Any], place: str) -> Segments:
     if len(lists) != 1:
         found = ", ".join(lists) or "no command"
         raise InputError(place=where, found=found, expected="one list, current_A or voltage_V")
-    role, unit = _quantity_unit(lists[0], where, _COMMANDS)
+    role, unit = _quantity_unit(lists[0], where, COMMANDS)
     values = table[lists[0]]
     if not isinstance(values, list) or not values:
         raise InputError(

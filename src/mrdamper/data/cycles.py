@@ -85,7 +85,7 @@ def cycles(prepared: PreparedRun) -> CycleFigures:
     A reversal below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
     path = prepared.trajectory
-    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), prepared.dead_band_m)
+    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), prepared.rules.dead_band_m)
     found = _count(path.time, path.displacement, prepared.force, path.command, path.temperature, stroke_min_m)
     return found.where(found.row >= prepared.scored_from)
 
@@ -104,16 +104,11 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
         )
         stroke_min_m = max(REVERSAL_MIN_RATIO * float(high - low), STROKE_MIN_m)
     parts, segments = [], unbroken_segments(run)
+    channels = (run.time, run.displacement, run.force, run.command)
     for rows in segments:
         temperature = None if run.temperature is None else run.temperature[rows]
-        found = _count(
-            run.time[rows],
-            run.displacement[rows],
-            run.force[rows],
-            run.command[rows],
-            temperature,
-            stroke_min_m,
-        )
+        time, x, force, command = (values[rows] for values in channels)
+        found = _count(time, x, force, command, temperature, stroke_min_m)
         parts.append(replace(found, row=found.row + rows.start))
     return CountedRecord(CycleFigures.concatenate(parts), stroke_min_m, max(len(segments) - 1, 0))
 

@@ -133,11 +133,9 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
     if isinstance(given, str | Path | RigRun):
         return [given]
     if isinstance(given, np.ndarray) and given.dtype.names is None:
-        raise InputError(
-            place="runs",
-            found=f"an array of shape {given.shape} has no names of columns",
-            expected='columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f, ...}',
-        )
+        found = f"an array of shape {given.shape} has no names of columns"
+        expected = 'columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f, ...}'
+        raise InputError(place="runs", found=found, expected=expected)
     if is_frame(given):
         return [Frame("frame", _columns_of(given))]
     if isinstance(given, Mapping):
@@ -165,11 +163,8 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
     names = [_name_of(name) for name in frame.columns]
     again = sorted({name for name in names if names.count(name) > 1})
     if again:
-        raise InputError(
-            place="frame",
-            found=f"several columns are called {', '.join(map(repr, again))}",
-            remedy="Rename or drop the others",
-        )
+        found = f"several columns are called {', '.join(map(repr, again))}"
+        raise InputError(place="frame", found=found, remedy="Rename or drop the others")
     columns = {name: frame[key] for name, key in zip(names, frame.columns, strict=True)}
     index: Any = getattr(frame, "index", None)
     kind = getattr(getattr(index, "dtype", None), "kind", "")
@@ -230,9 +225,6 @@ def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN40
         return given
     parts: Sequence[Any] = [Frame("frame", {})] if given is None else parts_of(given)
     if len(parts) != 1 or not isinstance(parts[0], Frame):
-        raise InputError(
-            place="columns",
-            found=f"{', '.join(columns)} beside {', '.join(type(each).__name__ for each in parts)}",
-            expected="arrays beside one frame, or alone",
-        )
+        found = f"{', '.join(columns)} beside {', '.join(type(each).__name__ for each in parts)}"
+        raise InputError(place="columns", found=found, expected="arrays beside one frame, or alone")
     return [replace(parts[0], columns={**parts[0].columns, **columns})]

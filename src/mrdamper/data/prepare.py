@@ -81,11 +81,8 @@ class PreparedRun:
                 found=f"force has shape {self.force.shape}, not {self.trajectory.displacement.shape}",
             )
         if not 0 <= self.scored_from < len(self.force):
-            raise InputError(
-                place=self.run.name,
-                found=f"scored from sample {self.scored_from} of {len(self.force)}",
-                expected="a sample of the run",
-            )
+            found = f"scored from sample {self.scored_from} of {len(self.force)}"
+            raise InputError(place=self.run.name, found=found, expected="a sample of the run")
 
     def __len__(self) -> int:
         return len(self.force)
@@ -93,20 +90,6 @@ class PreparedRun:
     @property
     def name(self) -> str:
         return self.run.name
-
-    @property
-    def cutoff_Hz(self) -> float:
-        """Cut-off of the smoothing; the Nyquist frequency of the run if there was no smoothing."""
-        return self.rules.cutoff_Hz
-
-    @property
-    def dead_band_m(self) -> float:
-        return self.rules.dead_band_m
-
-    @property
-    def reference_m(self) -> float:
-        """Measured displacement [m] at the zero of the trajectory."""
-        return self.rules.reference_m
 
 
 def prepare_run(run: RigRun, preparation: Preparation | None = None) -> PreparedRun:

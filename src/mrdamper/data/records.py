@@ -259,39 +259,23 @@ def _faults(run: RigRun) -> list[InputError]:
     shapes = {name: array.shape for name, array in channels.items()}
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
         sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
-        fault = InputError(
-            f"channels differ in length ({sizes})",
-            expected="one value of each per sample",
-            remedy="Cut all channels to the same samples",
-        )
-        return [*faults, fault]
+        found, remedy = f"channels differ in length ({sizes})", "Cut all channels to the same samples"
+        return [*faults, InputError(found, expected="one value of each per sample", remedy=remedy)]
     if len(run.time) < LEAST_SAMPLES:
-        fault = InputError(
-            f"has {len(run.time)} samples",
-            expected=f"at least {LEAST_SAMPLES}",
-            remedy="Record a longer run, or leave the file out",
-        )
-        return [*faults, fault]
-    missing = [*find_missing_numbers(run)]
-    if missing:
-        return [
-            *faults,
-            *(InputError(each.found, expected="finite numbers", remedy=each.remedy) for each in missing),
-        ]
-    faults += [
-        InputError(item.found, expected="even steps of time", remedy=item.remedy)
-        for item in find_time_faults(run.time)
-    ]
+        found, remedy = f"has {len(run.time)} samples", "Record a longer run, or leave the file out"
+        return [*faults, InputError(found, expected=f"at least {LEAST_SAMPLES}", remedy=remedy)]
+    for each in find_missing_numbers(run):
+        faults.append(InputError(each.found, expected="finite numbers", remedy=each.remedy))
+    if not all(np.isfinite(values).all() for values in channels.values()):
+        return faults
+    for each in find_time_faults(run.time):
+        faults.append(InputError(each.found, expected="even steps of time", remedy=each.remedy))
     if not faults:
         faults += _motion_faults(run)
     if np.ptp(run.force) < 1e-6:  # A force with a smaller range is numerically constant.
-        faults.append(
-            InputError(
-                f"force never changes ({run.force[0]:g} N at every sample)",
-                expected="a load cell's signal",
-                remedy="Check which column holds the force",
-            )
-        )
+        found = f"force never changes ({run.force[0]:g} N at every sample)"
+        remedy = "Check which column holds the force"
+        faults.append(InputError(found, expected="a load cell's signal", remedy=remedy))
     return faults + [
         InputError(each.found, remedy=each.remedy)
         for each in find_implausible_sizes(run)
@@ -302,17 +286,10 @@ def _faults(run: RigRun) -> list[InputError]:
 def channels_of(recording: Recording) -> dict[str, FloatArray]:
     """Return the channels of a recording by role."""
     command = "current" if recording.command_unit == "A" else "voltage"
-    channels = {
-        "time": recording.time,
-        "displacement": recording.displacement,
-        "force": recording.force,
-        command: recording.command,
+    given = {name: getattr(recording, name) for name in CHANNELS}
+    return {
+        command if name == "command" else name: values for name, values in given.items() if values is not None
     }
-    if recording.velocity is not None:
-        channels["velocity"] = recording.velocity
-    if recording.temperature is not None:
-        channels["temperature"] = recording.temperature
-    return channels
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
@@ -351,10 +328,8 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
                 "degC given as K" if worst < 200.0 else f"{'K' if worst > 533.0 else 'degF'} given as degC"
             )
             hint = f"It looks like {wrong}. "
-            sizes = (
-                f"{to_degC(worst):.4g} degC ({sizes[0]})",
-                f"{to_degC(low):.0f} to {to_degC(high):.0f} degC",
-            )
+            allowed = f"{to_degC(low):.0f} to {to_degC(high):.0f} degC"
+            sizes = f"{to_degC(worst):.4g} degC ({sizes[0]})", allowed
         yield Finding(
             kind="outliers" if few else "implausible_size",
             severity="fault",
@@ -371,15 +346,15 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
         )
 
 
-def find_time_faults(time: FloatArray) -> list[Finding]:
-    """Return the fault of times [s]: they do not increase, change their rate, or have gaps; [] if valid."""
+def find_time_faults(time: FloatArray) -> Iterator[Finding]:
+    """Generate the fault of times [s]: they do not increase, change their rate, or have gaps."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
-        return []
+        return
     backward = np.flatnonzero(~(steps > 0.0))
     if len(backward):
         k, still = int(backward[0]), bool((steps[backward] == 0.0).all())
-        finding = Finding(
+        yield Finding(
             kind="time_not_increasing",
             severity="fault",
             channel="time",
@@ -394,13 +369,13 @@ def find_time_faults(time: FloatArray) -> list[Finding]:
             remedy="Split the file where time restarts; write more digits of time, or give rate_Hz at "
             "[constant] of the channel map instead of the column",
         )
-        return [finding]
+        return
     median = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP_MIN_STEPS * median)
     changed = changes_of_pace(steps, len(gaps))
     if changed is not None:
         at, before, after = changed
-        finding = Finding(
+        yield Finding(
             kind="mixed_sampling",
             severity="fault",
             channel="time",
@@ -411,24 +386,21 @@ def find_time_faults(time: FloatArray) -> list[Finding]:
             effect="One smoothing cannot suit both parts, and the run is refused",
             remedy="Split the file there, or record at one rate",
         )
-        return [finding]
-    if not len(gaps):
-        return []
-    k = int(gaps[0])
-    finding = Finding(
-        kind="gap",
-        severity="fault",
-        channel="time",
-        size=float(steps[gaps].max()),
-        unit="s",
-        from_s=float(time[k]),
-        to_s=float(time[gaps[-1] + 1]),
-        found=f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is {median:.6g} s "
-        f"({len(gaps)} such places)",
-        effect="The state of the hysteresis is lost in a gap, and the run is refused",
-        remedy="Split the file at the gap, or cut it out with its cycle",
-    )
-    return [finding]
+    elif len(gaps):
+        k = int(gaps[0])
+        yield Finding(
+            kind="gap",
+            severity="fault",
+            channel="time",
+            size=float(steps[gaps].max()),
+            unit="s",
+            from_s=float(time[k]),
+            to_s=float(time[gaps[-1] + 1]),
+            found=f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is "
+            f"{median:.6g} s ({len(gaps)} such places)",
+            effect="The state of the hysteresis is lost in a gap, and the run is refused",
+            remedy="Split the file at the gap, or cut it out with its cycle",
+        )
 
 
 def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | None:

@@ -20,7 +20,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Table
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, to_si
+from mrdamper.quantities import QUANTITIES, is_unit, to_si
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,12 +130,8 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
     named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
     good = [name for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:
-        raise InputError(
-            place=place,
-            found=f"{len(good)} columns hold the {what}: {', '.join(map(repr, good))}",
-            expected="one",
-            remedy="Give each its own table",
-        )
+        found = f"{len(good)} columns hold the {what}: {', '.join(map(repr, good))}"
+        raise InputError(place=place, found=found, expected="one", remedy="Give each its own table")
     if named and not good:
         name, unit = named[0]
         problem = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
@@ -157,11 +153,7 @@ def _unit_in(header: str, what: str) -> str | None:
 def _factor(what: str, unit: str) -> tuple[float, str] | None:
     """Return the conversion factor of a unit and the SI unit; None if the unit is invalid."""
     if what == "temperature":
-        try:
-            to_si(0.0, unit, "temperature")
-        except InputError:
-            return None
-        return 1.0, "K"
+        return (1.0, "K") if is_unit(unit, [what]) else None
     return _QUANTITIES[what].units.get(re.sub(r"[\s._*·/-]|(?<=m)\^?-1", "", unit))
 
 
@@ -180,12 +172,9 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
     low, high = QUANTITIES["temperature"].low, QUANTITIES["temperature"].high
     bad = np.isfinite(kelvin) & ~((kelvin >= low) & (kelvin <= high))
     if bad.any():
-        raise InputError(
-            place=place,
-            found=f"{header!r} holds {kelvin[bad][0]:g} K ({np.count_nonzero(bad)} such rows)",
-            expected=f"{low:g} to {high:g} K",
-            remedy="Check the unit in the header",
-        )
+        found = f"{header!r} holds {kelvin[bad][0]:g} K ({np.count_nonzero(bad)} such rows)"
+        remedy = "Check the unit in the header"
+        raise InputError(place=place, found=found, expected=f"{low:g} to {high:g} K", remedy=remedy)
 
 
 def _complete_rows(what: str, place: str, *columns: FloatArray) -> tuple[FloatArray, ...]:

@@ -16,7 +16,7 @@ from mrdamper.arrays import DEVIATION_PER_MAD, FloatArray
 _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))
 
 _SPLINE_DEGREE = 5
-_FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 # First derivative by sixth-order differences: centred, and for the three samples nearest to an end.
 _CENTRED = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 from mrdamper.data.formats.excel import ZIP_SIGNATURE, read_workbook
 from mrdamper.data.formats.hdf5 import read_hdf5
@@ -19,7 +18,7 @@ from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.objects import read_json, read_npz
 from mrdamper.data.formats.octave import read_octave
 from mrdamper.data.formats.parquet import read_parquet
-from mrdamper.data.formats.table import FileOptions, Format, NoTableError, OnUse, Table
+from mrdamper.data.formats.table import FileOptions, Format, NoTableError, OnUse, Table, Value
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import is_text, read_text
 from mrdamper.data.formats.uff import read_uff
@@ -49,7 +48,6 @@ FORMATS: tuple[Format, ...] = (
 
 HEAD_BYTES = 1 << 16
 _TOO_LARGE = "needs more memory than there is; split the file"
-Value = TypeVar("Value")
 _TEXTS = (read_lvm, read_text)
 _LOGGING_LIBRARIES = ("nptdms", "asammdf")
 
@@ -141,11 +139,8 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         # A panic of Polars is not an Exception.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise InputError(
-            place=path,
-            found=f"not a readable {what} file: it is damaged, cut off, or of an unknown version",
-            remedy="Copy it again, or export the run as CSV",
-        ) from error
+        found = f"not a readable {what} file: it is damaged, cut off, or of an unknown version"
+        raise InputError(place=path, found=found, remedy="Copy it again, or export the run as CSV") from error
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)

@@ -10,8 +10,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
@@ -19,119 +17,115 @@ from mrdamper.arrays import DEVIATION_PER_MAD
 from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
-from mrdamper.quantities import ZERO_CELSIUS_K
-
-Quantity = Literal["frequency", "stroke", "command", "temperature"]
+from mrdamper.quantities import to_degC
 
 _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
-_NAMED: Mapping[str, str] = MappingProxyType(
-    {
-        "frequency": r"Hz",
-        "stroke": r"mm",
-        "command": r"A(?![a-z])",
-        "voltage": r"V(?![a-z])",
-        "temperature": r"(?:degC|°C|C(?![a-z]))",
-    }
-)
-_UNITS = {"frequency": "Hz", "stroke": "mm", "command": "A", "temperature": "degC"}
-_WITHIN = {"frequency": 0.03, "stroke": 0.12, "command": 0.06, "temperature": 0.0}  # Relative tolerances.
-_CHANNEL = {
-    "frequency": "time", "stroke": "displacement", "command": "current", "temperature": "temperature"
-}  # fmt: skip
-_AT_LEAST = {"frequency": 0.002, "stroke": 0.3, "command": 0.06, "temperature": 6.0}  # Absolute tolerances.
-_RATIO = {"frequency": 0.12, "stroke": 0.25}  # Runs of one motion differ by less than these fractions.
-_DEVIATION_MIN = {"frequency": 0.015, "stroke": 0.04}  # A run that differs by a larger fraction is reported.
-_SCATTER_MAX = {"frequency": 0.003, "stroke": 0.012}  # Limit of the scatter among the remaining runs.
 
 
 @dataclass(frozen=True, slots=True)
-class _Values:
-    """Values computed from the signals of a run, in the units of ``_UNITS``; None if not available."""
+class _Declared:
+    """A quantity in names: unit, its pattern, tolerances, channel, and typical cause of a difference."""
 
-    frequency: float | None
-    stroke: float | None
-    command: float | None
-    temperature: float | None
+    unit: str
+    form: str
+    relative_tolerance: float
+    tolerance: float  # [unit]
+    channel: str
+    hint: str
+
+
+_AMPERES = "per cent, milliamperes or a driver's input read as amperes"
+_DECLARED: Mapping[str, _Declared] = {
+    "frequency": _Declared("Hz", "Hz", 0.03, 0.002, "time", "a sampling rate, or a counter taken for time"),
+    "stroke": _Declared("mm", "mm", 0.12, 0.3, "displacement", "inches or centimetres read as millimetres"),
+    "current": _Declared("A", "A(?![a-z])", 0.06, 0.06, "current", _AMPERES),
+    "voltage": _Declared("V", "V(?![a-z])", 0.06, 0.06, "current", _AMPERES),
+    "temperature": _Declared("degC", "(?:degC|°C|C(?![a-z]))", 0.0, 6.0, "temperature", "degF read as degC"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Sibling:
+    """A quantity that runs of one motion have in common: kind of the finding, suspect, and limits."""
+
+    kind: str
+    suspect: str
+    ratio_max: float  # Runs of one motion differ by a smaller fraction.
+    deviation_min: float  # A run that differs by a larger fraction is reported.
+    scatter_max: float  # Limit of the scatter among the remaining runs.
+
+
+_SIBLINGS: Mapping[str, _Sibling] = {
+    "frequency": _Sibling("time_scale", "sampling rate", 0.12, 0.015, 0.003),
+    "stroke": _Sibling("displacement_scale", "scale of the displacement", 0.25, 0.04, 0.012),
+}
 
 
 def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Generate findings on runs whose signals differ from the values in the names of run, file or folder."""
     for run in runs:
-        seen = _values_of(run)
-        for quantity, usual_unit in _UNITS.items():
-            unit = run.command_unit if quantity == "command" else usual_unit
-            declared = _declared(run, quantity)
-            found = getattr(seen, quantity)
-            if declared is None or found is None or _agrees(quantity, declared, found):
+        for quantity, found in _values_of(run).items():
+            declared, known = _number_in_names(run, quantity), _DECLARED[quantity]
+            if declared is None or _agrees(quantity, declared, found):
                 continue
+            kind = "command" if quantity in {"current", "voltage"} else quantity
             yield Finding(
-                kind=f"declared_{quantity}",
-                channel=_CHANNEL[quantity],
+                kind=f"declared_{kind}",
+                channel=known.channel,
                 run=run.name,
                 size=found / declared if declared else found,
-                found=f"the name declares {declared:g} {unit}, and the signals have {found:.4g} {unit}",
+                found=f"the name declares {declared:g} {known.unit}, and the signals have {found:.4g} "
+                f"{known.unit}",
                 effect="The card would hold for another operating point than the test's, or in another unit",
-                remedy=f"Check unit and scale of the channel ({_HINT[quantity]}), or the name",
+                remedy=f"Check unit and scale of the channel ({known.hint}), or the name",
             )
 
 
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Generate findings on runs that differ slightly in frequency or stroke from runs of the same motion."""
     seen = [(run, _values_of(run)) for run in runs]
-    sines = [(run, each) for run, each in seen if each.frequency is not None]
+    sines = [(run, values) for run, values in seen if "frequency" in values]
     for run, mine in sines:
-        others = [each for other, each in sines if other is not run and all(
-            abs(getattr(each, name) / getattr(mine, name) - 1.0) < ratio for name, ratio in _RATIO.items()
+        others = [values for other, values in sines if other is not run and all(
+            abs(values[name] / mine[name] - 1.0) < known.ratio_max for name, known in _SIBLINGS.items()
         )]  # fmt: skip
         if len(others) < SETTINGS.sibling_run_count_min:
             continue
-        for quantity, cause, channel in (
-            ("frequency", "time_scale", "time"), ("stroke", "displacement_scale", "displacement")
-        ):  # fmt: skip
-            values = np.array([getattr(each, quantity) for each in others])
+        for quantity, known in _SIBLINGS.items():
+            values = np.array([each[quantity] for each in others])
             middle = float(np.median(values))
-            ratio = getattr(mine, quantity) / middle
-            scatter = DEVIATION_PER_MAD * float(np.median(np.abs(values / middle - 1.0)))
-            if abs(ratio - 1.0) < _DEVIATION_MIN[quantity] or scatter > _SCATTER_MAX[quantity]:
+            ratio, apart = mine[quantity] / middle, np.abs(values / middle - 1.0)
+            scatter = DEVIATION_PER_MAD * float(np.median(apart))
+            if abs(ratio - 1.0) < known.deviation_min or scatter > known.scatter_max:
                 continue
-            if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(np.abs(values / middle - 1.0))) / 2.0):
+            if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(apart)) / 2.0):
                 continue
-            size = 1.0 / ratio if quantity == "frequency" else ratio
+            size, error = 1.0 / ratio if quantity == "frequency" else ratio, max(scatter, 1e-3)
+            unit, channel = _DECLARED[quantity].unit, _DECLARED[quantity].channel
             yield Finding(
-                kind=cause,
+                kind=known.kind,
                 channel=channel,
                 run=run.name,
                 size=size,
-                low=size - 2.0 * max(scatter, 1e-3),
-                high=size + 2.0 * max(scatter, 1e-3),
-                found=f"its {quantity} is {getattr(mine, quantity):.4g} {_UNITS[quantity]}, and that of "
-                f"{len(others)} other runs of this motion {middle:.4g} {_UNITS[quantity]}: {channel} "
-                f"times {size:.3f}",
+                found=f"its {quantity} is {mine[quantity]:.4g} {unit}, and that of {len(others)} other runs "
+                f"of this motion {middle:.4g} {unit}: {channel} times {size:.3f}",
                 effect=f"Velocities of this run are off by {percent(abs(ratio - 1.0))}, viscosity with them",
-                remedy=f"Check the {_SUSPECT[channel]} of this file against the others; until it is known "
-                "leave the run out",
-            )
+                remedy=f"Check the {known.suspect} of this file against the others; until it is known leave "
+                "the run out",
+            ).add_interval(error)
 
 
-_SUSPECT = {"time": "sampling rate", "displacement": "scale of the displacement"}
-_HINT = {
-    "frequency": "a sampling rate, or a counter taken for time",
-    "stroke": "inches or centimetres read as millimetres",
-    "command": "per cent, milliamperes or a driver's input read as amperes",
-    "temperature": "degF read as degC",
-}
-
-
-def _declared(run: Recording, quantity: str) -> float | None:
+def _number_in_names(run: Recording, quantity: str) -> float | None:
     """Return the number that the name of the run, the file or the folder states for a quantity.
 
     The first name with a number counts. The result is None if no name has a number, or if the first name with
     numbers has several.
     """
     source = PurePath(run.source) if run.source else PurePath()
-    named = "voltage" if quantity == "command" and run.command_unit == "V" else quantity
     for text in (run.name, source.stem, source.parent.name):
-        found = {float(re.sub("[p,]", ".", each)) for each in re.findall(_NUMBER + _NAMED[named], text)}
+        found = {
+            float(re.sub("[p,]", ".", each)) for each in re.findall(_NUMBER + _DECLARED[quantity].form, text)
+        }
         if len(found) == 1:
             return found.pop()
         if found:
@@ -140,23 +134,24 @@ def _declared(run: Recording, quantity: str) -> float | None:
 
 
 def _agrees(quantity: str, declared: float, found: float) -> bool:
-    allowed = max(_WITHIN[quantity] * declared, _AT_LEAST[quantity])
+    allowed = max(_DECLARED[quantity].relative_tolerance * declared, _DECLARED[quantity].tolerance)
     meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # A name may state an amplitude or a stroke.
     return any(abs(found - times * declared) <= times * allowed for times in meant)
 
 
-def _values_of(run: Recording) -> _Values:
+def _values_of(run: Recording) -> dict[str, float]:
+    """Return the values that the signals of a run have, in the units of ``_DECLARED``."""
+    values: dict[str, float] = {}
     frequency = _frequency(run)
-    low, high = np.quantile(run.displacement, (0.002, 0.998))
+    if frequency is not None:
+        low, high = np.quantile(run.displacement, (0.002, 0.998))
+        values |= {"frequency": frequency, "stroke": 1e3 * float(high - low)}
     mean = abs(float(np.mean(run.command)))
-    steady = float(np.std(run.command)) < 0.02 + 0.05 * mean
-    kelvin = run.temperature
-    return _Values(
-        frequency,
-        1e3 * float(high - low) if frequency is not None else None,
-        mean if steady else None,
-        None if kelvin is None else float(np.median(kelvin)) - ZERO_CELSIUS_K,
-    )
+    if float(np.std(run.command)) < 0.02 + 0.05 * mean:  # The command is steady.
+        values["current" if run.command_unit == "A" else "voltage"] = mean
+    if run.temperature is not None:
+        values["temperature"] = to_degC(float(np.median(run.temperature)))
+    return values
 
 
 def _frequency(run: Recording) -> float | None:

@@ -47,9 +47,8 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
         run = recording.checked()
     except InputError as error:
         return _fault_findings(error)
-    found = [*find_lost_samples(recording)]
-    for look in (find_phase_jumps, find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
-        found += look(recording)
+    found = [*find_lost_samples(recording), *find_phase_jumps(recording), *find_clipping(recording)]
+    found += [*find_stuck_sensors(recording), *find_coarse_steps(recording), *find_spikes(recording)]
     if prepared is None:
         try:
             prepared = prepare_run(run)
@@ -59,16 +58,8 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
             except InputError:
                 return [*found, *_fault_findings(refusal)]
             return [*found, find_wrong_sign(prepared)]
-    for find in (
-        find_force_offset,
-        find_drift,
-        find_force_lag,
-        find_few_samples,
-        find_noise,
-        find_interference,
-    ):
-        found += find(prepared)
-    return found
+    found += [*find_force_offset(prepared), *find_drift(prepared), *find_force_lag(prepared)]
+    return [*found, *find_few_samples(prepared), *find_noise(prepared), *find_interference(prepared)]
 
 
 def _fault_findings(error: InputError) -> list[Finding]:

@@ -76,21 +76,15 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
     begins, ends = (
         float(prepared.run.time[0] + k * prepared.trajectory.step) for k in (whole.row[0], whole.end[-1])
     )
-    for channel, kind, size, scale, unit, shown in (
-        (
-            "displacement",
-            "position_drift",
-            found.displacement_m,
-            stroke,
-            "m",
-            f"{1e3 * found.displacement_m:+.3g} mm",
-        ),
-        ("force", "force_drift", found.force_N, span, "N", f"{found.force_N:+.3g} N"),
+    for channel, size, scale, unit in (
+        ("displacement", found.displacement_m, stroke, "m"),
+        ("force", found.force_N, span, "N"),
     ):
         if abs(size) <= SETTINGS.drift_ratio_max * scale:
             continue
+        shown = f"{1e3 * size:+.3g} mm" if channel == "displacement" else f"{size:+.3g} N"
         yield Finding(
-            kind=kind,
+            kind="position_drift" if channel == "displacement" else "force_drift",
             channel=channel,
             size=size,
             unit=unit,

@@ -12,13 +12,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import Moment, OnUse, Table
+from mrdamper.data.formats.table import Moment, OnUse, Table, as_text
 from mrdamper.data.formats.timestamps import moment_of
 
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
@@ -60,12 +60,6 @@ class Sampling:
     def began_s(self) -> float | None:
         """Return the start in seconds, None if the file states no start."""
         return None if self.began is None else self.began.day_first_s
-
-    def is_same(self, other: Sampling, samples: int) -> bool:
-        """Return True if another channel has the same times for this number of samples."""
-        tolerance = SETTINGS.clock_tolerance_steps * self.step_s
-        starts = (self.began_s or 0.0) - (other.began_s or 0.0) + self.offset_s - other.offset_s
-        return abs(starts) < tolerance and abs(self.step_s - other.step_s) * samples < tolerance
 
 
 def is_setting_of_time(name: str) -> bool:
@@ -116,28 +110,24 @@ def with_samplings(
         return table
     begun = [each.began.later(each.offset_s) for each in known.values() if each.began is not None]
     start = min((each for each in begun if each.has_date), key=lambda each: each.day_first_s, default=None)
-    table, known = replace(table, start=start), _with_begin(known)
-    clocks: list[tuple[Sampling, int]] = []
-    number_of: dict[str, int] = {}
-    for name, sampling in known.items():
-        same = (
-            k for k, (other, n) in enumerate(clocks) if n == channels[name] and sampling.is_same(other, n)
-        )
-        number_of[name] = next(same, len(clocks))
-        if number_of[name] == len(clocks):
-            clocks.append((sampling, channels[name]))
+    known = _with_begin(known)
+    starts = {name: (each.began_s or 0.0) + each.offset_s for name, each in known.items()}
+    zero = min(starts.values())
+
+    @cache  # Channels with the same start, step and size share one array.
+    def times_of(start_s: float, step_s: float, size: int) -> FloatArray:
+        return np.asarray(start_s + step_s * np.arange(size), dtype=np.float64)
+
+    times = {name: times_of(starts[name] - zero, each.step_s, channels[name]) for name, each in known.items()}
+    clocked = with_times(replace(table, start=start), times)
+    clocks = dict(clocked.clocks)
     for name in channels.keys() - known.keys():  # These channels use the only clock of equal length, if any.
-        fitting = [k for k, (_, size) in enumerate(clocks) if size == channels[name]]
+        fitting = {clocked.clocks[other] for other in known if channels[other] == channels[name]}
         if len(fitting) == 1:
-            number_of[name] = fitting[0]
-    if len(clocks) == 1 and number_of.keys() == channels.keys():
-        return replace(table, step_s=clocks[0][0].step_s)
-    starts = [(sampling.began_s or 0.0) + sampling.offset_s for sampling, _ in clocks]
-    times = [
-        np.asarray(start - min(starts) + sampling.step_s * np.arange(size), dtype=np.float64)
-        for start, (sampling, size) in zip(starts, clocks, strict=True)
-    ]
-    return with_times(table, {name: times[number] for name, number in number_of.items()})
+            clocks[name] = fitting.pop()
+    if len({*clocks.values()}) == 1 and clocks.keys() >= channels.keys():
+        return replace(table, start=start, step_s=next(iter(known.values())).step_s)
+    return replace(clocked, clocks=clocks)
 
 
 def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
@@ -145,7 +135,7 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
     clocks: dict[str, FloatArray] = {}
     clock_of: dict[str, str] = {}
     for name, values in times.items():
-        same = (clock for clock, other in clocks.items() if other is values or np.array_equal(other, values))
+        same = (clock for clock, other in clocks.items() if is_same_clock(other, values))
         clock_of[name] = next(same, f"clock {len(clocks) + 1}")
         clocks.setdefault(clock_of[name], values)
     if len(clocks) == 1 and "time" not in table.names:
@@ -160,6 +150,14 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
         clocks=numbers | {name: numbers[clock] for name, clock in clock_of.items()},
         recorded_apart=True,
     )
+
+
+def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
+    """Return True if two channels have equal times, except for a hundredth of a step."""
+    if times is other or len(times) != len(other):
+        return times is other
+    step = np.ptp(times) / max(len(times) - 1, 1)
+    return bool((np.abs(times - other) <= SETTINGS.clock_tolerance_steps * step).all())
 
 
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
@@ -184,7 +182,7 @@ def _words(name: str) -> tuple[str, str]:
 
 def _number(value: object, unit: str) -> tuple[float, float | None]:
     """Return the number in a value (or NaN), and the factor of its unit to s or Hz (None: no unit)."""
-    match = _NUMBER.fullmatch(_text(value))
+    match = _NUMBER.fullmatch(f"{as_text(value)}")
     if match is None:
         return math.nan, None
     return float(re.sub("[dD]", "e", match[1])), _UNITS.get(match[2].lower() or unit)
@@ -196,11 +194,7 @@ def _moment(value: object, unit: str) -> Moment | None:
     if math.isfinite(number):
         seconds = number * (scale or 1.0)
         return Moment(seconds, seconds, has_date=seconds > SETTINGS.unix_time_min_s, is_utc=True)
-    moment = moment_of(_text(value))
+    moment = moment_of(f"{as_text(value)}")
     if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None
     return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # TDMS counts in UTC.
-
-
-def _text(value: object) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"

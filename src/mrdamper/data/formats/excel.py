@@ -31,9 +31,7 @@ Row = list[Any]
 
 def read_workbook(path: Path, options: FileOptions) -> Table:
     """Return the table on a sheet of a workbook. The cells are parsed like a text."""
-    _require_harmless(path)
-    calamine = load_extra("python_calamine", "python-calamine", "Excel files")
-    book = calamine.CalamineWorkbook.from_path(path)
+    book = _open(path)
     names = list(book.sheet_names)
     if options.part and options.part not in names:
         raise InputError(
@@ -59,11 +57,15 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
 
 def sheet_lines(path: Path) -> list[str]:
     """Return the rows of all sheets, cells separated by tabs."""
-    _require_harmless(path)
-    calamine = load_extra("python_calamine", "python-calamine", "Excel files")
-    book = calamine.CalamineWorkbook.from_path(path)
+    book = _open(path)
     sheets = [book.get_sheet_by_name(name).iter_rows() for name in book.sheet_names]
     return ["\t".join(map(_spelled, row)) for rows in sheets for row in rows]
+
+
+def _open(path: Path) -> Any:  # noqa: ANN401 - python-calamine has no types
+    _require_harmless(path)
+    calamine = load_extra("python_calamine", "python-calamine", "Excel files")
+    return calamine.CalamineWorkbook.from_path(path)
 
 
 def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) -> Table:
@@ -105,11 +107,8 @@ def _require_harmless(path: Path) -> None:
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )
         if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
-            raise InputError(
-                place=path,
-                found=f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB",
-                remedy="Export it as CSV",
-            )
+            found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
+            raise InputError(place=path, found=found, remedy="Export it as CSV")
         for member in members:
             if member.filename.startswith("xl/worksheets/"):
                 _require_few_cells(path, archive, member)

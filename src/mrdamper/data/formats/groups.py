@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, require_room, shortest_names
+from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, as_text, require_room, shortest_names
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
@@ -67,14 +66,21 @@ def table_of_arrays(
     names = shortest_names([each.path for each in inside])
     for name, each in zip(names, inside, strict=True):
         require_room(each.size, file, name)
-    stated = units_of_channels([each.name for each in inside], units, part)
+    in_part = {path: text.strip() for path, text in units.items() if is_in_part(path, part)}
+    stated = {
+        path[-1]: text for path, text in in_part.items() if any("unit" in each.lower() for each in path[:-1])
+    }
     table = Table(
         names=tuple(names),
         columns=OnUse({name: each.read for name, each in zip(names, inside, strict=True)}),
         texts={},
         layout=layout,
         rows=max((each.size for each in inside), default=0),
-        units=stated | {name: each.unit for name, each in zip(names, inside, strict=True) if each.unit},
+        units={
+            name: unit
+            for name, each in zip(names, inside, strict=True)
+            if (unit := each.unit or stated.get(each.name, ""))
+        },
         title=part,
         more=others[1:],
     )
@@ -94,17 +100,18 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     if len(times) < 2:
         stated = {name: stated_sampling(each.settings) for name, each in arrays.items()}
         return with_samplings(table, stated, {name: each.size for name, each in arrays.items()})
-    values_of = {time: table.columns[time] for time in times.values()}
-    clocks: dict[str, FloatArray] = {}
     own: dict[str, str] = {}  # column -> the column of its times
     for name, each in arrays.items():
         groups = (each.path[:k] for k in range(len(each.path), -1, -1))
         time = next((times[group] for group in groups if group in times), name)
-        if time == name or each.size < 2 or arrays[time].size != each.size:
-            continue
-        values = values_of[time]
-        own[name] = next((other for other, same in clocks.items() if np.array_equal(values, same)), time)
-        clocks.setdefault(own[name], values)
+        if time != name and each.size > 1 and arrays[time].size == each.size:
+            own[name] = time
+    clocks: dict[str, FloatArray] = {}
+    clock_of: dict[str, str] = {}  # column of times -> the first column with equal times
+    for time in dict.fromkeys(own.values()):
+        values = table.columns[time]
+        clock_of[time] = next((other for other, same in clocks.items() if is_same_clock(values, same)), time)
+        clocks.setdefault(clock_of[time], values)
     number_of = {name: number for number, name in enumerate(clocks)}
     again = {*times.values()} - {*clocks} if clocks else set()
     return replace(
@@ -112,7 +119,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
         names=tuple(name for name in table.names if name not in again),
         columns=OnUse({name: each.read for name, each in arrays.items() if name not in again}),
         units={name: unit for name, unit in table.units.items() if name not in again},
-        clocks=number_of | {name: number_of[time] for name, time in own.items()},
+        clocks=number_of | {name: number_of[clock_of[time]] for name, time in own.items()},
         recorded_apart=bool(clocks),
     )
 
@@ -161,15 +168,11 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         for path in paths:
             if len(path) > depth:
                 inside.setdefault(path[:depth], set()).add(path[depth:])
+        # Groups with two or more equal names record the same channels.
         alike = [
             group
-            for group in inside
-            if any(
-                # Groups with this number of equal names record the same channels.
-                len(inside[group] & inside[other]) >= 2
-                for other in inside
-                if other != group
-            )
+            for group, names in inside.items()
+            if any(len(names & others) >= 2 for other, others in inside.items() if other != group)
         ]
         if alike:
             return tuple("/".join(group) for group in alike)
@@ -186,14 +189,14 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
     """Return attributes as lines ``name: value``; a number is followed by the unit in its name."""
     lines = []
     for key, value in list(attributes.items())[: SETTINGS.attribute_lines_max]:
-        text = value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"
+        text = f"{as_text(value)}"
         header = parse_header(key)
         unit = header[1] if header is not None else word_and_unit(key)[1]
-        beside = attributes.get(f"{key}_unit", attributes.get(f"{key}_units", ""))
-        if not unit and isinstance(beside, str | bytes):
-            unit = beside.decode("utf-8", "replace") if isinstance(beside, bytes) else beside
-        if unit and roles_of_unit(unit) and _is_number(text):
-            text = f"{float(text):g} {unit}"
+        beside = as_text(attributes.get(f"{key}_unit", attributes.get(f"{key}_units", "")))
+        unit = unit or (beside if isinstance(beside, str) else "")
+        number = number_in(text.strip(), ".")
+        if unit and roles_of_unit(unit) and number is not None:
+            text = f"{number:g} {unit}"
         lines.append(f"{key}: {text}"[: SETTINGS.attribute_length_max])
     return tuple(lines)
 
@@ -203,23 +206,3 @@ def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
     count = SETTINGS.listed_names_max
     more = f" and {len(names) - count} more" if len(names) > count else ""
     return (f"{SKIPPED}{', '.join(names[:count])}{more}",) if names else ()
-
-
-def units_of_channels(
-    names: Iterable[str], texts: Mapping[tuple[str, ...], str], part: str
-) -> dict[str, str]:
-    """Return the units of channels from the texts of the same names in a structure ``units``."""
-    stated = {
-        path[-1]: text.strip()
-        for path, text in texts.items()
-        if is_in_part(path, part) and any("unit" in each.lower() for each in path[:-1])
-    }
-    return {name: stated[name] for name in names if name in stated}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Table, load_extra
+from mrdamper.data.formats.table import FileOptions, Table, as_text, load_extra
 from mrdamper.data.formats.variables import OF_COLUMNS, table_of_variables, words_in
 
 _MATLAB = b"MATLAB 7.3"
@@ -81,7 +81,7 @@ class _Tree:
     def _value(self, item: Any) -> Any:  # noqa: ANN401 - h5py has no types
         """Return the value of a group or a data set, None if it is stored elsewhere or already read."""
         if self._matlab and item is not None and "MATLAB_object_decode" in item.attrs:
-            return SimpleNamespace(classname=_as_plain_value(item.attrs.get("MATLAB_class", b"")))
+            return SimpleNamespace(classname=as_text(item.attrs.get("MATLAB_class", b"")))
         if isinstance(item, self._h5py.Group):
             return self.structure(item) if self._is_new(item) else None
         if not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
@@ -95,7 +95,7 @@ class _Tree:
             return {name: _DataSet(self._path, item, name) for name, each in inside.items() if not each.shape}
         if item.dtype.kind in "SO" and item.size <= SETTINGS.table_columns_max and not self._matlab:
             words = np.ravel(item[()]).tolist()
-            return _as_plain_value(words[0]) if len(words) == 1 else words
+            return as_text(words[0]) if len(words) == 1 else words
         return _DataSet(self._path, item)
 
     def _refers(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
@@ -128,10 +128,4 @@ def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
 
 def _settings(item: Any) -> dict[str, object]:  # noqa: ANN401 - h5py has no types
     """Return the attributes of a group or a data set that have a single value."""
-    return {
-        key: _as_plain_value(np.ravel(value)[0]) for key, value in item.attrs.items() if np.size(value) == 1
-    }
-
-
-def _as_plain_value(value: Any) -> Any:  # noqa: ANN401 - h5py has no types
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return {key: as_text(np.ravel(value)[0]) for key, value in item.attrs.items() if np.size(value) == 1}

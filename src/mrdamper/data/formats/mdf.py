@@ -72,11 +72,9 @@ def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammd
         for channel in group.channels:
             said = _formula(channel.conversion)
             if said:
-                raise InputError(
-                    place=path,
-                    found=f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}",
-                    remedy="Formulas are not run: export the run with its values scaled",
-                )
+                found = f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}"
+                remedy = "Formulas are not run: export the run with its values scaled"
+                raise InputError(place=path, found=found, remedy=remedy)
 
 
 def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion

@@ -207,11 +207,13 @@ def require_room(samples: int, path: Path, name: str) -> None:
 def require_held(samples: int, size: int, path: Path, name: str) -> None:
     """Raise InputError if the file is too small for the stated samples. Call before memory is allocated."""
     if not 0 <= samples * size <= SETTINGS.unpacked_ratio_max * path.stat().st_size:
-        raise InputError(
-            place=path,
-            found=f"{name!r} states {samples} samples of {size} bytes, more than its file holds",
-            remedy="Copy the file again",
-        )
+        found = f"{name!r} states {samples} samples of {size} bytes, more than its file holds"
+        raise InputError(place=path, found=found, remedy="Copy the file again")
+
+
+def as_text(value: Any) -> Any:  # noqa: ANN401 - any value
+    """Return bytes as text, and any other value unchanged."""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
 
 
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:

@@ -41,19 +41,13 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         attributes = {group.name: {**file.properties, **group.properties} for group in file.groups()}
         cut = bool(file.file_status.incomplete_final_segment)
     found = [pair for pair in every if pair[0].size]
+    fault = "" if found or options.part else "holds no sample: it is empty, or cut off"
     if cut and (len(found) < len(every) or not every):
         empty = ", ".join([each.name for each, _ in every if not each.size][:5])
-        raise InputError(
-            place=path.name,
-            found=f"the TDMS file is cut off before the first sample of {empty or 'its first channel'}",
-            remedy="Copy it again, or record again",
-        )
-    if not found and not options.part:
-        raise InputError(
-            place=path.name,
-            found="the TDMS file holds no sample: it is empty, or cut off",
-            remedy="Copy it again, or record again",
-        )
+        fault = f"is cut off before the first sample of {empty or 'its first channel'}"
+    if fault:
+        remedy = "Copy it again, or record again"
+        raise InputError(place=path.name, found=f"the TDMS file {fault}", remedy=remedy)
     arrays = [each for each, kind in found if kind in _NUMBERS]
     layout = Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ())
     table = table_of_arrays(arrays, path, layout, {})

@@ -297,11 +297,9 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
         stream.seek(start)
         while piece := stream.read(_BLOCK_BYTES if stop is None else min(_BLOCK_BYTES, stop - stream.tell())):
             if b"\0" in piece:
-                raise InputError(
-                    place=f"{path}",
-                    found=f"holds zero bytes after about line {first_line}",
-                    remedy="The file was cut off while it was written: cut the rest off, or record again",
-                )
+                found = f"holds zero bytes after about line {first_line}"
+                remedy = "The file was cut off while it was written: cut the rest off, or record again"
+                raise InputError(place=f"{path}", found=found, remedy=remedy)
             content = rest + piece
             cut = content.rfind(b"\n") + 1
             if not cut and len(content) >= _BLOCK_BYTES:

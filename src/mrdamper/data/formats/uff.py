@@ -6,10 +6,9 @@ ignored.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -59,28 +58,21 @@ def _channels(path: Path) -> Iterator[_Channel]:
     pyuff = load_extra("pyuff", "pyuff", "universal files")
     file = pyuff.UFF(str(path))
     for number, kind in enumerate(file.get_set_types()):
-        if kind != _DATA_SET:
+        data = file.read_sets(number) if kind == _DATA_SET else {}
+        if data.get("func_type") != _TIME_RESPONSE or data["ord_data_type"] not in _REAL:
             continue
-        data = file.read_sets(number)
-        if data["func_type"] == _TIME_RESPONSE and data["ord_data_type"] in _REAL:
-            yield _channel(data, path)
-
-
-def _channel(data: Mapping[str, Any], path: Path) -> _Channel:
-    """Return the channel of a data set."""
-    count = int(data["num_pts"])
-    if not 0 < count <= len(data["data"]):
-        raise InputError(
-            place=path, found="data set 58 was cut off", expected="a whole file", remedy="Copy it again"
+        count = int(data["num_pts"])
+        if not 0 < count <= len(data["data"]):
+            found = "data set 58 was cut off"
+            raise InputError(place=path, found=found, expected="a whole file", remedy="Copy it again")
+        title, label = _text(data["id1"]), _text(data["ordinate_axis_lab"])
+        yield _Channel(
+            name=label or title or _QUANTITIES.get(data["ordinate_spec_data_type"], "channel"),
+            unit=_text(data["ordinate_axis_units_lab"]),
+            time=to_si(data["x"][:count], _text(data["abscissa_axis_units_lab"]) or "s", "time"),
+            values=np.asarray(data["data"][:count], dtype=np.float64),
+            said=tuple(text for key in ("id1", "id2", "id3", "id4", "id5") if (text := _text(data[key]))),
         )
-    title, label = _text(data["id1"]), _text(data["ordinate_axis_lab"])
-    return _Channel(
-        name=label or title or _QUANTITIES.get(data["ordinate_spec_data_type"], "channel"),
-        unit=_text(data["ordinate_axis_units_lab"]),
-        time=to_si(data["x"][:count], _text(data["abscissa_axis_units_lab"]) or "s", "time"),
-        values=np.asarray(data["data"][:count], dtype=np.float64),
-        said=tuple(text for key in ("id1", "id2", "id3", "id4", "id5") if (text := _text(data[key]))),
-    )
 
 
 def _text(given: object) -> str:

@@ -28,7 +28,7 @@ from mrdamper.data.formats.groups import (
     table_of_arrays,
 )
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column
+from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column, as_text
 from mrdamper.quantities import roles_of_unit
 
 OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items", re.IGNORECASE)
@@ -185,8 +185,7 @@ def words_in(value: Any) -> list[str]:  # noqa: ANN401 - any value
         value = value.ravel().tolist()
     if not isinstance(value, list) or not all(isinstance(each, str | bytes) for each in value):
         return []
-    words = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in value]
-    return [word.strip() for word in words] if len(words) > 1 else []
+    return [as_text(word).strip() for word in value] if len(value) > 1 else []
 
 
 def _lists_of_words(name: str, value: Any) -> Iterator[tuple[str, list[str]]]:  # noqa: ANN401 - any value

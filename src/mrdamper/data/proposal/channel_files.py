@@ -40,12 +40,8 @@ def join_channel_files(
             role, name, times = _channel_of(table, chosen, path)
             for key in ((path.parent, _strip_channel(path.stem)), (path.parent, "")):
                 group = groups.setdefault(key, {})
-                group[role if group.get(role, (path,))[0] == path else f"{role} again"] = (
-                    path,
-                    table,
-                    name,
-                    times,
-                )
+                again = "" if group.get(role, (path,))[0] == path else " again"
+                group[f"{role}{again}"] = (path, table, name, times)
     joined: list[tuple[Path, RigFile]] = []
     members: set[Path] = set()
     for (folder, rest), group in groups.items():

@@ -27,8 +27,7 @@ from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
-_TICKS = (1.0, 1e3, 1e6)  # Possible units of a time column, in ticks per second.
-_TICK_UNITS = ("s", "ms", "us")
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6}  # Possible units of a time column, in ticks per second.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles without values outside their samples. Values of the remaining roles hold for one step outside."""
 
@@ -260,7 +259,7 @@ def _rates_of(table: Table) -> tuple[float, ...]:
 def unit_by_rate(name: str, table: Table) -> str:
     """Return the time unit that agrees with the sampling rate above the table, "" if no unit agrees."""
     ticks = _ticks_per_second(name, table)
-    return next((u for u, n in zip(_TICK_UNITS, _TICKS, strict=True) if ticks and _is_near(ticks, n)), "")
+    return next((unit for unit, rate in _TICKS.items() if ticks and _is_near(ticks, rate)), "")
 
 
 def require_one_rate(column: Column, table: Table, place: str) -> None:
@@ -279,7 +278,7 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
             found=f"column {column.name!r} is in {column.unit}, and a sampling rate above it says otherwise",
             expected="one and the same",
             remedy="Give unit at [channel.time], or rate_Hz at [constant] of the channel map",
-            candidates=_TICK_UNITS,
+            candidates=list(_TICKS),
         )
 
 

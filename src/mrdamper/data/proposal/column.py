@@ -62,14 +62,8 @@ def header_of(table: Table, name: str, place: str) -> Header:
         unit = _unit(table, name, exact, place)
     stated = table.units.get(name, "")
     unit = unit or (stated if roles_of_unit(stated) else "")
-    return Header(name, word, unit, roles_of_unit(unit), _exact_role(exact, word))
-
-
-def _exact_role(exact: tuple[str, str] | None, word: str) -> str:
-    if exact is not None:
-        return exact[0]
-    named = parse_header(word)
-    return named[0] if named is not None else ""
+    named = exact or parse_header(word)
+    return Header(name, word, unit, roles_of_unit(unit), named[0] if named is not None else "")
 
 
 def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
@@ -81,11 +75,8 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
     stated = table.units.get(name, "")
     units = [word for word in (of_header, stated) if is_unit(word)]
     if len(units) == 2 and spell_unit(stated, role) != spell_unit(of_header, role):
-        raise InputError(
-            place=place,
-            found=f"column {name!r} states {stated!r} as its unit beside the name",
-            remedy="Correct the file",
-        )
+        found = f"column {name!r} states {stated!r} as its unit beside the name"
+        raise InputError(place=place, found=found, remedy="Correct the file")
     return units[0] if units else of_header
 
 

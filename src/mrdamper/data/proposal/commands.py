@@ -146,9 +146,6 @@ def segments_of(
     }
     edges = [0, *sorted(begins), samples]
     if len(edges) - 1 != len(commands):
-        raise InputError(
-            place=place,
-            found=f"{split!r} splits the file into {len(edges) - 1} tests, [segments] has {len(commands)}",
-            remedy="Check the events and the list",
-        )
+        found = f"{split!r} splits the file into {len(edges) - 1} tests, [segments] has {len(commands)}"
+        raise InputError(place=place, found=found, remedy="Check the events and the list")
     return edges, list(commands)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
@@ -69,19 +69,15 @@ class Document:
         )
 
 
-@dataclass(slots=True)
 class _Files:
     """Files of a folder, indexed by the names that a document may use for them."""
 
-    names: dict[str, Path] = field(default_factory=dict)  # Names in lower case, with and without suffix.
-    numbers: dict[int, Path] = field(default_factory=dict)  # The last number of each stem, if unique.
-
-    @classmethod
-    def from_paths(cls, files: Sequence[Path]) -> _Files:
-        names = {name.lower(): path for path in files for name in (path.stem, path.name)}
+    def __init__(self, files: Sequence[Path]) -> None:
+        # Names in lower case, with and without suffix, and the last number of each stem if it is unique.
+        self.names = {name.lower(): path for path in files for name in (path.stem, path.name)}
         last = [re.findall(r"\d{1,9}", path.stem) for path in files]
         numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
-        return cls(names, numbers if len(numbers) == len(files) > 1 else {})
+        self.numbers = numbers if len(numbers) == len(files) > 1 else {}
 
     def file_in_cell(self, cell: str) -> Path | None:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower())
@@ -104,10 +100,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     folders : folders with further files to search
     """
     inside = {
-        each
-        for folder in folders
-        for each in sorted(folder.iterdir())
-        if not each.name.startswith((".", "~$"))
+        each for folder in folders for each in folder.iterdir() if not each.name.startswith((".", "~$"))
     }
     found = []
     for path in (*files, *sorted(inside - {*files})):
@@ -118,16 +111,15 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
         except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
             continue
         about = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
-        stating = {file: tuple(filter(_states, each)) for file, each in about.items()}
+        stating = {
+            file: tuple(line for line in each if any(labels_in(line, role) for role in _ROLES))
+            for file, each in about.items()
+        }
         is_run = path in files and any(holds_samples(lines, delimiter) for delimiter in DELIMITERS)
         whole = () if is_run else tuple(lines)
         if any(stating.values()) or whole:
             found.append(Document(path, {file: each for file, each in stating.items() if each}, whole))
     return tuple(found)
-
-
-def _states(line: str) -> bool:
-    return any(labels_in(line, role) for role in _ROLES)
 
 
 def _lines_of(path: Path) -> list[str]:
@@ -172,8 +164,10 @@ def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table is used if most of its rows name files."""
-    known = _Files.from_paths(files)
-    if is_run and path.suffix.lower() != ".json" and not known.numbers and not _has_any(known.names, lines):
+    known = _Files(files)
+    text = "\n".join(lines).lower()
+    names_a_file = bool(known.numbers) or any(name in text for name in known.names)
+    if is_run and path.suffix.lower() != ".json" and not names_a_file:
         return {}  # Most runs name no other file.
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [with_unit(line) for line in lines]}
@@ -193,11 +187,8 @@ def _lines_by_file(
                         if re.fullmatch(r"\d{1,9}(\.0)?", cell) and _NUMBER_WORDS.search(name))  # fmt: skip
             named = next(filter(None, numbered), None)
         if named is not None and len(cells) > 1 and len(cells) == len(header):
-            pairs = zip(header, cells, strict=True)
-            entries = [
-                with_unit(f"{pair[0]}: {pair[1]}") for pair in pairs if known.file_in_cell(pair[1]) is None
-            ]
-            found.setdefault(named, []).extend(entries)
+            pairs = [pair for pair in zip(header, cells, strict=True) if known.file_in_cell(pair[1]) is None]
+            found.setdefault(named, []).extend(with_unit(f"{name}: {value}") for name, value in pairs)
             mentions += 1
             continue
         if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
@@ -217,11 +208,6 @@ def _lines_by_file(
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
-
-
-def _has_any(names: Iterable[str], lines: Sequence[str]) -> bool:
-    text = "\n".join(lines).lower()
-    return any(name in text for name in names)
 
 
 def _strip_name(line: str, file: Path) -> str:

@@ -98,11 +98,8 @@ def _unpack(file: Path, space: Path) -> list[Path]:
                 parts = [part for part in PurePosixPath(name).parts if part not in {"..", "/"}]
                 room -= _extract(member, folder.joinpath(*parts), file, room)
     except _DAMAGES as error:
-        raise InputError(
-            place=file,
-            found="the archive is damaged, encrypted, or of an unknown kind",
-            remedy="Unpack it first",
-        ) from error
+        found = "the archive is damaged, encrypted, or of an unknown kind"
+        raise InputError(place=file, found=found, remedy="Unpack it first") from error
     single = folder / file.stem
     return [single] if single.is_file() else list(_files_below(folder / file.name))
 
@@ -139,11 +136,8 @@ def _extract(member: IO[bytes], target: Path, archive: Path, room: int) -> int:
         while piece := member.read(1 << 20):
             size += stream.write(piece)
             if size > room:
-                raise InputError(
-                    place=archive,
-                    found=f"unpacks to more than {SETTINGS.archive_unpacked_max_bytes >> 20} MB",
-                    remedy="Unpack it first",
-                )
+                found = f"unpacks to more than {SETTINGS.archive_unpacked_max_bytes >> 20} MB"
+                raise InputError(place=archive, found=found, remedy="Unpack it first")
     return size
 
 

@@ -228,24 +228,22 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
         return
     for first, last in itertools.pairwise(edges):
         part = piece.part(slice(first, last))
-        found: tuple[Finding, ...] = ()
         if first:
             lost = float(piece.time[first] - piece.time[first - 1])
-            found = (
-                Finding(
-                    kind="gap",
-                    channel="time",
-                    size=lost,
-                    unit="s",
-                    from_s=float(piece.time[first - 1]),
-                    to_s=float(piece.time[first]),
-                    found=f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
-                    f"{usual:.4g} s: the record is cut there",
-                    effect="The state of the hysteresis is lost in a gap: each piece begins anew",
-                    remedy="Record again without losing samples, if the pieces are short",
-                ),
+            found = Finding(
+                kind="gap",
+                channel="time",
+                size=lost,
+                unit="s",
+                from_s=float(piece.time[first - 1]),
+                to_s=float(piece.time[first]),
+                found=f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
+                f"{usual:.4g} s: the record is cut there",
+                effect="The state of the hysteresis is lost in a gap: each piece begins anew",
+                remedy="Record again without losing samples, if the pieces are short",
             )
-        yield replace(part, findings=(*part.findings, *found))
+            part = replace(part, findings=(*part.findings, found))
+        yield part
 
 
 def integrated(piece: Piece) -> Piece:

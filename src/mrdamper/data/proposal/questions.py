@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatchcase
-from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 from mrdamper.data.channels import Channel, ChannelMap
@@ -21,7 +20,9 @@ from mrdamper.schema import unknown_name
 
 Topic = Literal["unit", "rate", "column", "scale", "value", "part"]
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
-_SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*")
+_SCALED = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +42,8 @@ class Question:
 
     def to_dict(self) -> Mapping[str, object]:
         """Return the fields as JSON values."""
-        return {
-            "role": self.role,
-            "topic": self.topic,
-            "file": self.file,
-            "text": self.text,
-            "candidates": list(self.candidates),
-            "answer": f"{self.key}={self.candidates[0] if len(self.candidates) == 1 else '...'}",
-        }
+        answer = f"{self.key}={self.candidates[0] if len(self.candidates) == 1 else '...'}"
+        return asdict(self) | {"candidates": list(self.candidates), "answer": answer}
 
 
 class AskingError(InputError):
@@ -134,11 +129,11 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
         elif answer.topic == "column":
             channels[answer.role] = replace(channel, name=answer.value, pattern=None, index=None)
         elif answer.topic == "scale":
-            channels[answer.role] = replace(
-                channel,
-                gain=_number(answer, QUANTITIES[answer.role].unit),
-                unit="%" if answer.value.endswith("%") else "V",
+            gain, unit = (
+                _number(answer, QUANTITIES[answer.role].unit),
+                "%" if answer.value.endswith("%") else "V",
             )
+            channels[answer.role] = replace(channel, gain=gain, unit=unit)
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")
         elif answer.topic == "part":
@@ -148,13 +143,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
             file_options = replace(file_options, common_time=True)
         else:
             constant[answer.role] = _number(answer, QUANTITIES[answer.role].unit)
-    return replace(
-        chosen,
-        channels=MappingProxyType(channels),
-        constant=MappingProxyType(constant),
-        rate_Hz=rate,
-        file=file_options,
-    )
+    return replace(chosen, channels=channels, constant=constant, rate_Hz=rate, file=file_options)
 
 
 def _number(answer: Answer, unit: str) -> float:
@@ -163,16 +152,11 @@ def _number(answer: Answer, unit: str) -> float:
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:
         raise InputError(place=place, found="no number", expected=f"a number, in {unit} without a unit")
-    try:
-        value = float(found[1])
-    except ValueError as error:
-        raise InputError(place=place, found="no number", expected="a number") from error
-    spelled = found[2] or unit
+    value, spelled = float(found[1]), found[2] or unit
     if unit == "Hz":
         if spelled not in {"Hz", "kHz"} or not value > 0.0:
-            raise InputError(
-                place=place, found=f"{answer.value!r}", expected="a positive number of Hz or kHz"
-            )
+            expected = "a positive number of Hz or kHz"
+            raise InputError(place=place, found=f"{answer.value!r}", expected=expected)
         return value * (1e3 if spelled == "kHz" else 1.0)
     value = float(to_si(value, spelled, answer.role))
     if found[3] == "mV":

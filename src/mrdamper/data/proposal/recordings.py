@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ from mrdamper.data.proposal.pieces import (
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
-from mrdamper.data.records import LEAST_SAMPLES, Recording
+from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
@@ -145,11 +146,9 @@ def runs_in(
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
     """Return the channel map for one table. If each table is one segment, it has the segment's command."""
     segments = chosen.segments
-    if (
-        segments is None
-        or count != len(segments.commands)
-        or not any(segments.split in line for line in table.said)
-    ):
+    if segments is None or count != len(segments.commands):
+        return chosen
+    if not any(segments.split in line for line in table.said):
         return chosen
     held = {**chosen.constant, segments.role: segments.commands[number]}
     return replace(chosen, segments=None, constant=held)
@@ -258,11 +257,8 @@ def _channels(
     channels: dict[str, FloatArray] = {}
     for column in columns:
         if not len(raw[column.role]):
-            raise InputError(
-                place=place,
-                found=f"column {column.name!r} ({column.role}) holds no sample",
-                remedy="The file may be cut off: copy it again",
-            )
+            found = f"column {column.name!r} ({column.role}) holds no sample"
+            raise InputError(place=place, found=found, remedy="The file may be cut off: copy it again")
         channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
@@ -293,9 +289,8 @@ def _make_recordings(
     for (piece, role), name in zip(pieces, names, strict=True):
         zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
         start = None if piece.start is None else piece.start.later(zero)
-        parts = list(
-            cut_at_gaps(filled(evened(without_repeated_end(replace(piece, time=piece.time - zero)))))
-        )
+        whole = filled(evened(without_repeated_end(replace(piece, time=piece.time - zero))))
+        parts = list(cut_at_gaps(whole))
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name
@@ -310,18 +305,9 @@ def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: P
     for values in (piece.time, *piece.channels.values()):
         if values.base is None:
             values.setflags(write=False)  # The array is shared, not copied.
-    return Recording(
-        name=name,
-        time=piece.time,
-        displacement=piece.channels["displacement"],
-        force=piece.channels["force"],
-        command=piece.channels["command"],
-        command_unit=unit,
-        velocity=piece.channels.get("velocity"),
-        temperature=piece.channels.get("temperature"),
-        session=session,
-        source=printable(str(file)),
-    )
+    channels: dict[str, Any] = {role: piece.channels.get(role) for role in CHANNELS if role != "time"}
+    source = printable(str(file))
+    return Recording(name, piece.time, **channels, command_unit=unit, session=session, source=source)
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:

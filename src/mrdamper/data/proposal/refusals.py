@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import COMMANDS
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Table
 from mrdamper.data.proposal.column import Header, header_of, meant_without_unit
@@ -23,8 +25,6 @@ from mrdamper.data.words.headers import (
 )
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
-
-_COMMANDS = ("current", "voltage")
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -94,10 +94,12 @@ def no_command(
     table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
 ) -> InputError:
     """Return the error that requests the command."""
-    for role in ("current", "voltage"):
+    for role in COMMANDS:
         require_no_text(role, table, place)
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
-    volts = [name for name in volts if parse_header(name) is None and not _has_companion(name, table)]
+    # Of two columns with the same word, the column in volts is the output of the sensor.
+    often = Counter(word_and_unit(name)[0] for name in table.columns)
+    volts = [name for name in volts if parse_header(name) is None and often[word_and_unit(name)[0]] == 1]
     monitors = [
         name
         for name in volts
@@ -139,9 +141,9 @@ def varying_commands(table: Table, place: str) -> list[str]:
 
 def _may_be_command(header: Header) -> bool:
     """Return True for a column without a unit and with the name of a current, a voltage or a set point."""
-    if header.unit or header.of_word not in {"", *_COMMANDS}:
+    if header.unit or header.of_word not in {"", *COMMANDS}:
         return False
-    if any(speaks_of(header.word, role) for role in QUANTITIES if role not in _COMMANDS):
+    if any(speaks_of(header.word, role) for role in QUANTITIES if role not in COMMANDS):
         return False
     named = _names_current(header) or speaks_of(header.word, "voltage")
     return named or says_command(header.word) or has_word(header.word, "set point")
@@ -165,27 +167,15 @@ def command_shares(table: Table) -> list[str]:
     return [name for name in table.columns if is_command_share(name, table.units.get(name, ""))]
 
 
-def _has_companion(name: str, table: Table) -> bool:
-    """Return True if a second column has the same word but a different unit.
-
-    A column in volts is then the output of the sensor.
-    """
-    word = word_and_unit(name)[0]
-    return any(word_and_unit(other)[0] == word for other in table.columns if other != name)
-
-
 def require_no_text(role: str, table: Table, place: str) -> None:
     """Raise InputError if the header of a missing role belongs to a column of texts."""
     for name, cells in table.texts.items():
         header = parse_header(name)
         if header is not None and header[0] == role:
             cell = next((cell for cell in cells if cell), "")
-            raise InputError(
-                place=place,
-                found=f"column {name!r} ({role}) holds text, such as {cell[:40]!r}",
-                expected="numbers, without units or separators of thousands in the cells",
-                remedy="Export the file again",
-            )
+            found = f"column {name!r} ({role}) holds text, such as {cell[:40]!r}"
+            expected = "numbers, without units or separators of thousands in the cells"
+            raise InputError(place=place, found=found, expected=expected, remedy="Export the file again")
 
 
 def column_list(names: Sequence[str]) -> str:

@@ -299,14 +299,8 @@ def _mentions(line: str, header: Header) -> bool:
 
 def _select_one(role: str, left: Sequence[Column], place: str) -> Column:
     if len(left) > 1:
-        columns = ", ".join(repr(column.name) for column in left)
-        raise ask(
-            role,
-            "column",
-            place,
-            found=f"columns {columns} all hold {role}",
-            expected="one",
-            remedy=f"Name it at [channel.{role}] in the channel map",
-            candidates=[column.name for column in left],
-        )
+        names = [column.name for column in left]
+        found = f"columns {', '.join(map(repr, names))} all hold {role}"
+        remedy = f"Name it at [channel.{role}] in the channel map"
+        raise ask(role, "column", place, found=found, expected="one", remedy=remedy, candidates=names)
     return left[0]

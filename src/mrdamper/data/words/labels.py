@@ -55,6 +55,7 @@ _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
+_PER_VOLT = {"V": 1.0, "mV": 1e3}
 _SCALE = re.compile(rf"({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])")
 _SCALE_BEFORE = re.compile(rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")
 _VOLTS_PER = re.compile(rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:/|per)\s*([^\W\d_]{{1,3}})(?![\w/])")
@@ -104,7 +105,7 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
                 continue
             spelled = "degF" if re.search("[f℉]", unit.lower()) else "degC"
         try:
-            value = float(to_si(_value(number), spelled, role))
+            value = float(to_si(_to_float(number), spelled, role))
         except InputError:
             continue
         if QUANTITIES[role].low <= value <= QUANTITIES[role].high:
@@ -112,7 +113,8 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
     return tuple(values)
 
 
-def _value(number: str) -> float:
+def _to_float(number: str) -> float:
+    """Return a number with a decimal comma or point or the letter p (1p5), and an exponent (1.5D+00)."""
     return float(re.sub("[,p]", ".", re.sub("[dD]", "e", number)))
 
 
@@ -151,14 +153,12 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
 
 def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the scales in a line as (number per volt, unit): ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``."""
-    found = [(number, unit, 1e3 if volt == "mV" else 1.0) for number, unit, volt in _SCALE.findall(line)]
-    found += [(number, unit, 1.0) for number, unit in _SCALE_OF_ONE.findall(line)]
-    found += [
-        (number, unit, 1e3 if volt == "mV" else 1.0) for unit, volt, number in _SCALE_BEFORE.findall(line)
-    ]
-    scales = [(_value(number) * factor, unit) for number, unit, factor in found]
+    found = [(number, unit, volt) for number, unit, volt in _SCALE.findall(line)]
+    found += [(number, unit, "V") for number, unit in _SCALE_OF_ONE.findall(line)]
+    found += [(number, unit, volt) for unit, volt, number in _SCALE_BEFORE.findall(line)]
+    scales = [(_to_float(number) * _PER_VOLT[volt], unit) for number, unit, volt in found]
     for number, volt, unit in _VOLTS_PER.findall(line):
-        volts = _value(number) * (1e-3 if volt == "mV" else 1.0)
+        volts = _to_float(number) / _PER_VOLT[volt]
         scales += [(1.0 / volts, unit)] * (volts > 0.0 and unit not in {"V", "s"})
     return tuple(scales)
 
@@ -166,7 +166,7 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
-    return tuple((_value(number), unit) for number, unit in found)
+    return tuple((_to_float(number), unit) for number, unit in found)
 
 
 def _may_say(place: Place, role: str) -> bool:
@@ -214,12 +214,12 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
         interval = _INTERVAL.search(line)
         if interval is not None:
             unit = interval[1] or interval[3] or ("s" if in_seconds or "delta" in interval[0].lower() else "")
-            step = _value(interval[2]) * _SECONDS.get(unit.lower(), 0.0)
+            step = _to_float(interval[2]) * _SECONDS.get(unit.lower(), 0.0)
             if step > 0.0:
                 rates[float(f"{1.0 / step:.9g}")] = None
         elif _SAMPLING.search(line):
             for number, kilo, thousand, other in _RATE.findall(line):
-                value = _value(number or other) * (1e3 if kilo or thousand else 1.0)
+                value = _to_float(number or other) * (1e3 if kilo or thousand else 1.0)
                 if value > 0.0:
                     rates[value] = None
     return tuple(rates)

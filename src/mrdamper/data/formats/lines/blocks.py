@@ -8,6 +8,7 @@ cell is reported as an error.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,7 +17,6 @@ from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import is_time
 
 _WORD = re.compile(r"\W*[^\W\d_]")
-_Kind = Literal["blank", "row", "words", "perhaps words"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,70 +31,53 @@ class Block:
     first_row: str
 
 
-class _Scan:
-    """Split the lines of a text into blocks."""
-
-    def __init__(self, delimiter: str) -> None:
-        self.blocks: list[Block] = []
-        self.above: list[str] = []  # Lines of words since the last block.
-        self._delimiter = delimiter
-        self._numeric: list[int] = []  # Indices of the cells with numbers in the current block.
-        self._waiting: list[tuple[str, int]] = []  # Lines that may be words, with the next byte.
-        self._open: Block | None = None
-
-    def take(self, line: str, start: int, stop: int, number: int) -> None:
-        kind = self._kind(line)
-        if kind == "blank":
-            return
-        if kind == "perhaps words" and self._open is not None:
-            self._waiting.append((line, stop))
-        elif kind != "row":
-            self.end()
-            self.above.append(line)
-        elif self._open is None:
-            cells = split_line(line, self._delimiter)
-            self._numeric = [k for k, cell in enumerate(cells) if count_numbers([cell])]
-            self._open, self.above = Block(start, stop, number, 1, tuple(self.above), line), []
-        else:
-            now = self._open
-            rows = now.rows + 1 + len(self._waiting)
-            self._open = Block(now.start, stop, now.first_line, rows, now.above, now.first_row)
-            self._waiting = []
-
-    def end(self) -> None:
-        """End the present block. Pending lines that may be words are then treated as words."""
-        if self._open is not None:
-            self.blocks.append(self._open)
-            self.above = [line for line, _ in self._waiting]
-            self._open, self._waiting = None, []
-
-    def _kind(self, line: str) -> _Kind:
-        if not line.strip(self._delimiter + " \t"):
-            return "blank"
-        cells = split_line(line, self._delimiter)
-        if is_comment(line):
-            return "words"
-        if self._open is None:
-            first = cells[0]
-            is_value = first in {"", *MISSING_MARKS} or count_numbers([first]) > 0 or is_time(first)
-            began = not self.blocks or is_value
-            return "row" if count_numbers(cells) >= 2 and began else "words"
-        inside = [cells[k] for k in self._numeric if k < len(cells)]
-        if not count_numbers(inside):
-            words = any(cell and cell not in MISSING_MARKS and _WORD.match(cell) for cell in cells)
-            return "words" if words else "row"
-        return "perhaps words" if inside[0] not in MISSING_MARKS and _WORD.match(inside[0]) else "row"
-
-
 def find_blocks(
     content: bytes, start: int, first_line: int, delimiter: str, encoding: str
 ) -> tuple[list[Block], int]:
     """Return the list of blocks from byte ``start`` on, and the number of lines below the last block."""
-    scan = _Scan(delimiter)
+    blocks: list[Block] = []
+    above: list[str] = []  # Lines of words since the last block.
+    waiting: list[str] = []  # Lines of the open block that may be words.
+    numeric: list[int] = []  # Indices of the cells with numbers in the open block.
+    block: Block | None = None  # The open block.
     at = start
     for number, raw in enumerate(content[start:].splitlines(keepends=True), first_line):
         line = raw.decode(encoding, "replace").rstrip("\r\n")
-        scan.take(line, at, at + len(raw), number)
-        at += len(raw)
-    scan.end()
-    return scan.blocks, len(scan.above)
+        begin, at = at, at + len(raw)
+        if not line.strip(delimiter + " \t"):
+            continue
+        cells = split_line(line, delimiter)
+        if block is None:
+            if not is_comment(line) and _begins_block(cells, is_first=not blocks):
+                numeric = [k for k, cell in enumerate(cells) if count_numbers([cell])]
+                block, above = Block(begin, at, number, 1, tuple(above), line), []
+            else:
+                above.append(line)
+            continue
+        kind = "words" if is_comment(line) else _kind_in_block(cells, numeric)
+        if kind == "perhaps words":
+            waiting.append(line)
+        elif kind == "row":
+            rows = block.rows + 1 + len(waiting)
+            block, waiting = Block(block.start, at, block.first_line, rows, block.above, block.first_row), []
+        else:
+            blocks.append(block)
+            block, above, waiting = None, [*waiting, line], []
+    if block is not None:
+        return [*blocks, block], len(waiting)
+    return blocks, len(above)
+
+
+def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:
+    """Return True if a row begins a block. A later block begins with a value in its first cell."""
+    is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
+    return count_numbers(cells) >= 2 and (is_first or is_value)
+
+
+def _kind_in_block(cells: Sequence[str], numeric: Sequence[int]) -> Literal["row", "words", "perhaps words"]:
+    """Return the kind of a line below a row of a block with numbers in the cells ``numeric``."""
+    inside = [cells[k] for k in numeric if k < len(cells)]
+    if not count_numbers(inside):
+        are_words = any(cell and cell not in MISSING_MARKS and _WORD.match(cell) for cell in cells)
+        return "words" if are_words else "row"
+    return "perhaps words" if inside[0] not in MISSING_MARKS and _WORD.match(inside[0]) else "row"

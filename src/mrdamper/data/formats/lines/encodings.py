@@ -83,11 +83,8 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
         return stream
     stream.close()
     if size_of(source) > SETTINGS.whole_file_max_bytes:
-        raise InputError(
-            place=source,
-            found=f"the text is UTF-16 of more than {SETTINGS.whole_file_max_bytes >> 20} MB",
-            remedy="Save the file as UTF-8",
-        )
+        found = f"the text is UTF-16 of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
+        raise InputError(place=source, found=found, remedy="Save the file as UTF-8")
     try:
         return io.BytesIO(source.read_bytes().decode(wide).encode())
     except UnicodeError as error:
@@ -109,26 +106,17 @@ def encoding_of(path: TextSource, content: bytes) -> str:
             eastern = _eastern(content)
             if eastern:
                 return eastern
-            if _NO_CYRILLIC not in content and _is_cyrillic(content):
+            # Cyrillic words have no ASCII letters. Words in Latin script have letters of both kinds.
+            words = [word for word in _WORDS.findall(content) if not word.isascii()]
+            are_cyrillic = len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
+            if are_cyrillic and _NO_CYRILLIC not in content:
                 return _CYRILLIC
             # A text of numbers has few non-ASCII characters.
             if _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content):
                 return _WINDOWS
-        raise InputError(
-            place=f"{path}",
-            found=f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})",
-            remedy="Save the file as UTF-8",
-        ) from error
+        found = f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})"
+        raise InputError(place=f"{path}", found=found, remedy="Save the file as UTF-8") from error
     return UTF8
-
-
-def _is_cyrillic(content: bytes) -> bool:
-    """Return True if words with non-ASCII characters have no ASCII letters, as in Cyrillic script.
-
-    Words in Latin script contain letters of both kinds.
-    """
-    words = [word for word in _WORDS.findall(content) if not word.isascii()]
-    return len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
 
 
 def _eastern(content: bytes) -> str:
@@ -138,12 +126,10 @@ def _eastern(content: bytes) -> str:
         for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
         if _is_pairs_of(narrow, content)
     }
-    words = [word for each in QUANTITIES.values() for word in each.headers if len(word) > 1]
-    named = [
-        encoding
-        for encoding, text in fitting.items()
-        if any(word in text for word in words if not word.isascii())
+    words = [
+        word for each in QUANTITIES.values() for word in each.headers if len(word) > 1 and not word.isascii()
     ]
+    named = [key for key, text in fitting.items() if any(word in text for word in words)]
     return next(iter((*named, *fitting)), "")
 
 

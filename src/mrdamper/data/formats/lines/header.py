@@ -323,12 +323,9 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
         cell for line in lines[first:] for cell in split_line(line, ",") if "," in cell and is_number(cell)
     ]
     if quoted and all(_THOUSANDS.fullmatch(cell) for cell in quoted):
-        raise InputError(
-            place=f"{path}",
-            found=f"commas separate columns and perhaps thousands ({quoted[0]!r})",
-            expected="numbers as 1234.5",
-            remedy="Export the numbers without separators of thousands",
-        )
+        found = f"commas separate columns and perhaps thousands ({quoted[0]!r})"
+        remedy = "Export the numbers without separators of thousands"
+        raise InputError(place=f"{path}", found=found, expected="numbers as 1234.5", remedy=remedy)
     fields = split_line(lines[first], delimiter)
     above = next((line for line in reversed(lines[:first]) if line.strip()), "")
     names = split_line(_COMMENT.sub("", above), delimiter)
