@@ -342,13 +342,92 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         lambda run: FULL + table(*columns(run)) + table(*(values[-1:] for values in columns(run)))
     ),
     "bystanders": bystanders,
+    "signs_apart_with_milliseconds": each(
+        lambda run: clocked(run, "Date,ms,CH1,CH2,CH3\n,,mm,N,A\n", lambda t: f"{round(1e3 * t) % 1000},")
+    ),
+    "coarse_clock_with_interval": each(
+        lambda run: clocked(run, "Sampling interval,5ms\nDate,CH1,CH2,CH3\n,mm,N,A\n", lambda _: "")
+    ),
+    "label_before_the_properties": each(
+        lambda run: (
+            '"sample interval","5 ms"\n"variable","Stroke, rod","Load, cell","Coil"\n'
+            '"unit","mm","N","A"\n"values"\n'
+            + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
+        )
+    ),
+    "per_cent_with_its_range": each(
+        lambda run: (
+            f"Coil: {run.command[0]} A\nStroke: 100 % = 50 mm\nForce: 100 % = 5 kN\n"
+            "Time (s);Stroke (%);Force (%)\n"
+            + table(run.time, 2e3 * run.displacement, run.force / 50, sign=";", form="%.9f")
+        )
+    ),
+    "waves": each(
+        lambda run: (
+            "IGOR\nWAVES/D\tpos0\tload0\nBEGIN\n"
+            + "".join("\t" + line + "\n" for line in table(*columns(run)[1:3], sign="\t").splitlines())
+            + 'END\nX SetScale/P x 0,5,"ms", pos0; SetScale y 0,0,"mm", pos0\n'
+            + f'X SetScale y 0,0,"N", load0\nX Note pos0, "Coil {run.command[0]:.3E} A"\n'
+        ),
+        "run{}.itx",
+    ),
 }
+WARM: dict[str, Callable[[Path], None]] = {
+    "row_of_name_unit_and_value": each(
+        lambda run: (
+            f"Oil temp;°C;30\nA;{run.command[0]:g};Coil current\n"
+            + "".join(
+                ";".join([*names, *(f"{v:.6f}" for v in values)]) + "\n"
+                for names, *values in zip(
+                    (("Time", "s"), ("Stroke", "mm"), ("Load", "N")),
+                    *zip(*columns(run)[:3], strict=True),
+                    strict=True,
+                )
+            )
+        )
+    ),
+    "temperature_above_blocks": lambda folder: write(
+        folder,
+        "day.txt",
+        "# Sine 5 mm, oil 30 degC\n"
+        + "\n\n".join(
+            f"# I = {run.command[0]:.2E} A\n# t/s  x/mm  F/N\n{table(*columns(run)[:3], sign=' ')}"
+            for run in RUNS
+        ),
+    ),
+    "description_of_labview": each(
+        lambda run: (
+            "LabVIEW Measurement\t\nSeparator\tTab\nDescription\tcoil 4, oil 30 degC\n***End_of_Header***\t\n"
+            f"Channels\t2\nCoil current\tA\t{run.command[0]:g}\nY_Unit_Label\tmm\tN\nDelta_X\t0.005\t0.005\n"
+            "***End_of_Header***\nX_Value\tStroke\tLoad\n"
+            + "".join("\t" + line + "\n" for line in table(*columns(run)[1:3], sign="\t").splitlines())
+        ),
+        "run{}.lvm",
+    ),
+}
+
+
+def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
+    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
+    channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
+    rows = (
+        f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
+        + ",".join(f"{'+-'[int(v < 0)]}   {abs(v):.6f}" for v in row)
+        for t, *row in zip(*columns(run), strict=True)
+    )
+    return channels + head + "\n".join(rows) + "\n"
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_unseen_layout_is_read(tmp_path, layout):
     LAYOUTS[layout](tmp_path)
     assert_read(read_runs(tmp_path))
+
+
+@pytest.mark.parametrize("layout", WARM)
+def test_stated_temperature_is_read(tmp_path, layout):
+    WARM[layout](tmp_path)
+    assert_read(read_runs(tmp_path), warm=303.15)
 
 
 def test_settings_file_gives_current_of_run(tmp_path):

@@ -21,11 +21,10 @@ from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, split_
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
-from mrdamper.data.words.labels import Place, labels_in
+from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
 
-_ROLES = ("current", "voltage", "temperature")
 _RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
 _NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
 _NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
@@ -112,7 +111,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             continue
         about = _lines_by_file(path, lines, siblings or below, is_run=path in files) if lines else {}
         stating = {
-            file: tuple(line for line in each if any(labels_in(line, role) for role in _ROLES))
+            file: tuple(line for line in each if any(labels_in(line, role) for role in CONDITIONS))
             for file, each in about.items()
         }
         is_run = path in files and any(holds_samples(lines, delimiter) for delimiter in DELIMITERS)

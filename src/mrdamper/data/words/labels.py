@@ -52,6 +52,7 @@ _SET = re.compile(
 )
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
+CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
@@ -177,7 +178,7 @@ def _may_say(place: Place, role: str) -> bool:
         return False
     # A supply states its rating, such as 24 V and 5 A, unless the line is about a set current.
     is_set = role == "current" and _SET.search(place.text) and not labels_in(place.text, "voltage")
-    if _SUPPLY.search(place.text) and not is_set:
+    if role != "temperature" and _SUPPLY.search(place.text) and not is_set:
         return False
     if role == "temperature":
         return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))
