@@ -120,8 +120,9 @@ def mat4(folder: Path) -> None:
     from scipy.io import savemat
 
     for k, run in enumerate(RUNS):
-        names = FULL.strip().split(",")
-        savemat(folder / f"{k}.mat", dict(zip(names, columns(run), strict=True)), format="4")
+        names = ("time_s", "rod_position_mm", "rod_force_N", "coil_A")
+        values = (*columns(run)[:3], run.command[:1])
+        savemat(folder / f"{k}.mat", dict(zip(names, values, strict=True)), format="4")
 
 
 def a_file_for_each_channel(folder: Path) -> None:
@@ -404,7 +405,72 @@ WARM: dict[str, Callable[[Path], None]] = {
         ),
         "run{}.lvm",
     ),
+    "sheet_for_each_run": lambda folder: sheets(folder, listed=True),
+    "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
+    "list_of_folders": lambda folder: [
+        write(
+            folder,
+            "day/list.csv",
+            "Run,Coil (A),Oil (°C)\n" + "".join(f"Run {k},{i},30\n" for k, i in enumerate(CURRENTS)),
+        ),
+        *(
+            write(folder, f"day/Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+            for k, run in enumerate(RUNS)
+        ),
+    ],
+    "list_of_channel_files": lambda folder: [
+        write(
+            folder,
+            "list.csv",
+            "run;oil temperature [°C]\n" + "".join(f"D{k}_a;30\n" for k in range(len(RUNS))),
+        ),
+        *(
+            write(
+                folder,
+                f"D{k}_a_{name}.csv",
+                f"ts_ms;{name} [{unit}]\n" + table(1e3 * run.time, values, sign=";"),
+            )
+            for k, run in enumerate(RUNS)
+            for name, unit, values in zip(
+                ("pos", "load", "coil"), ("mm", "N", "A"), columns(run)[1:], strict=True
+            )
+        ),
+    ],
+    "long_with_names_of_places": each(
+        lambda run: (
+            "timestamp_ms,tag,unit,value\n"
+            + "".join(
+                f"{1e3 * t:.3f},{name},{unit},{value:.6f}\n"
+                for t, *values in zip(*columns(run), np.full(N, 30.0), strict=True)
+                for name, unit, value in zip(
+                    ("rod_position", "rod_force", "coil", "oil_temp"),
+                    ("mm", "N", "A", "°C"),
+                    values,
+                    strict=True,
+                )
+            )
+        )
+    ),
 }
+
+
+def sheets(folder: Path, *, listed: bool) -> None:
+    """Write a workbook with a sheet for each run, and the list of the runs on a sheet or in a file."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    rows = [["No.", "Table", "Coil", "Oil"], ["", "", "A", "°C"]]
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        sheet = book.create_sheet(f"Test {7 - k}")
+        sheet.append(["Time [s]", "Stroke [mm]", "Load [N]"])
+        for row in zip(*columns(run)[:3], strict=True):
+            sheet.append([float(value) for value in row])
+        rows.append([f"{k + 1}", sheet.title, f"{current}", "30"])
+    for row in rows:
+        book["Sheet"].append(row if listed else ["no list"])
+    book.save(folder / "day.xlsx")
+    if not listed:
+        write(folder, "list.csv", "".join(";".join(row) + "\n" for row in rows))
 
 
 def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:

@@ -15,7 +15,7 @@ from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
-from mrdamper.data.proposal.documents import read_documents
+from mrdamper.data.proposal.documents import read_documents, with_lists
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, distinct_names, find_files
 from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
@@ -104,7 +104,8 @@ def read_file(
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
-    return runs_in(read_tables(file, chosen.file), chosen, file, stated=stated, notes=notes)
+    tables = with_lists(read_tables(file, chosen.file), () if stated else notes)
+    return runs_in(tables, chosen, file, stated=stated, notes=notes)
 
 
 def read_each(
@@ -167,7 +168,9 @@ def _read_all(
                 read.append((path, read_file(path, chosen, answers, stated, notes)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
-    joined, members = join_channel_files([item.path for item in unreadable], load_map(chosen), answers)
+    joined, members = join_channel_files(
+        [item.path for item in unreadable], load_map(chosen), answers, documents
+    )
     warmed, logs = join_temperature_logs(
         [*read, *joined],
         [item.path for item in unreadable if item.path not in members],
